@@ -6,6 +6,7 @@ import inspect
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
+from functools import partial
 from typing import Any
 
 import click
@@ -18,7 +19,6 @@ from regressors.errors import shortened
 LINES = 60  # of a help
 _WIDEST = 27  # characters of an option before its text begins on the next line
 _SET, _HELP_ALL = "set_options", "help_all"
-_CONTEXT = {**CONTEXT, "show_default": True}
 OUTPUT, OTHER = "Output", "Other"
 _OF_PARTS: Mapping[str, str] = {
     "installation": "Robot",
@@ -36,18 +36,20 @@ _SHARED: Mapping[str, tuple[str, ...]] = {
     OUTPUT: ("out", "rate"),
     OTHER: ("parts", _SET, _HELP_ALL),
 }
-_ORDER = (*_OF_PARTS.values(), OUTPUT, OTHER)
 
 
 class FurtherOption(click.Option):
     """An option that only ``--help-all`` lists."""
 
 
+further_option = partial(click.option, cls=FurtherOption)
+
+
 class Command(click.Command):
     """Command with the options that every command has, listed below headings."""
 
     def __init__(self, *args: Any, groups: Mapping[str, Sequence[str]] | None = None, **options: Any) -> None:
-        super().__init__(*args, **{"context_settings": _CONTEXT, **options})
+        super().__init__(*args, **{"context_settings": {**CONTEXT, "show_default": True}, **options})
         self.groups = dict(groups or {})
         taken = {name for param in self.params for name in param.opts}
         self.params += [*form_options(taken), *loudness_options(), *_options_of_options()]
@@ -55,11 +57,6 @@ class Command(click.Command):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse the words of the command, those that ``--set`` stands for before the others."""
         return super().parse_args(ctx, args if ctx.resilient_parsing else [*self._set_words(ctx, args), *args])
-
-    def full_help(self, ctx: click.Context) -> str:
-        """Help with every option and all notes."""
-        ctx.meta[_HELP_ALL] = True
-        return self.get_help(ctx)
 
     def visible_options(self, ctx: click.Context) -> list[click.Option]:
         """Every option that is not hidden."""
@@ -146,6 +143,9 @@ class Command(click.Command):
         return [each for each in self.get_params(ctx) if each is own or each.name == _HELP_ALL]
 
 
+command = partial(click.command, cls=Command)
+
+
 def heading_of(name: str, own: Mapping[str, Iterable[str]]) -> str:
     """Heading of an option by its parameter; what nothing is known of is about the output."""
     for table in (own, _SHARED):
@@ -158,31 +158,25 @@ def heading_of(name: str, own: Mapping[str, Iterable[str]]) -> str:
 def in_order(headings: Iterable[str], own: Iterable[str]) -> list[str]:
     """Headings in the order of the help: the robot, the command's own, those of a design, and the output last."""
     last = (OUTPUT, OTHER)
-    ranked = ["Robot", *(name for name in own if name not in last), *_ORDER[:-2], "Logs", *last]
+    ranked = ["Robot", *(name for name in own if name not in last), *_OF_PARTS.values(), "Logs", *last]
     return sorted(headings, key=ranked.index)
 
 
 def _options_of_options() -> list[click.Option]:
     """``--set`` and ``--help-all``."""
     text = "Set any of these options by its name, here or in a task file, such as torque_margin=0.2; repeatable."
-    named: dict[str, Any] = {"multiple": True, "metavar": "NAME=VALUE", "expose_value": False, "help": text}
+    show_all: dict[str, Any] = {"is_flag": True, "is_eager": True, "callback": _show_all}
     return [
-        FurtherOption(["--set", _SET], **named),
-        FurtherOption(
-            ["--help-all"],
-            is_flag=True,
-            is_eager=True,
-            expose_value=False,
-            callback=_show_all,
-            help="Show every option and exit.",
-        ),
+        FurtherOption(["--set", _SET], multiple=True, metavar="NAME=VALUE", expose_value=False, help=text),
+        FurtherOption(["--help-all"], expose_value=False, help="Show every option and exit.", **show_all),
     ]
 
 
 def _show_all(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    """Print the help with every option and all notes."""
     if wanted and not ctx.resilient_parsing:
-        assert isinstance(ctx.command, Command)
-        click.echo(ctx.command.full_help(ctx), color=ctx.color)
+        ctx.meta[_HELP_ALL] = True
+        click.echo(ctx.get_help(), color=ctx.color)
         ctx.exit()
 
 

@@ -2,42 +2,32 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-from typing import Any
-
 import click
 
-from excite.cli.command import Command, FurtherOption
-from excite.cli.option_types import Folder, RobotName
+from excite.cli.command import command, further_option
+from excite.cli.lazy import runs
+from excite.cli.option_types import FILE, RobotName
 from excite.cli.options import (
-    FigureChoice,
-    check_not_typed,
     executor_options,
     figure_options,
+    file_option,
+    folder_option,
     own_parts,
     robot_file_options,
-    robot_file_typed,
     settings_options,
-    task_file_option,
-    task_options,
-    typed_options,
 )
 from excite.registry import MODELS, WINDOWS
 from excite.tasks.further_settings import BoundSettings, CampaignSettings
-from excite.tasks.model_choice import FURTHER_FRICTION
+from excite.tasks.installation import Installation
+from excite.tasks.model_choice import FURTHER_FRICTION, ModelChoice
+from excite.tasks.objective import Objective
+from excite.tasks.search import Search
 from excite.tasks.task import PARTS
-
-_OF_DESIGN = {
-    "Robot": ("base_link", "tip"),
-    "Other": ("task_file",),
-}
+from excite.tasks.trajectory_choice import TrajectoryChoice
 
 
-@click.command(
-    cls=Command,
-    groups=_OF_DESIGN,
-    name="design",
+@command(
+    groups={"Other": ("task_file",)},
     epilog="""\b
 Examples:
   excite design irp6 --out designs/irp6
@@ -114,8 +104,8 @@ What is written to DIR:
   starts/          every start, written as soon as it ends; the same command after a kill goes on from them""",
 )
 @click.argument("robot", type=RobotName())
-@click.option("--out", "out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
-@task_file_option("YAML file with these options as keys.")
+@folder_option("--out", "out", required=True, help="Folder to write.")
+@file_option("--task", "task_file", help="YAML file with these options as keys.")
 @click.option(
     "--base",
     multiple=True,
@@ -124,42 +114,26 @@ What is written to DIR:
     help="Base columns of the criterion; gautier, pivoted or orthonormal.",
 )
 @robot_file_options()
-@task_options(PARTS, without=("base",))
+@settings_options(*PARTS.values(), without=("base",))
 @own_parts
 @figure_options()
 @click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
-@click.option("--fresh", cls=FurtherOption, is_flag=True, help="Remove the starts that an earlier run has left in DIR.")
-@click.pass_context
-def design(
-    ctx: click.Context,
-    /,
-    robot: str,
-    out: Path,
-    task_file: Path | None,
-    parts: tuple[str, ...],
-    force: bool,
-    fresh: bool,
-    figures: FigureChoice,
-    **_: Any,
-) -> None:
+@further_option("--fresh", is_flag=True, help="Remove the starts that an earlier run has left in DIR.")
+@runs("design_run:design_from_options")
+def design() -> None:
     """Find the motion that identifies ROBOT's dynamic parameters best, within all its limits, and write it to DIR.
 
     ROBOT is a built-in name (see 'excite robots'), a robot YAML, a URDF or an MJCF. The motion is at rest at both
     ends; it minimises the condition number of the regressor, or another --criterion, within limits at all times.
     """
-    from excite.cli.design_run import design_from_options
-
-    design_from_options(ctx, robot, out, task_file, parts, figures=figures, force=force, fresh=fresh)
 
 
 _OF_MODEL = ("joints", "friction", "friction_curves", "rotor", *FURTHER_FRICTION, "stribeck_speed")
-_OF_NEXT_MOTION = ("after", "noise", "of", "period", "starts", "task_file", "out", "force")
+OF_NEXT_MOTION = ("after", "noise", "of", "period", "starts", "task_file", "out", "force")
 
 
-@click.command(
-    cls=Command,
-    groups={"Next motion": ("precision", *_OF_NEXT_MOTION[:-2])},
-    name="plan",
+@command(
+    groups={"Next motion": ("precision", *OF_NEXT_MOTION[:-2])},
     epilog="""\b
 Examples:
   excite plan irp6
@@ -183,41 +157,30 @@ where it is enough, 1 where another motion is needed, which --out writes.
 )
 @click.argument("robot", type=RobotName())
 @robot_file_options()
-@task_options(("installation",))
-@task_options(("model",), only=_OF_MODEL, help={"joints": "Joints whose parameters to identify."})
+@settings_options(Installation)
+@settings_options(ModelChoice, only=_OF_MODEL, help={"joints": "Joints whose parameters to identify."})
 @settings_options(CampaignSettings)
-@task_options(("objective",), only=("precision", "after", "noise"))
-@task_options(("search",), only=("starts",))
-@task_options(
-    ("trajectory",),
+@settings_options(Objective, only=("precision", "after", "noise"))
+@settings_options(Search, only=("starts",))
+@settings_options(
+    TrajectoryChoice,
     only=("period",),
     help={"period": "Period of the next motion."},
     unset={"period": "that of the shortest experiment"},
 )
-@task_file_option("Task file of the next motion.")
-@click.option("--out", type=Folder(), metavar="DIR", help="Folder for the next motion.")
+@file_option("--task", "task_file", help="Task file of the next motion.")
+@folder_option("--out", help="Folder for the next motion.")
 @click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
-@click.pass_context
-def plan(ctx: click.Context, /, robot: str, **given: Any) -> None:
+@runs("study_run:plan_from_options")
+def plan() -> None:
     """Propose the shortest campaign: few motions of few drives of ROBOT that together identify every parameter.
 
     Drives that do not move hold their own coordinate, as brakes and position control do. With --precision, propose the
     next motion after the results and designs in --after, or say that they are enough.
     """
-    from excite.cli.study_run import next_motion_task, plan_campaign, plan_next_motion
-
-    if given["precision"] is None:
-        check_not_typed(ctx, _OF_NEXT_MOTION, "is for the next motion towards a precision; give --precision too")
-        plan_campaign(robot, given)
-    else:
-        typed = typed_options(ctx) | robot_file_typed(given)
-        task = next_motion_task(robot, typed, given["task_file"])
-        sys.exit(plan_next_motion(task, given["of"], given["out"], force=given["force"]))
 
 
-@click.command(
-    "run",
-    cls=Command,
+@command(
     groups={"Execution": ("executor", "workers")},
     epilog="""\b
 Examples:
@@ -247,60 +210,49 @@ What is written to DIR:
 Cells run on all cores, each with its starts one after the other. The same command again continues where it stopped.
 Exit status: 0 every cell has a design within its limits; 1 at least one has not, and the table says why.""",
 )
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
+@click.argument("file", type=FILE)
+@folder_option("--out", required=True, help="Folder to write.")
 @executor_options("Where the cells run.", "Number of processes.  [default: one per core]")
 @figure_options()
 @click.option("--report", is_flag=True, help="Write campaign.html too: table and figure as one page.")
 @click.option("--force", is_flag=True, help="Replace cells of the same names that have other options.")
-def run(file: Path, out: Path, **given: Any) -> None:
+@runs("design_run:run_and_write")
+def run() -> None:
     """Design every cell of the sweep FILE, or those that are left, and write all of them in one table."""
-    from excite.cli.design_run import run_and_write
-
-    run_and_write(file, out, **given)
 
 
-@click.command(
-    cls=Command,
-    groups={"Model": ("model", "window")},
-    name="compare",
+@command(
     epilog="""\b
 Example:
   excite compare designs/irp6 designs/irp6-long --json
   excite compare designs/mine designs/irp6 --part mine:Mine""",
 )
-@click.argument("designs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="DIR...")
+@click.argument("designs", nargs=-1, required=True, type=FILE, metavar="DIR...")
 @click.option("--model", type=click.Choice(MODELS), help="Compare under this model.  [default: that of each design]")
 @click.option("--window", type=click.Choice(WINDOWS), help="Time windows of energy and load-integral.")
 @own_parts
-def compare(designs: tuple[Path, ...], model: str | None, window: str | None, parts: tuple[str, ...]) -> None:
+@runs("design_run:compare_designs")
+def compare() -> None:
     """Compare designs by the same metrics: every condition number, smallest singular value, log det, margins.
 
     Every design is judged under the parameters (friction, rotors) and the noise of the first one, sampled at 100 Hz,
     and by the criterion that the first one minimised.
     """
-    from excite.cli.design_run import compare_designs
-
-    compare_designs(designs, model, window, parts)
 
 
-_OF_BOUND = {"Bound": ("criteria", "seed", "force")}
-
-
-@click.command(
-    cls=Command,
-    groups=_OF_BOUND,
-    name="bound",
+@command(
+    groups={"Bound": ("criteria", "seed", "force")},
     epilog="""\b
 Example:
   excite bound designs/irp6
   excite bound designs/irp6 --criterion condition --json""",
 )
-@click.argument("folder", type=click.Path(path_type=Path), metavar="DIR")
+@click.argument("folder", type=FILE, metavar="DIR")
 @settings_options(BoundSettings)
 @click.option("--force", is_flag=True, help="Compute the bound again, although DIR has one of the same problem.")
 @own_parts
-def bound(folder: Path, criteria: tuple[str, ...], seed: int, force: bool, parts: tuple[str, ...]) -> None:
+@runs("study_run:bound_and_write")
+def bound() -> None:
     """Bound what any motion within the limits of the design in DIR could reach, and write DIR/bound.json.
 
     A bound from below on the condition number, or on the criteria of D- and E-optimality (logdet, sigma-min), over all
@@ -309,6 +261,3 @@ def bound(folder: Path, criteria: tuple[str, ...], seed: int, force: bool, parts
     With it, what twice the harmonics, 1.5 times the period, or each limit of joints and drives that is used, looser by
     20 %, would bring: the gains found by improving this motion after one change at a time.
     """
-    from excite.cli.study_run import bound_and_write
-
-    bound_and_write(folder, criteria, seed, parts, force=force)

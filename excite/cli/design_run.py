@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import math
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import click
 from click.core import ParameterSource
 
 import excite
 from excite.cli.main import NOT_HELD
-from excite.cli.options import FigureChoice, robot_file_typed, split_base, typed_options
+from excite.cli.options import FigureChoice, robot_file_of, split_base, typed_options
 from excite.cli.progress import interrupted_status, one_interrupt, progress_of_cells, progress_of_starts
 from excite.cli.streams import in_options, remark, say, tell, verbosity
-from excite.cli.summary import show
+from excite.cli.summary import finite, show
 from excite.design.comparison import Judgement
 from excite.design.design import Design
 from excite.design.design_folder import (
@@ -55,7 +56,6 @@ from regressors.readers.library import has_tree
 from regressors.robot.robot import Robot
 
 _SearchUntil = Callable[[Callable[[], None]], Design]  # of what is called when only saving remains
-PERIODS = "periods"  # folder of the searches at each period that a precision takes
 
 
 _BASE_TOO = "--base-link names the first link of a chain; --base still takes it too"
@@ -67,20 +67,41 @@ _NEXT_RUNS = "play trajectory.csv {} (rehearse it slowly first), and identify fr
 
 
 def design_from_options(
-    ctx: click.Context,
     robot: str,
     out: Path,
     task_file: Path | None,
     parts: tuple[str, ...],
-    *,
+    base: tuple[str, ...],
     figures: FigureChoice,
     force: bool,
     fresh: bool,
+    **_: Any,
 ) -> None:
     """Find the motion for the options of a command, write its files and show it; end with the exit status."""
-    task = _task(ctx, robot, task_file, parts)
-    notes = () if split_base(ctx.params["base"])[1] is None else (_BASE_TOO,)
-    design, files = design_and_write(task, out, notes, figures=figures, force=force, fresh=fresh)
+    task = _task(robot, task_file, parts)
+    notes = () if split_base(base)[1] is None else (_BASE_TOO,)
+    tell("setting up the problem")
+    described = installed_robot(task)
+    with result_folder(out):
+        names = [*data_files(task), *figure_files(task, figures.formats)]
+        check_no_design(out, names, replace=force or holds_unfinished_design(out))
+        if seeks_precision(task):
+            begin = _precision_search(described, task, out, notes, force=force, fresh=fresh)
+        elif task.trajectory.grows:
+            begin = _harmonics_search(described, task, out, notes, force=force, fresh=fresh)
+        else:
+            formulation = formulate(described, task)
+            kept = resume_search(out, formulation, replace=force, fresh=fresh)
+            _print_what_is_known(formulation, kept, notes)
+            begin = partial(_solved, described, formulation, kept)
+        tell("looking for the best motion")
+        with one_interrupt() as interruption:
+            design = begin(interruption.ignore)
+            interruption.ignore()
+            tell("writing and drawing")
+            files = write_design(design, out, figures.formats)
+            if figures:
+                files = [*excite.write_figures(design, out, **vars(figures)), *files]
     runs = None if design.precision is None else design.precision.runs
     step = _NEXT if runs is None else _NEXT_RUNS.format("once" if runs == 1 else f"{runs} times in one recording")
     show(
@@ -93,11 +114,12 @@ def design_from_options(
     sys.exit(_status(design))
 
 
-def _task(ctx: click.Context, robot: str, task_file: Path | None, parts: tuple[str, ...]) -> Task:
+def _task(robot: str, task_file: Path | None, parts: tuple[str, ...]) -> Task:
     """The task of a file and of options, which win over it."""
+    ctx = click.get_current_context()
     filed = read_task_file(task_file) if task_file else {}
-    typed = {name: value for name, value in typed_options(ctx).items() if name != "base"}
-    typed |= robot_file_typed(ctx.params)
+    typed = {name: value for name, value in typed_options().items() if name != "base"}
+    typed |= robot_file_of(ctx.params)
     if ctx.get_parameter_source("base") is not ParameterSource.DEFAULT:
         convention, link = split_base(ctx.params["base"])
         typed |= {"base": convention} if convention else {}
@@ -122,53 +144,24 @@ def _status(design: Design) -> int:
     return 0 if design.feasible and met else NOT_HELD
 
 
-def design_and_write(
-    task: Task, out: Path, notes: tuple[str, ...], *, figures: FigureChoice, force: bool, fresh: bool
-) -> tuple[Design, list[Path]]:
-    """Find the best motion for a task, and write its files as soon as it is found."""
-    tell("setting up the problem")
-    robot = installed_robot(task)
-    with result_folder(out):
-        names = [*data_files(task), *figure_files(task, figures.formats)]
-        check_no_design(out, names, replace=force or holds_unfinished_design(out))
-        if seeks_precision(task):
-            begin = _precision_search(robot, task, out, notes, force=force, fresh=fresh)
-        elif task.trajectory.grows:
-            begin = _harmonics_search(robot, task, out, notes, force=force, fresh=fresh)
-        else:
-            formulation = formulate(robot, task)
-            kept = resume_search(out, formulation, replace=force, fresh=fresh)
-            _print_what_is_known(formulation, kept, notes)
-            begin = _plain_search(robot, formulation, kept)
-        tell("looking for the best motion")
-        with one_interrupt() as interruption:
-            design = begin(interruption.ignore)
-            interruption.ignore()
-            tell("writing and drawing")
-            files = write_design(design, out, figures.formats)
-            if figures:
-                files = [*excite.write_figures(design, out, **figures.how), *files]
-    return design, files
-
-
-@contextmanager
-def _nothing_left(kept: KeptStarts) -> Iterator[None]:
-    """Remove the folder of starts where there is none since the executor cannot be used."""
-    try:
-        yield
-    except InputError:
-        with suppress(OSError):
-            kept.folder.rmdir()
-        raise
-
-
-def _plain_search(robot: Robot, formulation: Formulation, kept: KeptStarts) -> _SearchUntil:
-    def begin(at_end: Callable[[], None]) -> Design:
-        ready = ready_workers(formulation) if starts_left(kept) else nullcontext()
-        with ready, progress_of_starts(kept) as progress, _nothing_left(kept):
+def _solved(
+    robot: Robot,
+    formulation: Formulation,
+    kept: KeptStarts,
+    at_end: Callable[[], None] = lambda: None,
+    *,
+    in_silence: bool = False,
+) -> Design:
+    """The design that the starts of a problem come to; ``at_end`` is called when only saving remains."""
+    ready = ready_workers(formulation) if starts_left(kept) else nullcontext()
+    shown = nullcontext() if in_silence else progress_of_starts(kept)
+    with ready, shown as progress:
+        try:
             return solve(robot, formulation, kept, progress, at_end=at_end)
-
-    return begin
+        except InputError:  # the executor cannot be used, so that there is no start
+            with suppress(OSError):
+                kept.folder.rmdir()
+            raise
 
 
 def _harmonics_search(
@@ -184,7 +177,7 @@ def _harmonics_search(
 
     def solved(formulation: Formulation, kept: KeptStarts) -> Design:
         tell(f"looking for the best motion of {formulation.task.trajectory.harmonics} harmonics")
-        return _plain_search(robot, formulation, kept)(lambda: None)
+        return _solved(robot, formulation, kept)
 
     return lambda _: design_with_harmonics(robot, task, prepared, solved)
 
@@ -197,7 +190,7 @@ def _precision_search(
         remark(f"excite: note: {in_options(note)}")
 
     def prepared(formulation: Formulation, name: str) -> KeptStarts:
-        starts = out / PERIODS / name
+        starts = out / "periods" / name
         with writing(starts):
             starts.mkdir(parents=True, exist_ok=True)
         try:
@@ -209,10 +202,7 @@ def _precision_search(
 
     def solved(formulation: Formulation, kept: KeptStarts) -> Design:
         tell(f"looking for the best motion of {formulation.task.trajectory.period:g} s")
-        if verbosity().verbose:
-            return _plain_search(robot, formulation, kept)(lambda: None)
-        with ready_workers(formulation) if starts_left(kept) else nullcontext(), _nothing_left(kept):
-            return solve(robot, formulation, kept)
+        return _solved(robot, formulation, kept, in_silence=not verbosity().verbose)
 
     def begin(at_end: Callable[[], None]) -> Design:
         design = search_for_precision(robot, task, prepared, solved, lambda text: remark(f"excite: {in_options(text)}"))
@@ -232,10 +222,10 @@ def _print_what_is_known(formulation: Formulation, kept: KeptStarts, notes: tupl
     announce_search(formulation, kept)
 
 
-def compare_designs(folders: Sequence[Path], model: str | None, window: str | None, parts: tuple[str, ...]) -> None:
+def compare_designs(designs: Sequence[Path], model: str | None, window: str | None, parts: tuple[str, ...]) -> None:
     """Judge designs by the same metrics, and show them."""
     read = []
-    for folder in folders:
+    for folder in designs:
         tell(f"reading {folder}")
         read.append(excite.load_design(folder, parts))
     tell("comparing the designs")
@@ -249,16 +239,12 @@ def compare_designs(folders: Sequence[Path], model: str | None, window: str | No
 
 
 def _plain(judgement: Judgement) -> dict[str, object]:
-    criteria = {name: value if math.isfinite(value) else None for name, value in judgement.criteria.items()}
-    goal = judgement.goal if judgement.goal is not None and math.isfinite(judgement.goal) else None
-    return {**asdict(judgement), "goal": goal, "criteria": criteria}
-
-
-_PAGE = "campaign.html"
+    criteria = {name: finite(value) for name, value in judgement.criteria.items()}
+    return {**asdict(judgement), "goal": finite(judgement.goal), "criteria": criteria}
 
 
 def run_and_write(
-    file: Path, out: Path, *, executor: str, workers: int | None, figures: FigureChoice, report: bool, force: bool
+    file: Path, out: Path, executor: str, workers: int | None, figures: FigureChoice, report: bool, force: bool
 ) -> None:
     """Design the cells of a sweep file that are left; write the table, the figure and the page of all."""
     tell("reading the sweep")
@@ -286,7 +272,7 @@ def run_and_write(
         files = [out / TABLE, out / JSON, *figures.write(table, out)]
         if report and not interrupted:
             tell("writing the page")
-            files.append(excite.write_report(table, out / _PAGE, replace=True))
+            files.append(excite.write_report(table, out / "campaign.html", replace=True))
     show_sweep(table, files, out)
     sys.exit(interrupted_status() if interrupted else 0 if table.holds else NOT_HELD)
 

@@ -8,20 +8,20 @@ from typing import Any
 
 import click
 
-from excite.cli.command import Command
-from excite.cli.option_types import Folder, Number, PartName, RobotName
-from excite.cli.options import check_not_typed, own_parts, robot_file_options, settings_options, task_options
+from excite.cli.command import command
+from excite.cli.lazy import runs
+from excite.cli.option_types import FILE, Folder, Number, PartName, RobotName
+from excite.cli.options import file_option, own_parts, robot_file_options, settings_options
 from excite.cli.streams import verbosity
 from excite.registry import MODEL_FORMATS, MOTION_FORMATS
 from excite.tasks.further_settings import EnsembleSettings
+from excite.tasks.installation import Installation
+from excite.tasks.model_choice import ModelChoice
 
 _SHOWN_OF_MODEL = ("joints", "friction", "rotor")
 
 
-@click.command(
-    cls=Command,
-    groups={"Output": ("capsules",)},
-    name="robots",
+@command(
     epilog="""\b
 Examples:
   excite robots
@@ -33,10 +33,10 @@ Examples:
 )
 @click.argument("robot", type=RobotName(), required=False)
 @robot_file_options("--base")
-@task_options(("installation",))
-@task_options(("model",), only=_SHOWN_OF_MODEL, essential=_SHOWN_OF_MODEL)
+@settings_options(Installation)
+@settings_options(ModelChoice, only=_SHOWN_OF_MODEL, essential=_SHOWN_OF_MODEL)
 @click.option("--capsules", is_flag=True, help="Print a URDF's shape as capsules, to begin a world file with.")
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write the robot as robot YAML.")
+@file_option("--out", help="Write the robot as robot YAML.")
 @click.option("--force", is_flag=True, help="Replace a FILE that is already there.")
 def robots(robot: str | None, out: Path | None, capsules: bool, **given: Any) -> None:
     """List the built-in robots; with ROBOT (a built-in name, a robot YAML, a URDF or an MJCF) show one.
@@ -75,10 +75,8 @@ def _list() -> None:
         click.echo("'excite robots NAME' shows one; every command also takes a robot YAML, a URDF, a xacro or an MJCF")
 
 
-@click.command(
-    cls=Command,
-    groups={"Robot": ("robot",), "Output": ("write_mapping",)},
-    name="logs",
+@command(
+    groups={"Robot": ("robot",)},
     epilog="""\b
 Examples:
   excite logs run.mcap
@@ -94,32 +92,23 @@ Units that the recording does not state follow from the ratio of the velocities 
 and from ranges. Each is stated, certain, or likely; what is not certain is asked. The mapping holds the likeliest
 answers, with the questions as comments: correct it before you use it.""",
 )
-@click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
+@click.argument("file", type=FILE, metavar="FILE")
 @click.option(
     "--robot", type=RobotName(), metavar="ROBOT", help="Robot that moved, for the names and the ranges of its joints."
 )
 @robot_file_options("--base")
-@click.option(
-    "--write-mapping", type=click.Path(path_type=Path), metavar="MAP.yaml", help="Mapping to write, for --mapping."
-)
+@file_option("--write-mapping", metavar="MAP.yaml", help="Mapping to write, for --mapping.")
 @click.option("--force", is_flag=True, help="Replace a mapping that is already there.")
-def logs(file: Path, **given: Any) -> None:
+@runs("exchange_run:show_recording")
+def logs() -> None:
     """Show what FILE holds, what was recognised, and what it does not say; write the mapping that reads it.
 
     FILE is a recording of any known format, or a folder of one.
     """
-    from excite.cli.exchange_run import show_recording
-
-    show_recording(file, given)
 
 
-_OF_ENSEMBLES = ("seed", "level", "prior")
-
-
-@click.command(
-    cls=Command,
-    groups={"Output": ("form", "rate"), "Ensemble": ("samples", *_OF_ENSEMBLES)},
-    name="export",
+@command(
+    groups={"Ensemble": ("samples", "seed", "level", "prior")},
     epilog="""\b
 Examples:
   excite export designs/ur10e --format ros2-yaml --out play/goal.yaml
@@ -176,36 +165,24 @@ document what it makes of the samples (rtde, krl, rapid), and a curve through th
     type=PartName("export format", tuple(dict.fromkeys((*MOTION_FORMATS, *MODEL_FORMATS)))),
     help="Format; see below.",
 )
-@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="File to write.")
+@file_option("--out", required=True, help="File to write.")
 @click.option(
     "--rate", type=Number(), metavar="HZ", help="Samples per second of a motion.  [default: that of the format]"
 )
-@click.option(
-    "--robot-file",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Description of the robot to change a copy of, for a model.",
-)
+@file_option("--robot-file", help="Description of the robot to change a copy of, for a model.")
 @settings_options(EnsembleSettings)
 @own_parts
 @click.option("--force", is_flag=True, help="Replace files that are already there.")
-@click.pass_context
-def export(ctx: click.Context, /, folder: Path, form: str, out: Path, **given: Any) -> None:
+@runs("exchange_run:export_and_show")
+def export() -> None:
     """Export the design or the result in DIR as a FILE that other programs take.
 
     DIR is the folder of a design or of a result; where it holds both, name its design.json or its result.json.
     """
-    from excite.cli.exchange_run import export_and_show
-
-    if given["samples"] is None:
-        check_not_typed(ctx, _OF_ENSEMBLES, "is of an ensemble: give the number of its robots, --samples N")
-    export_and_show(folder, form, out, given)
 
 
-@click.command(
-    cls=Command,
+@command(
     groups={"Robot": ("robot_file",)},
-    name="report",
     epilog="""\b
 Examples:
   excite report designs/irp6 --out irp6.html
@@ -228,23 +205,12 @@ The page is one file that needs no network: mail it, or open it from a disk in a
 Exit status 0: written; 2: bad input, and an older page stays.""",
 )
 @click.argument("paths", nargs=-1, required=True, type=Folder(), metavar="DIR...")
-@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE.html", help="Page to write.")
-@click.option(
-    "--robot-file",
-    type=click.Path(path_type=Path),
-    metavar="FILE.urdf",
-    help="URDF of the robot, whose meshes (STL, OBJ, DAE) the player shows.",
+@file_option("--out", required=True, metavar="FILE.html", help="Page to write.")
+@file_option(
+    "--robot-file", metavar="FILE.urdf", help="URDF of the robot, whose meshes (STL, OBJ, DAE) the player shows."
 )
 @own_parts
 @click.option("--force", is_flag=True, help="Replace a page that is already there.")
-def report(
-    paths: tuple[Path, ...],
-    out: Path,
-    robot_file: Path | None,
-    parts: tuple[str, ...],
-    force: bool,
-) -> None:
+@runs("exchange_run:write_page")
+def report() -> None:
     """Write one HTML page on what is in each DIR: designs, results, friction, studies; or in JSON files."""
-    from excite.cli.exchange_run import write_page
-
-    write_page(paths, out, robot_file, parts, force=force)

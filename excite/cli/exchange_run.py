@@ -11,8 +11,9 @@ from typing import Any
 import click
 
 import excite
-from excite.cli.options import chosen_of, robot_file_of
-from excite.cli.progress import deferred_interrupt, interrupted_status, progress_of_samples
+from excite.cli.main import NOT_HELD
+from excite.cli.options import check_not_typed, chosen_of, robot_file_of
+from excite.cli.progress import interrupted_status, progress_of_samples, stoppable
 from excite.cli.streams import in_options, tell
 from excite.cli.summary import show
 from excite.logs.guess.log_guess import LogGuess, check_mapping_free, write_mapping_file
@@ -24,14 +25,13 @@ from regressors.errors import printable
 _DESIGN, _RESULT = "design.json", "result.json"
 
 
-def export_and_show(folder: Path, form: str, out: Path, given: Mapping[str, Any]) -> None:
+def export_and_show(folder: Path, form: str, out: Path, **given: Any) -> None:
     """Export a design or a result, and end with the exit status."""
+    if given["samples"] is None:
+        check_not_typed(("seed", "level", "prior"), "is of an ensemble: give the number of its robots, --samples N")
     exported = (_model if _holds_result(folder, form) else _motion)(folder, form, out, given)
     _show(exported)
-    if exported.facts.get("interrupted"):
-        sys.exit(interrupted_status())
-    if not exported.holds:
-        sys.exit(1)
+    sys.exit(interrupted_status() if exported.facts.get("interrupted") else 0 if exported.holds else NOT_HELD)
 
 
 def _holds_result(folder: Path, form: str) -> bool:
@@ -47,7 +47,7 @@ def _holds_result(folder: Path, form: str) -> bool:
     return result and (not design or form in MODEL_FORMATS)
 
 
-def _motion(folder: Path, form: str, out: Path, given: Mapping[str, Any]) -> excite.Exported:
+def _motion(folder: Path, form: str, out: Path, given: Mapping[str, Any]) -> Any:
     for name, of in (("samples", "robots"), ("robot_file", "model")):
         if given[name] is not None:
             raise click.UsageError(f"--{name.replace('_', '-')} is for the {of} of a result, and DIR holds a design")
@@ -57,13 +57,10 @@ def _motion(folder: Path, form: str, out: Path, given: Mapping[str, Any]) -> exc
             f"choose {', '.join(MOTION_FORMATS)}"
         )
     design = excite.load_design(folder, given["parts"])
-    exported: excite.Exported = built_in("exporter", "motion")(
-        design, form, out, rate=given["rate"], replace=given["force"]
-    )
-    return exported
+    return built_in("exporter", "motion")(design, form, out, rate=given["rate"], replace=given["force"])
 
 
-def _model(folder: Path, form: str, out: Path, given: Mapping[str, Any]) -> excite.Exported:
+def _model(folder: Path, form: str, out: Path, given: Mapping[str, Any]) -> Any:
     if form not in MODEL_FORMATS and form in MOTION_FORMATS:
         raise click.UsageError(
             f"{form} is a format of motions, and {folder} holds a result: export its design, or choose "
@@ -73,20 +70,11 @@ def _model(folder: Path, form: str, out: Path, given: Mapping[str, Any]) -> exci
         raise click.UsageError("--rate is for the motion of a design, and DIR holds a result")
     result = excite.load_result(folder, given["parts"]) if given["parts"] else excite.load_result(folder)
     shared = {"robot_file": given["robot_file"], "replace": given["force"]}
-    exported: excite.Exported
     if given["samples"] is None:
-        exported = built_in("exporter", "model")(result, form, out, **shared)
-        return exported
-    with deferred_interrupt("stopping after the robot at work") as answer, progress_of_samples("exported") as progress:
-
-        def report(done: int, total: int) -> None:
-            progress(done, total)
-            if done < total:
-                answer()
-
-        asked = chosen_of(EnsembleSettings, given)
-        exported = built_in("exporter", "ensemble")(result, form, out, progress=report, **shared, **asked)
-    return exported
+        return built_in("exporter", "model")(result, form, out, **shared)
+    with stoppable(progress_of_samples("exported"), "stopping after the robot at work") as report:
+        asked = chosen_of(given, EnsembleSettings)
+        return built_in("exporter", "ensemble")(result, form, out, progress=report, **shared, **asked)
 
 
 def _show(exported: excite.Exported) -> None:
@@ -140,9 +128,7 @@ def _shown(value: Any) -> str:
     return "-" if value is None else str(value)
 
 
-def write_page(
-    paths: Sequence[Path], out: Path, robot_file: Path | None, parts: tuple[str, ...], *, force: bool
-) -> None:
+def write_page(paths: Sequence[Path], out: Path, robot_file: Path | None, parts: tuple[str, ...], force: bool) -> None:
     """Write a page on results."""
     tell("writing the page")
     page = excite.write_report(paths, out, replace=force, robot_file=robot_file, part=parts)
@@ -155,14 +141,14 @@ _NAMED = 8  # columns
 _STREAMS, _FACTS = 4, 5  # lines of the summary
 
 
-def show_recording(file: Path, given: Mapping[str, Any]) -> None:
+def show_recording(file: Path, **given: Any) -> None:
     """Show what a recording holds, and write the mapping that reads it, where one is asked for."""
     written: Path | None = given["write_mapping"]
     if written is not None:
         check_mapping_free(written, replace=given["force"])
     tell(f"reading {file}")
     read = robot_file_of(given)
-    robot = None if given["robot"] is None else excite.load_robot(given["robot"], read.pop("base_link"), **read)
+    robot = None if given["robot"] is None else excite.load_robot(given["robot"], read.pop("base_link", None), **read)
     guess = excite.guess_mapping(file, robot)
     if written is not None:
         write_mapping_file(guess, written, replace=given["force"])

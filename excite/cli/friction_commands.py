@@ -2,34 +2,30 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import click
 
-from excite.cli.command import Command, FurtherOption
-from excite.cli.option_types import Folder, Names, RobotName
+from excite.cli.command import command, further_option
+from excite.cli.lazy import runs
+from excite.cli.option_types import FILE, Names, RobotName
 from excite.cli.options import (
     drop_option,
     figure_options,
+    folder_option,
     mapping_option,
     own_parts,
     robot_file_options,
     settings_options,
-    task_options,
 )
 from excite.design.friction_runs.schedule import Schedule
 from excite.friction.constant_speed_windows import FitSettings
-from excite.tasks.further_settings import (
-    FrictionPoses,
-)
+from excite.tasks.further_settings import FrictionPoses
+from excite.tasks.installation import Installation
+from excite.tasks.limit_choice import LimitChoice
 
 OF_RUNS = ("position", "velocity", "acceleration", "jerk")
 
 
-@click.command(
-    "plan",
-    cls=Command,
+@command(
     groups={
         "Drives and poses": ("drives", "joints", "pose", "balanced", "seed"),
         "Runs": ("percent", "shortest", "longest", "stroke", "warm_up", "repeats", "pause"),
@@ -67,36 +63,26 @@ robot from one pose to the next; with --world the summary lists the straight lin
 Exit code: 0 the plan keeps all limits and distances; 1 it does not, but is written.""",
 )
 @click.argument("robot", type=RobotName())
-@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
+@folder_option("--out", required=True, help="Folder to write.")
 @robot_file_options("--base")
-@task_options(("installation",))
+@settings_options(Installation)
 @click.option("--drives", type=Names(), metavar="1,3", help="Drives to measure, by name or number.  [default: all]")
-@click.option(
-    "--joints",
-    cls=FurtherOption,
-    type=Names(),
-    metavar="1,3",
-    help="Instead: joints to measure, each moved on its own.",
-)
+@further_option("--joints", type=Names(), metavar="1,3", help="Instead: joints to measure, each moved on its own.")
 @settings_options(FrictionPoses)
-@task_options(("limits",), only=(*OF_RUNS, "world"))
+@settings_options(LimitChoice, only=(*OF_RUNS, "world"))
 @settings_options(Schedule)
 @figure_options()
 @click.option("--force", is_flag=True, help="Replace a plan that is already in DIR.")
-def plan_runs(robot: str, out: Path, **options: Any) -> None:
+@runs("friction_payload_run:plan_runs_and_write")
+def plan() -> None:
     """Plan runs that measure the friction of ROBOT's joints or drives, and write them to DIR.
 
     Each runs forth and back at constant speeds, with ramps within all limits, after a warm-up and break-away
     tests. ROBOT is a built-in name, a robot YAML, a URDF or an MJCF.
     """
-    from excite.cli.friction_payload_run import plan_runs_and_write
-
-    plan_runs_and_write(robot, out, options)
 
 
-@click.command(
-    "fit",
-    cls=Command,
+@command(
     groups={
         "Logs": ("drives", "plan", "mapping", "drop"),
         "Windows": ("window", "tolerance", "speed"),
@@ -138,10 +124,10 @@ What is written to DIR:
   friction.png   windows, curves and their 99 % bands, break-away torques""",
 )
 @click.argument("robot", type=RobotName())
-@click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
-@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
+@click.argument("logs", nargs=-1, required=True, type=FILE, metavar="LOG...")
+@folder_option("--out", required=True, help="Folder to write.")
 @robot_file_options("--base")
-@task_options(("installation",), without=("gravity",))
+@settings_options(Installation, without=("gravity",))
 @click.option(
     "--drives",
     "--joints",
@@ -150,20 +136,18 @@ What is written to DIR:
     metavar="1,3",
     help="Drives, or joints of a robot without drives, by name or number.  [default: all]",
 )
-@click.option("--plan", type=Folder(), metavar="DIR", help="Plan that was played; its windows are found in the logs.")
+@folder_option("--plan", help="Plan that was played; its windows are found in the logs.")
 @mapping_option
 @drop_option
-@click.option("--parameters", type=Folder(), metavar="RESULT", help="Result of 'excite identify' for the model.")
+@folder_option("--parameters", metavar="RESULT", help="Result of 'excite identify' for the model.")
 @own_parts
 @settings_options(FitSettings)
 @figure_options()
 @click.option("--force", is_flag=True, help="Replace a fit that is already in DIR.")
-def fit_curves(robot: str, logs: tuple[Path, ...], out: Path, **options: Any) -> None:
+@runs("friction_payload_run:fit_and_write")
+def fit() -> None:
     """Fit friction curves to LOGs of ROBOT, and write them to DIR.
 
     Windows of constant speed are found in each log; the mean torque of each is one point of a drive's curve. With
     --plan they are the plan's whole windows, found in logs that begin before it or after.
     """
-    from excite.cli.friction_payload_run import fit_and_write
-
-    fit_and_write(robot, logs, out, options)

@@ -7,11 +7,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import click
+
 import excite
+from constraints.geometry import World
 from excite.cli.friction_commands import OF_RUNS
 from excite.cli.main import NOT_HELD
-from excite.cli.options import chosen_of, robot_file_of, world_of
-from excite.cli.payload_commands import LIMITED
+from excite.cli.options import chosen_of, robot_file_of, task_of
 from excite.cli.progress import one_interrupt
 from excite.cli.streams import in_options, remark, tell
 from excite.cli.summary import console, print_view, show
@@ -26,19 +28,19 @@ from excite.storage.records import json_of
 from excite.storage.result_folder import figure_names, result_folder
 from excite.tasks.further_settings import CONTROLLERS, PayloadMotionSettings
 from excite.tasks.installation import Installation
+from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.robot_of_task import installed_robot
-from excite.tasks.task import PARTS
+from excite.tasks.search import Output, Search
 from excite.views.experiment_views import gains_view, payload_motion_view, payload_view
 from excite.views.friction_views import friction_fit_view, friction_plan_view
 
 
-def plan_runs_and_write(robot: str, out: Path, given: Mapping[str, Any]) -> None:
+def plan_runs_and_write(robot: str, out: Path, **given: Any) -> None:
     """Plan runs, and write them."""
-    task = excite.Task(robot, **robot_file_of(given), **chosen_of(PARTS["installation"], given))
-    described = installed_robot(task)
-    world = world_of(robot, given)
-    limits = excite.LimitChoice(**{what: given[what] for what in OF_RUNS})
-    schedule = Schedule(**chosen_of(Schedule, given))
+    described = installed_robot(task_of(robot, given, Installation))
+    world = _world_of(robot, given)
+    limits = LimitChoice(**{what: given[what] for what in OF_RUNS})
+    schedule = Schedule(**chosen_of(given, Schedule))
     chosen = {name: given[name] for name in ("joints", "drives", "pose", "balanced", "torque_ramp", "seed")}
     tell("looking for poses and bounding torques")
     with result_folder(out):
@@ -54,23 +56,29 @@ def plan_runs_and_write(robot: str, out: Path, given: Mapping[str, Any]) -> None
         next_steps=[f"play each file and record positions and torques, then {fit}"],
         all_in="plan.json",
     )
-    if not plan.holds:
-        sys.exit(NOT_HELD)
+    sys.exit(0 if plan.holds else NOT_HELD)
 
 
-def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: Mapping[str, Any]) -> None:
+def _world_of(robot: str, given: Mapping[str, Any]) -> World | None:
+    """The world that ``--world`` names, with the shape of a robot."""
+    if given["world"] is None:
+        return None
+    snap_angles = given["snap_angles"] is not False
+    return excite.read_world(given["world"], robot, given["base_link"], given["tip"], snap_angles=snap_angles)
+
+
+def fit_and_write(robot: str, logs: Sequence[Path], out: Path, **given: Any) -> None:
     """Fit curves to logs and write their folder."""
-    settings = FitSettings(**chosen_of(FitSettings, given))
+    settings = FitSettings(**chosen_of(given, FitSettings))
     tell("reading the logs")
     with result_folder(out):
         check_no_fit(out, (FRICTION, *figure_names([FIGURE], given["figures"].formats)), replace=given["force"])
-        task = excite.Task(name, **robot_file_of(given), mount=given["mount"], payload=given["payload"])
-        robot = installed_robot(task)
+        described = installed_robot(task_of(robot, given, mount=given["mount"], payload=given["payload"]))
         asked = {key: given[key] for key in ("plan", "drives", "mapping", "drop")}
         if given["parameters"] is not None:
             own = given["parts"]
             asked["parameters"] = excite.load_result(given["parameters"], own) if own else given["parameters"]
-        fit = excite.fit_friction(robot, list(paths), settings, progress=tell, **asked)
+        fit = excite.fit_friction(described, list(logs), settings, progress=tell, **asked)
         files = fit.save(out, replace=given["force"])
         files = [*given["figures"].write(fit, out), *files]
     show(
@@ -84,7 +92,7 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: Mapping[st
 
 def _robot_of(given: Mapping[str, Any]) -> dict[str, Any]:
     """Arguments of the API for how the robot is read and installed."""
-    return {**robot_file_of(given), "installation": Installation(**chosen_of(Installation, given))}
+    return {**robot_file_of(given), "installation": Installation(**chosen_of(given, Installation))}
 
 
 def _logs_of(given: Mapping[str, Any]) -> excite.LogChoice:
@@ -99,24 +107,19 @@ def _frame_of(given: Mapping[str, Any]) -> tuple[float, ...] | None:
     return None if frame is None else frame + (0.0,) * (6 - len(frame))
 
 
-def design_and_write(robot: str, out: Path, given: Mapping[str, Any]) -> None:
+def design_and_write(robot: str, out: Path, **given: Any) -> None:
     """Find a motion that shows the payload, and write it."""
-    limits = {name: given[name] for name in LIMITED if given[name] is not None}
-    limits |= {"world": world_of(robot, given)} if given["world"] is not None else {}
-    chosen = {name: value for name, value in chosen_of(PayloadMotionSettings, given).items() if name != "box"}
+    limits = {**chosen_of(given, LimitChoice), "world": _world_of(robot, given)}
     with result_folder(out):
         check_no_design(out, ("trajectory.csv",), replace=given["force"])
         tell("looking for the best motion")
         with one_interrupt() as interruption:
             motion = excite.design_payload_motion(
                 robot,
-                given["box"],
-                limits=excite.LimitChoice(**limits),
+                limits=LimitChoice(**limits),
                 frame=_frame_of(given),
-                seed=given["seed"],
-                rate=given["rate"],
                 **_robot_of(given),
-                **chosen,
+                **chosen_of(given, PayloadMotionSettings, Search, Output),
             )
             interruption.ignore()
             files = motion.design.save(out, replace=given["force"])
@@ -144,29 +147,29 @@ def _stays(box: Any) -> str:
     return f"the tool point stays in {', '.join(sides)} m; "
 
 
-def calibrate_and_write(robot: str, out: Path, given: Mapping[str, Any]) -> None:
+def calibrate_and_write(robot: str, out: Path, **given: Any) -> None:
     """Calibrate the gains of the drives, and write their factors."""
-    mass = given["mass"]
     tell("reading the logs and calibrating")
     with save_gains(out, replace=given["force"]) as write:
         calibrated = excite.calibrate_gains(
             robot,
             list(given["loaded"]),
             list(given["without"]),
-            mass,
+            given["mass"],
             kind="common" if given["common"] else "each",
             logs=_logs_of(given),
             **_robot_of(given),
         )
-        write(calibrated.gains, robot=calibrated.robot, mass=mass)
+        write(calibrated.gains, robot=calibrated.robot, mass=given["mass"])
     steps = [f"excite payload identify ROBOT --with LOG --without LOG --gains {out} --out DIR"]
     show(gains_view(calibrated), [out], content=lambda: {"out": str(out), **calibrated.content()}, next_steps=steps)
 
 
-def identify_and_write(robot: str, out: Path, given: Mapping[str, Any]) -> None:
+def identify_and_write(robot: str, out: Path, **given: Any) -> None:
     """Identify a payload, and write it in the forms of controllers."""
+    if bool(given["loaded"]) == bool(given["wrench"]):
+        raise click.UsageError("give the logs of the motion with the load, as --with or as --wrench")
     chosen = {"all": CONTROLLERS, "none": ()}.get(given["controller"], (given["controller"],))
-    wrench = bool(given["wrench"])
     tell("reading the logs and identifying")
     with result_folder(out):
         check_no_payload(out, chosen, replace=given["force"])
@@ -174,7 +177,7 @@ def identify_and_write(robot: str, out: Path, given: Mapping[str, Any]) -> None:
             robot,
             list(given["loaded"] or given["wrench"]),
             without=list(given["without"]),
-            wrench=wrench,
+            wrench=bool(given["wrench"]),
             logs=_logs_of(given),
             frame=_frame_of(given),
             **{name: given[name] for name in ("result", "gains", "gain_deviation", "frame_name", "rated")},

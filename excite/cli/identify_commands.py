@@ -2,47 +2,41 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import click
 
-from excite.cli.command import Command, FurtherOption
-from excite.cli.option_types import ALL_OR_NONE, Folder, Names, RobotName
+from excite.cli.command import command, further_option
+from excite.cli.lazy import runs
+from excite.cli.option_types import ALL_OR_NONE, FILE, Folder, Names, RobotName
 from excite.cli.options import (
-    check_not_typed,
     drop_option,
     executor_options,
     figure_options,
+    file_option,
+    folder_option,
     mapping_option,
     own_parts,
     robot_file_options,
     settings_options,
-    task_options,
-    typed_options,
 )
 from excite.identification.recipe import Recipe
 from excite.registry import CHOSEN
 from excite.tasks.further_settings import Extents, GainSettings, RepeatSettings
-from excite.tasks.task import PARTS
+from excite.tasks.installation import Installation
+from excite.tasks.model_choice import ModelChoice
 from excite.verification.tolerances import Tolerances
 
-_OF_IDENTIFY = {
-    "Motion": ("design_folder", "designs", "period", "harmonics"),
-    "Model": ("friction_curves",),
-    "Logs": ("mapping", "drop", "rows", "temperature"),
-    "Signals": ("signals", "cutoff", "delay", "bias", "average", "measured_velocity", "low_pass", "every"),
-    "Friction in the equations": ("sign_width", "breakaway", "standstill", "friction_scale"),
-    "Estimator": ("estimator", "covariance", "described_within", "choose"),
-    "Drive gains": ("loaded", "known_mass", "gains"),
-    "Repetitions": ("each", "repeat", "seed", "executor", "workers"),
-}
 
-
-@click.command(
-    cls=Command,
-    groups=_OF_IDENTIFY,
-    name="identify",
+@command(
+    groups={
+        "Motion": ("design_folder", "designs", "period", "harmonics"),
+        "Model": ("friction_curves",),
+        "Logs": ("mapping", "drop", "rows", "temperature"),
+        "Signals": ("signals", "cutoff", "delay", "bias", "average", "measured_velocity", "low_pass", "every"),
+        "Friction in the equations": ("sign_width", "breakaway", "standstill", "friction_scale"),
+        "Estimator": ("estimator", "covariance", "described_within", "choose"),
+        "Drive gains": ("loaded", "known_mass", "gains"),
+        "Repetitions": ("each", "repeat", "seed", "executor", "workers"),
+    },
     epilog="""\b
 Examples:
   excite identify irp6 run1.csv run2.csv --design designs/irp6 --out results/irp6
@@ -85,14 +79,11 @@ What is written to DIR:
   *.png         torques, residuals, parameters, estimates over time""",
 )
 @click.argument("robot", type=RobotName())
-@click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
-@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
-@click.option(
-    "--design", "design_folder", type=Folder(), metavar="DIR", help="Design that was played; also gives the model."
-)
-@click.option(
+@click.argument("logs", nargs=-1, required=True, type=FILE, metavar="LOG...")
+@folder_option("--out", required=True, help="Folder to write.")
+@folder_option("--design", "design_folder", help="Design that was played; also gives the model.")
+@further_option(
     "--designs",
-    cls=FurtherOption,
     type=Folder(),
     multiple=True,
     metavar="DIR",
@@ -100,8 +91,9 @@ What is written to DIR:
     "mapping's folder and 'designs']",
 )
 @robot_file_options("--base")
-@task_options(
-    ("installation", "model"),
+@settings_options(
+    Installation,
+    ModelChoice,
     without=("friction_curves",),
     essential=("joints", "model", "friction", "joint_rotors", "offset"),
     help={
@@ -111,17 +103,14 @@ What is written to DIR:
         "equations": "Rows to use.  [default: all]",
     },
 )
-@click.option(
+@file_option(
     "--friction-curves",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
     help="Known friction curves, which are subtracted; drives without one keep their friction parameters.",
 )
-@click.option(
+@further_option(
     "--loaded",
-    cls=FurtherOption,
     multiple=True,
-    type=click.Path(path_type=Path),
+    type=FILE,
     metavar="LOG",
     help="Log with a load of known mass at the last link, which calibrates the drive gains; repeatable.",
 )
@@ -144,31 +133,20 @@ What is written to DIR:
 )
 @figure_options()
 @click.option("--force", is_flag=True, help="Replace a result that is already in DIR.")
-@click.pass_context
-def identify(ctx: click.Context, /, robot: str, logs: tuple[Path, ...], out: Path, **options: Any) -> None:
+@runs("identify_run:identify_and_write")
+def identify() -> None:
     """Identify ROBOT's dynamic parameters from one LOG or several, and write them to DIR with their uncertainty.
 
     ROBOT is a built-in name, a robot YAML, a URDF or an MJCF. The exciting stretch of each log is found, velocities and
     accelerations are made from the positions, and the base parameters are estimated from all logs together.
     """
-    from excite.cli.identify_run import identify_and_write
-
-    typed = typed_options(ctx, PARTS["installation"], PARTS["model"])
-    typed.pop("friction_curves", None)
-    if not options["repeat"]:
-        check_not_typed(ctx, ("executor", "workers"), "is for repetitions: give their number, --repeat N")
-    of_recipe = {name: value for name, value in typed_options(ctx, Recipe).items() if value is not None}
-    Recipe(**of_recipe)
-    identify_and_write(robot, logs, out, typed, of_recipe, options)
 
 
-@click.command(
-    cls=Command,
+@command(
     groups={
         "Verdict": ("torque", "motion", "horizon", "training_too"),
         "Logs": ("mapping", "drop", "rows", "signals", "temperature"),
     },
-    name="verify",
     epilog="""\b
 Examples:
   excite verify results/irp6 validation.csv
@@ -194,26 +172,21 @@ What is written to DIR (or --out), per log:
   verification-LOG-*.png   measured and predicted torques, measured and simulated motion""",
 )
 @click.argument("folder", type=Folder(), metavar="DIR")
-@click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
-@click.option("--out", type=Folder(), metavar="DIR", help="Folder to write.  [default: that of the result]")
+@click.argument("logs", nargs=-1, required=True, type=FILE, metavar="LOG...")
+@folder_option("--out", help="Folder to write.  [default: that of the result]")
 @mapping_option
 @drop_option
 @settings_options(Tolerances)
 @settings_options(Extents, only=("horizon",))
 @settings_options(
-    Recipe,
-    only=("rows", "signals", "temperature"),
-    unset={"signals": "as identified", "temperature": "as identified"},
+    Recipe, only=("rows", "signals", "temperature"), unset={"signals": "as identified", "temperature": "as identified"}
 )
 @own_parts
 @figure_options()
 @click.option("--training-too", is_flag=True, help="Accept logs that the result was identified from.")
-def verify(folder: Path, logs: tuple[Path, ...], out: Path | None, **given: Any) -> None:
+@runs("identify_run:verify_and_write")
+def verify() -> None:
     """Judge the result in DIR on each LOG: predicted torques, simulated motion, and a verdict with its reasons.
 
     A LOG must be of the same robot, and must not be one that the result was identified from.
     """
-    from excite.cli.identify_run import verify_and_write
-
-    tolerances = Tolerances(given.pop("torque"), given.pop("motion"))
-    verify_and_write(folder, logs, out, tolerances=tolerances, **given)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import excite
 from excite.cli.main import NOT_HELD
-from excite.cli.options import FigureChoice
-from excite.cli.progress import deferred_interrupt, interrupted_status, one_interrupt, progress_of_repetitions
+from excite.cli.options import FigureChoice, check_not_typed, typed_options
+from excite.cli.progress import interrupted_status, one_interrupt, progress_of_repetitions, stoppable
 from excite.cli.streams import in_options, remark, say, tell
 from excite.cli.summary import print_verdict, print_view, show
 from excite.design.design_json import find_design
@@ -34,6 +33,9 @@ from excite.registry import CHOSEN, is_addressed, is_own
 from excite.storage.records import check_replaceable, json_of
 from excite.storage.result_folder import figure_names, result_folder
 from excite.study.repetitions import Repetitions, repetitions
+from excite.tasks.installation import Installation
+from excite.tasks.model_choice import ModelChoice
+from excite.verification.tolerances import Tolerances
 from excite.verification.verification import KIND
 from excite.views.identification_view import identification_view, repetitions_view
 from excite.views.verification_view import verification_view, verifications_view
@@ -52,42 +54,30 @@ _GIVEN = (
 _NOT_REPEATED = ("estimator", "standstill", "signals")
 
 
-def identify_and_write(
-    name: str,
-    paths: Sequence[Path],
-    out: Path,
-    typed: Mapping[str, Any],
-    of_recipe: Mapping[str, Any],
-    given: Mapping[str, Any],
-) -> None:
+def identify_and_write(robot: str, logs: Sequence[Path], out: Path, **given: Any) -> None:
     """Identify from logs and write a result's folder."""
+    of_recipe = {name: value for name, value in typed_options(Recipe).items() if value is not None}
     if given["repeat"]:
         Recipe(**of_recipe).check_repeatable(given["repeat"])
+    else:
+        check_not_typed(("executor", "workers"), "is for repetitions: give their number, --repeat N")
+        Recipe(**of_recipe)
     tell("reading the logs")
     with result_folder(out):
         figures: FigureChoice = given["figures"]
         check_free(out, (*figure_names(FIGURES, figures.formats), CURVES), replace=given["force"])
         with one_interrupt() as interruption:
-            result = _identified(name, paths, typed, of_recipe, given)
+            result = _identified(robot, logs, of_recipe, given)
             interruption.ignore()
             files = result.save(out, replace=given["force"])
             files = [*figures.write(result, out), *files]
         status = NOT_HELD if result.doubts else 0
         if given["repeat"]:
             tell("repeating the experiment in simulation")
-            where = {"executor": given["executor"], "workers": given["workers"]}
-            from excite.cli.identify_run import repeat_and_write  # imports jax
-
-            result, repeated = repeat_and_write(result, out, given["repeat"], given["seed"], figures, **where)
+            result, repeated = repeat_and_write(result, out, given)
             status = repeated or status
             drawn = figure_names([REPETITIONS], figures.formats) if result.repetitions is not None else []
             files = [*(out / name for name in drawn), *files]
-    show_result(result, files, out)
-    sys.exit(status)
-
-
-def show_result(result: excite.Identification, files: Sequence[Path], out: Path) -> None:
-    """Show a result, and what to do next: the cures of doubts, or else to verify."""
     cures = dict.fromkeys(in_options(doubt.cure) for doubt in result.doubts)
     steps = list(cures) or [f"excite verify {files[-1].parent} OTHER.csv, with a log that was not used here"]
 
@@ -96,15 +86,14 @@ def show_result(result: excite.Identification, files: Sequence[Path], out: Path)
         return {"out": str(out), **{k: v for k, v in result_content(result).items() if k not in left_out}}
 
     show(identification_view(result), files, content=content, next_steps=steps, all_in="result.json")
+    sys.exit(status)
 
 
 def _identified(
-    name: str,
-    paths: Sequence[Path],
-    typed: Mapping[str, Any],
-    of_recipe: Mapping[str, Any],
-    given: Mapping[str, Any],
+    robot: str, logs: Sequence[Path], of_recipe: Mapping[str, Any], given: Mapping[str, Any]
 ) -> excite.Identification:
+    typed = typed_options(Installation, ModelChoice)
+    typed.pop("friction_curves", None)
     own = {"model": typed["model"]} if is_own(typed.get("model", "")) else {}
     folder = design_folder(given["design_folder"], given["mapping"], given["designs"])
     design = None if folder is None else excite.load_design(folder, given["parts"], **own)
@@ -122,7 +111,7 @@ def _identified(
         names = (CHOSEN if choose else ()) if isinstance(choose, bool) else choose
         choose = tuple(each for each in names if each not in _NOT_REPEATED)
     return excite.identify(
-        name, list(paths), design=design, choose=choose, progress=tell, **{name: given[name] for name in _GIVEN},
+        robot, list(logs), design=design, choose=choose, progress=tell, **{name: given[name] for name in _GIVEN},
         **typed, **of_recipe,
     )  # fmt: skip
 
@@ -135,15 +124,12 @@ def _has_curves(design: Any, typed: Mapping[str, Any]) -> bool:
     return bool(design.task.changed(**named, friction_curves=None).model.channel == "effort")
 
 
-_DESIGNS = Path("designs")
-
-
 def design_folder(given: Path | None, mapping: Path | None, places: Sequence[Path]) -> Path | None:
     """Folder of the design that was played."""
     named = None if mapping is None or given is not None else read_mapping(mapping).design
     if mapping is None or named is None:
         return given
-    searched = tuple(places) or (mapping.parent, _DESIGNS)
+    searched = tuple(places) or (mapping.parent, Path("designs"))
     found = find_design(named, searched)
     where = ", ".join(str(place) for place in searched)
     if found is None:
@@ -156,28 +142,14 @@ def design_folder(given: Path | None, mapping: Path | None, places: Sequence[Pat
     return found
 
 
-def repeat_and_write(
-    result: Identification,
-    out: Path,
-    count: int,
-    seed: int,
-    figures: FigureChoice,
-    *,
-    executor: str,
-    workers: int | None,
-) -> tuple[Identification, int]:
+def repeat_and_write(result: Identification, out: Path, given: Mapping[str, Any]) -> tuple[Identification, int]:
     """Repeat an identification in simulation, add the statistics to its result, and draw them beside it."""
+    count, where = given["repeat"], {"executor": given["executor"], "workers": given["workers"]}
+    shown = progress_of_repetitions(count)
+    waits = is_addressed("executor", given["executor"])  # for Dask, while which a signal is heeded at once
     try:
-        with _interrupts(executor) as answer, progress_of_repetitions(count) as progress:
-
-            def report_progress(done: int, of: int) -> None:
-                progress(done, of)
-                if done < of:
-                    answer()
-
-            repeated_runs = repetitions(
-                result, count, seed, report_progress, executor=executor, workers=workers, kept=out / SO_FAR
-            )
+        with one_interrupt(), shown if waits else stoppable(shown, "stopping after the repetitions at work") as report:
+            repeated_runs = repetitions(result, count, given["seed"], report, **where, kept=out / SO_FAR)
             result = replace(result, kept=result.facts, repetitions=summary_of(repeated_runs))
             amend_result_file(out, result)
     except KeyboardInterrupt:
@@ -188,8 +160,8 @@ def repeat_and_write(
     except LostWorkersError as error:
         saved = f"the result in {out} is saved, without repetitions"
         raise LostWorkersError(*error.args, saved + _continued(out)) from error
-    if figures:
-        figures.write_view(repetitions_view(result, repeated_runs), out)
+    if given["figures"]:
+        given["figures"].write_view(repetitions_view(result, repeated_runs), out)
     if repeated_runs.interrupted:
         done = f"with {repeated_runs.count} of {count} repetitions"
         say(f"excite: interrupted; the result is saved, {in_options(done + _continued(out))}")
@@ -208,27 +180,18 @@ def summary_of(repeated: Repetitions) -> RepetitionSummary:
     return RepetitionSummary(repeated.count, repeated.seed, tuple(RepeatedParameter(*row) for row in rows))
 
 
-@contextmanager
-def _interrupts(executor: str) -> Iterator[Callable[[], None]]:
-    """Defer a signal to the end of the repetitions at work; while this process waits for Dask, heed it at once."""
-    if is_addressed("executor", executor):
-        with one_interrupt():
-            yield lambda: None
-        return
-    with deferred_interrupt("stopping after the repetitions at work") as answer:
-        yield answer
-
-
 def verify_and_write(
     folder: Path,
     logs: Sequence[Path],
     out: Path | None,
-    *,
+    torque: float,
+    motion: float,
     parts: tuple[str, ...],
     figures: FigureChoice,
     **options: Any,
 ) -> None:
     """Judge a result on logs, and write each verdict."""
+    tolerances = Tolerances(torque, motion)
     result = excite.load_result(folder, parts)
     target, stems = out or result.folder or folder, _stems(logs)
     with result_folder(target):
@@ -237,7 +200,7 @@ def verify_and_write(
         judged = []
         for log in logs:
             tell(f"judging {folder} on {log}")
-            judged.append(excite.verify(result, log, **options))
+            judged.append(excite.verify(result, log, tolerances=tolerances, **options))
         written = [verification.save(target, name=stem) for verification, stem in zip(judged, stems, strict=True)]
         if figures:
             tell("drawing")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
+from functools import wraps
 from importlib import import_module
 from typing import Any
 
@@ -14,6 +15,25 @@ from excite.cli.streams import loudness_options, remark
 from regressors.errors import shortened
 
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
+
+
+def _imported(place: str) -> Any:
+    """What ``module:attribute`` of this room names."""
+    module, _, attribute = place.partition(":")
+    return getattr(import_module(f"excite.cli.{module}"), attribute)
+
+
+def runs(place: str) -> Callable[[Callable[[], None]], Callable[..., Any]]:
+    """Decorator of what describes a command, which runs a function that is imported only then."""
+
+    def decorate(described: Callable[[], None]) -> Callable[..., Any]:
+        @wraps(described)
+        def command(**given: Any) -> Any:
+            return _imported(place)(**given)
+
+        return command
+
+    return decorate
 
 
 class LazyGroup(click.Group):
@@ -42,8 +62,7 @@ class LazyGroup(click.Group):
         """Return the command of a name, importing its module."""
         if name in self.commands or name not in self._summaries:
             return self.commands.get(name)
-        module, _, attribute = self._places[name].partition(":")
-        command: click.Command = getattr(import_module(f"excite.cli.{module}"), attribute)
+        command: click.Command = _imported(self._places[name])
         return command
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:

@@ -46,17 +46,8 @@ _FILES = {
     "identify_commands": ("identify", "verify"),
     "study_commands": ("simulate", "predict", "study"),
 }
-_PLACES = {name: f"{file}:{name}" for file, names in _FILES.items() for name in names}
 BAD_INPUT, NOT_HELD = 2, 1
 _OBJECTS = 50_000  # before the collector looks for cycles: imports and figures make many objects and next to no cycles
-
-
-def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
-    if wanted:
-        from importlib.metadata import version
-
-        click.echo(f"excite {version('excite-trajectories')}")
-        ctx.exit()
 
 
 @click.group(
@@ -64,7 +55,7 @@ def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     summaries=_COMMANDS,
     groups=_GROUPS,
     renamed={"campaign": "sweep"},
-    places=_PLACES,
+    places={name: f"{file}:{name}" for file, names in _FILES.items() for name in names},
     epilog="""\b
 Start with:
   excite robots                          which robots are built in
@@ -82,7 +73,9 @@ Exit status: 0 done; 1 done, but the result does not meet what was asked;
 2 bad input, or numbers that cannot be computed with, one line on stderr;
 130 interrupted, the best so far saved (143 by SIGTERM, 129 by SIGHUP).""",
 )
-@click.option("--version", is_flag=True, expose_value=False, is_eager=True, callback=_version, help="Show the version.")
+@click.version_option(
+    package_name="excite-trajectories", prog_name="excite", message="%(prog)s %(version)s", help="Show the version."
+)
 def cli() -> None:
     """Design motions that make a robot's dynamic parameters identifiable, within every limit of the robot."""
 
@@ -94,7 +87,7 @@ cli.add_command(
             "plan": "Plan runs at constant speed, from which friction is measured.",
             "fit": "Fit friction curves to logs of runs at constant speed.",
         },
-        places={"plan": "friction_commands:plan_runs", "fit": "friction_commands:fit_curves"},
+        places={"plan": "friction_commands:plan", "fit": "friction_commands:fit"},
         help="""Measure a robot's friction on its own: plan the runs, fit the curves.
 
     The curves are saved as a file that --friction-curves of 'excite design' and 'excite identify' takes, and
@@ -136,31 +129,19 @@ def _fail(message: str, status: int) -> NoReturn:
     sys.exit(status)
 
 
-def _usage(error: click.UsageError) -> str:
-    hint = f"; see '{error.ctx.command_path} --help'" if error.ctx is not None else ""
-    return error.format_message().rstrip(".") + hint
-
-
 @contextmanager
-def _numbers_that_fail() -> Iterator[None]:
-    """What numerical libraries raise, as one error, also where a command draws or writes; NumPy only if it is there."""
+def _errors_of_compiled_code() -> Iterator[None]:
+    """What numerical libraries raise is one error, what they make of a signal, such as a SystemError, is the signal."""
     try:
         yield
-    except (ArithmeticError, RuntimeError, RuntimeWarning, ValueError) as error:
-        from regressors.numerical import numerical_work
+    except Exception as error:
+        repeat_lost_signal()
+        if not isinstance(error, ArithmeticError | RuntimeError | RuntimeWarning | ValueError):
+            raise
+        from regressors.numerical import numerical_work  # imports NumPy
 
         with numerical_work("this command", "values of very different sizes are the likely cause: check those given"):
-            raise error
-
-
-@contextmanager
-def _signals_before_errors() -> Iterator[None]:
-    """What compiled code makes of a signal that arrives in it, such as a SystemError, is the signal again."""
-    try:
-        yield
-    except Exception:
-        repeat_lost_signal()
-        raise
+            raise
 
 
 def main() -> None:
@@ -177,20 +158,19 @@ def main() -> None:
 
 def _run() -> NoReturn:
     try:
-        with sign_of_life(), _signals_before_errors(), _numbers_that_fail():
+        with sign_of_life(), _errors_of_compiled_code():
             status = cli.main(standalone_mode=False) or 0
         sys.exit(status)
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
         sys.exit(0)
     except click.UsageError as error:
-        _fail(_usage(error), BAD_INPUT)
-    except click.ClickException as error:
-        _fail(error.format_message(), BAD_INPUT)
+        hint = f"; see '{error.ctx.command_path} --help'" if error.ctx is not None else ""
+        _fail(error.format_message().rstrip(".") + hint, BAD_INPUT)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the pipe is closed: discard further output
         sys.exit(NOT_HELD)
-    except (InputError, NumericalError) as error:
+    except (click.ClickException, InputError, NumericalError) as error:
         _fail(str(error), BAD_INPUT)
     except ExciteError as error:
         _fail(str(error), NOT_HELD)

@@ -18,16 +18,19 @@ from regressors.quantities import QUANTITIES, fault, number_of, shown, whole_num
 
 Words = Mapping[str, Any]  # what stands for another value than a number or a name
 ALL_OR_NONE: Words = {"all": True, NONE: False}
+FILE = click.Path(path_type=Path)
 
 
 class Value(click.ParamType[Any]):
     """A value that `read` makes of a text and its option's name; what that refuses is an error of the option."""
 
-    def __init__(self, name: str, read: Callable[[Any, str], Any]) -> None:
-        self.name, self.read = name, read
+    def __init__(self, name: str, read: Callable[[Any, str], Any], words: Words | None = None) -> None:
+        self.name, self.read, self.words = name, read, words or {}
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Convert the text of the option."""
+        if isinstance(value, str) and value in self.words:
+            return self.words[value]
         try:
             return self.read(value, "" if param is None else str(param.name))
         except InputError:
@@ -98,19 +101,18 @@ class Number(Value):
     """One number within the range of its quantity, which is that of the option's name if none is given, or a word."""
 
     def __init__(self, quantity: str | None = None, words: Words | None = None, *, percent: bool = False) -> None:
-        super().__init__("number", self._number)
-        self.quantity, self.words, self.percent = quantity, words or {}, percent
+        super().__init__("number", self._number, words)
+        self.quantity, self.percent = quantity, percent
 
     def _number(self, value: Any, name: str) -> Any:
-        if isinstance(value, str) and value in self.words:
-            return self.words[value]
         quantity = self.quantity or name
+        whole = QUANTITIES[quantity].whole
         try:
-            number = _number_of(quantity, value) if isinstance(value, str) else value
+            number = (whole_number_of if whole else number_of)(value) if isinstance(value, str) else value
         except ValueError:
             if not self.words:
                 raise
-            kind = "a whole number" if QUANTITIES[quantity].whole else "a number"
+            kind = "a whole number" if whole else "a number"
             raise ValueError(f"expected {', '.join(self.words)} or {kind}, given {shown(value)}") from None
         (number,) = _within(quantity, [number])
         return number / 100 if self.percent else number
@@ -122,13 +124,11 @@ class Numbers(Value):
     def __init__(
         self, quantity: str | None = None, counts: tuple[int, ...] = (), words: Words | None = None, expected: str = ""
     ) -> None:
-        super().__init__("numbers", self._numbers)
-        self.quantity, self.counts, self.words = quantity, counts, words or {}
+        super().__init__("numbers", self._numbers, words)
+        self.quantity, self.counts = quantity, counts
         self.expected = expected  # in place of a message on the numbers alone
 
     def _numbers(self, value: Any, name: str) -> Any:
-        if isinstance(value, str) and value in self.words:
-            return self.words[value]
         if isinstance(value, tuple):
             return value
         try:
@@ -154,7 +154,7 @@ class Size(Numbers):
             numbers = super()._numbers(str(value), name)
         except ValueError as error:
             raise ValueError(f"expected auto or a number; {error}") from None
-        return numbers[0] if numbers is not None and len(numbers) == 1 else numbers
+        return numbers[0] if len(numbers) == 1 else numbers
 
 
 class Sides(Value):
@@ -205,8 +205,8 @@ class Names(Value):
     """Names or numbers separated by commas, all of them known ones if these are stated; or a word."""
 
     def __init__(self, words: Words | None = None, known: tuple[str, ...] = ()) -> None:
-        super().__init__("names", self._names)
-        self.words, self.known = words or {}, known
+        super().__init__("names", self._names, words)
+        self.known = known
 
     def _names(self, value: Any, _: str) -> Any:
         if isinstance(value, bool | tuple):
@@ -291,10 +291,6 @@ def _numbers_of(text: str) -> tuple[float, ...]:
     if not all(map(math.isfinite, numbers)):
         raise ValueError(f"expected finite numbers, given {shown(text)}")
     return numbers
-
-
-def _number_of(quantity: str, text: str) -> float:
-    return whole_number_of(text) if QUANTITIES[quantity].whole else number_of(text)
 
 
 def _within(quantity: str, numbers: Iterable[float]) -> tuple[float, ...]:

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass
-from functools import wraps
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from click.core import ParameterSource
 
 import excite
-from excite.cli.command import FurtherOption
+from excite.cli.command import FurtherOption, further_option
 from excite.cli.option_types import (
     ALL_OR_NONE,
     BOX,
     BOX_OR_SIDES,
+    FILE,
     FORMATS,
     IMPACT,
     MARGIN,
@@ -26,6 +27,7 @@ from excite.cli.option_types import (
     PRECISION,
     PRIOR,
     RANGES,
+    Folder,
     Names,
     Number,
     Numbers,
@@ -36,11 +38,7 @@ from excite.cli.streams import tell
 from excite.registry import BUILT_IN, CONVENTIONS, DROPPABLE, EXECUTORS, FIGURE_WIDTHS
 from excite.tasks.option import AUTO, Kind, Option, options_of
 from excite.tasks.task import PARTS
-
-if TYPE_CHECKING:
-    from constraints.geometry import World
-    from excite.views.view import View
-
+from excite.views.view import View
 
 Command = Callable[..., Any]
 _OF_QUANTITIES: dict[Kind, Callable[[str], Any]] = {
@@ -74,48 +72,42 @@ _TYPES: dict[Kind, Any] = {
     "precision": PRECISION,
     "impacts": IMPACT,
 }
-
-
-def task_options(parts: Iterable[str], *, without: Iterable[str] = (), **more: Any) -> Callable[[Command], Command]:
-    """Decorator that gives a command the options of some parts of a task, see `settings_options`."""
-
-    def decorate(command: Command) -> Command:
-        for part in reversed(tuple(parts)):
-            command = settings_options(PARTS[part], without=without, **more)(command)
-        return command
-
-    return decorate
+_METAVARS = {"drives": "all|1,3", "integer": "N", "s": "S", "Hz": "HZ"}  # by kind or unit, where an option states none
 
 
 def settings_options(
-    settings: type,
-    *,
-    without: Iterable[str] = (),
-    only: Iterable[str] | None = None,
+    *settings: type,
+    without: Container[str] = (),
+    only: Container[str] | None = None,
     help: Mapping[str, str] | None = None,
     unset: Mapping[str, str] | None = None,
-    essential: Iterable[str] | None = None,
+    essential: Container[str] | None = None,
 ) -> Callable[[Command], Command]:
     """Decorator that gives a command the options of settings, in their order."""
 
     def decorate(command: Command) -> Command:
-        for field, option in reversed(list(options_of(settings))):
+        for field, option in reversed([each for part in settings for each in options_of(part)]):
             name = field.name
-            if option.hidden or name in set(without) or (only is not None and name not in set(only)):
+            if option.hidden or name in without or (only is not None and name not in only):
                 continue
-            changed: dict[str, Any] = {"help": help[name]} if help is not None and name in help else {}
-            changed |= {"unset": unset[name]} if unset is not None and name in unset else {}
-            changed |= {} if essential is None else {"essential": name in set(essential)}
+            others = {"help": help, "unset": unset}
+            changed: dict[str, Any] = {what: texts[name] for what, texts in others.items() if texts and name in texts}
+            changed |= {} if essential is None else {"essential": name in essential}
             command = _click_option(name, field.default, dataclasses.replace(option, **changed))(command)
         return command
 
     return decorate
 
 
-def chosen_of(settings: type, given: Mapping[str, Any]) -> dict[str, Any]:
+def chosen_of(given: Mapping[str, Any], *settings: type) -> dict[str, Any]:
     """Options of settings among those of a command, as far as they have a value."""
-    names = (field.name for field, _ in options_of(settings))
+    names = (field.name for part in settings for field, _ in options_of(part))
     return {name: given[name] for name in names if given.get(name) is not None}
+
+
+def task_of(robot: str, given: Mapping[str, Any], *parts: type, **more: Any) -> excite.Task:
+    """Task of a robot with what is given of some parts, and more options."""
+    return excite.Task(robot, **{**robot_file_of(given), **chosen_of(given, *parts), **more})
 
 
 def flag_of(name: str, option: Option) -> str:
@@ -127,9 +119,11 @@ def _click_option(name: str, default: Any, option: Option) -> Callable[[Command]
     text = option.described(name) + (f"  [default: {option.unset}]" if option.unset is not None else "")
     shared: dict[str, Any] = {"cls": click.Option if option.essential else FurtherOption, "help": text}
     default = None if option.unset is not None else default
-    if option.kind == "flag" or "/" in (option.flag or ""):
-        both = f"--{option.flag.replace('/', '/--')}" if option.flag and "/" in option.flag else flag_of(name, option)
-        return click.option(both, name, is_flag=True, default=default, **shared)
+    words = option.flag or name.replace("_", "-")
+    if option.kind == "flag" and default is True and option.flag is None:
+        words += f"/no-{words}"
+    if option.kind == "flag" or "/" in words:
+        return click.option("--" + words.replace("/", "/--"), name, is_flag=True, default=default, **shared)
     return click.option(
         flag_of(name, option),
         name,
@@ -137,8 +131,8 @@ def _click_option(name: str, default: Any, option: Option) -> Callable[[Command]
         multiple=option.kind in _SEVERAL or name == "constraints",
         default=_typed_default(default, option),
         required=option.required,
-        metavar=option.metavar,
-        callback=_all_of if option.kind == "folders" else None,
+        metavar=option.metavar or _METAVARS.get(option.kind) or _METAVARS.get(option.unit(name)),
+        callback=(lambda _, __, several: sum(several, ())) if option.kind == "folders" else None,
         **shared,
     )
 
@@ -156,11 +150,6 @@ def _typed_default(default: Any, option: Option) -> Any:
     return default
 
 
-def _all_of(ctx: click.Context, param: click.Parameter, value: tuple[tuple[str, ...], ...]) -> tuple[str, ...]:
-    """Names of an option that is given several times, each time with one or several."""
-    return tuple(name for several in value for name in several)
-
-
 def _type(name: str, option: Option) -> Any:
     if option.part is not None:
         return PartName(option.part, tuple(BUILT_IN[option.part]))
@@ -171,15 +160,17 @@ def _type(name: str, option: Option) -> Any:
     return click.Choice(option.choices) if option.choices else _TYPES[option.kind]
 
 
-def check_not_typed(ctx: click.Context, names: Iterable[str], why: str) -> None:
+def check_not_typed(names: Iterable[str], why: str) -> None:
     """Refuse options of another use of a command, with the reason."""
+    ctx = click.get_current_context()
     for param in (each for each in ctx.command.params if each.name in set(names)):
         if ctx.get_parameter_source(str(param.name)) is not ParameterSource.DEFAULT:
             raise click.UsageError(f"{param.opts[-1]} {why}")
 
 
-def typed_options(ctx: click.Context, *settings: type) -> dict[str, Any]:
+def typed_options(*settings: type) -> dict[str, Any]:
     """Options of settings, those of a task if none are named, that are given on the command line."""
+    ctx = click.get_current_context()
     known = {field.name for each in settings or PARTS.values() for field, _ in options_of(each)}
     return {
         name: value
@@ -188,15 +179,13 @@ def typed_options(ctx: click.Context, *settings: type) -> dict[str, Any]:
     }
 
 
-_snap_angles = click.option(
+_snap_angles = further_option(
     "--snap-angles/--no-snap-angles",
-    cls=FurtherOption,
     default=None,
     help="Take rounded right angles of a URDF or MJCF, such as 1.5708, for right angles.  [default: snap]",
 )
-_xacro = click.option(
+_xacro = further_option(
     "--xacro",
-    cls=FurtherOption,
     is_flag=True,
     default=None,
     help="Expand ROBOT as xacro although its name does not end in .xacro. Evaluated are arithmetic and listed "
@@ -206,56 +195,31 @@ _xacro = click.option(
 
 def robot_file_options(*names: str) -> Callable[[Command], Command]:
     """How the file of a robot is read: the chain in it, whose first link has further names, angles, and xacro."""
-    ends = {"metavar": "LINK", "help": "First link of the chain, for a URDF or MJCF."}
-
-    def decorate(command: Command) -> Command:
-        tip = click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
-        base = click.option("--base-link", *names, "base_link", cls=FurtherOption, **ends)
-        return base(tip(_snap_angles(_xacro(command))))
-
-    return decorate
+    text = "First link of the chain, for a URDF or MJCF."
+    base = further_option("--base-link", *names, "base_link", metavar="LINK", help=text)
+    tip = click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
+    return lambda command: base(tip(_snap_angles(_xacro(command))))
 
 
 def robot_file_of(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Arguments of the API for how the file of a robot is read."""
-    read = {"snap_angles": given["snap_angles"] is not False, "xacro": bool(given["xacro"])}
-    return {"base_link": given["base_link"], "tip": given["tip"], **read}
-
-
-def robot_file_typed(given: Mapping[str, Any]) -> dict[str, Any]:
     """Options of how the file of a robot is read that are given, as keys of a task."""
     names = ("base_link", "tip", "snap_angles", "xacro")
     return {name: given[name] for name in names if given[name] is not None}
 
 
-def task_file_option(text: str) -> Callable[[Command], Command]:
-    """A task file; options that are given win over it."""
-    return click.option("--task", "task_file", type=click.Path(path_type=Path), metavar="FILE", help=text)
-
-
-def world_of(robot: str, given: Mapping[str, Any]) -> World | None:
-    """The world that ``--world`` names, with the shape of a robot."""
-    if given["world"] is None:
-        return None
-    read = robot_file_of(given)
-    return excite.read_world(given["world"], robot, read["base_link"], read["tip"], snap_angles=read["snap_angles"])
-
-
 def executor_options(where: str, processes: str) -> Callable[[Command], Command]:
     """Where the work of a command runs, and in how many processes."""
     kind = PartName("executor", EXECUTORS, own=False)
-
-    def decorate(command: Command) -> Command:
-        workers = click.option("--workers", cls=FurtherOption, type=Number(), metavar="N", help=processes)
-        return click.option("--executor", cls=FurtherOption, type=kind, default="process", help=where)(workers(command))
-
-    return decorate
+    executor = further_option("--executor", type=kind, default="process", help=where)
+    workers = further_option("--workers", type=Number(), metavar="N", help=processes)
+    return lambda command: executor(workers(command))
 
 
-own_parts = click.option(
+file_option = partial(click.option, type=FILE, metavar="FILE")
+folder_option = partial(click.option, type=Folder(), metavar="DIR")
+own_parts = further_option(
     "--part",
     "parts",
-    cls=FurtherOption,
     type=PartName("own part"),
     multiple=True,
     metavar="MODULE:NAME",
@@ -263,18 +227,9 @@ own_parts = click.option(
 )
 
 
-mapping_option = click.option(
-    "--mapping",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="YAML file with the columns and units of a log in another format.",
-)
-drop_option = click.option(
-    "--drop",
-    multiple=True,
-    cls=FurtherOption,
-    type=click.Choice(DROPPABLE),
-    help="Faulty rows to leave out instead of refusing the log.",
+mapping_option = file_option("--mapping", help="YAML file with the columns and units of a log in another format.")
+drop_option = further_option(
+    "--drop", multiple=True, type=click.Choice(DROPPABLE), help="Faulty rows to leave out instead of refusing the log."
 )
 
 
@@ -288,59 +243,42 @@ class FigureChoice:
     def __bool__(self) -> bool:
         return bool(self.formats)
 
-    @property
-    def how(self) -> dict[str, Any]:
-        """Arguments of the functions that write figures."""
-        return {"formats": self.formats, "width": self.width}
-
     def write(self, result: Any, folder: Path) -> list[Path]:
         """Draw a result into its folder, where figures are asked for."""
         if not self.formats:
             return []
         tell("drawing")
-        return excite.write_figures(result, folder, **self.how)
+        return excite.write_figures(result, folder, **vars(self))
 
     def write_view(self, view: View, folder: Path) -> list[Path]:
         """Draw the figures of a view, and write them."""
         from excite.views.figures import write_view_figures
 
-        return write_view_figures(view, folder, **self.how)
+        return write_view_figures(view, folder, **vars(self))
+
+
+_figure_width = further_option(
+    "--figure-width",
+    type=click.Choice(FIGURE_WIDTHS),
+    default="screen",
+    is_eager=True,  # known when the formats are
+    help="Width of the figures: for a screen, or for one column of a paper (3.5 in) or both (7.16 in).",
+)
 
 
 def figure_options(default: str = "png") -> Callable[[Command], Command]:
-    """Decorator that gives a command the options of figures, and one argument ``figures``, a `FigureChoice`.
-
-    With the default ``none``, ``--figures`` alone means ``png``.
-    """
+    """Decorator that gives a command the options of figures, and one argument ``figures``, a `FigureChoice`."""
     alone: dict[str, Any] = {"is_flag": False, "flag_value": "png"} if default == "none" else {}
-
-    def decorate(command: Command) -> Command:
-        @wraps(command)
-        def with_choice(*args: Any, figures: tuple[str, ...], figure_width: str, **options: Any) -> Any:
-            return command(*args, figures=FigureChoice(figures, figure_width), **options)
-
-        for option in (
-            click.option(
-                "--figure-width",
-                cls=FurtherOption,
-                type=click.Choice(FIGURE_WIDTHS),
-                default="screen",
-                help="Width of the figures: for a screen, or for one column of a paper (3.5 in) or both (7.16 in).",
-            ),
-            click.option(
-                "--figures",
-                cls=FurtherOption,
-                type=FORMATS,
-                default=default,
-                metavar="png|pdf|svg|none",
-                help="Formats of the figures; several separated by commas.",
-                **alone,
-            ),
-        ):
-            with_choice = option(with_choice)
-        return with_choice
-
-    return decorate
+    formats = further_option(
+        "--figures",
+        type=FORMATS,
+        default=default,
+        metavar="png|pdf|svg|none",
+        callback=lambda ctx, _, chosen: FigureChoice(chosen, ctx.params.pop("figure_width")),
+        help="Formats of the figures; several separated by commas.",
+        **alone,
+    )
+    return lambda command: formats(_figure_width(command))
 
 
 def split_base(values: tuple[str, ...]) -> tuple[str | None, str | None]:

@@ -8,15 +8,17 @@ from typing import Any
 
 import click
 
-from excite.cli.command import Command
-from excite.cli.option_types import Folder, RobotName
+from excite.cli.command import command
+from excite.cli.lazy import runs
+from excite.cli.option_types import RobotName
 from excite.cli.options import (
     drop_option,
     figure_options,
+    file_option,
+    folder_option,
     mapping_option,
     robot_file_options,
     settings_options,
-    task_options,
 )
 from excite.identification.recipe import Recipe
 from excite.tasks.further_settings import (
@@ -26,15 +28,18 @@ from excite.tasks.further_settings import (
     PayloadSettings,
     UnloadedRows,
 )
+from excite.tasks.installation import Installation
+from excite.tasks.limit_choice import LimitChoice
+from excite.tasks.search import Output, Search
 
-LIMITED = ("velocity", "acceleration", "jerk", "torque_margin", "tool_point", "tool_speed", "floor", "self_collision")
+_LIMITED = ("velocity", "acceleration", "jerk", "torque_margin", "tool_point", "tool_speed", "floor", "self_collision")
 _LOGS = ("without", "loaded", "mapping", "drop", "rows", "without_rows")
 _SIGNALS = ("cutoff", "low_pass")
 
 
 def _robot_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """How ROBOT is read and installed."""
-    return robot_file_options("--base")(task_options(("installation",), without=("payload",))(command))
+    return robot_file_options("--base")(settings_options(Installation, without=("payload",))(command))
 
 
 def _log_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -49,13 +54,10 @@ def _log_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def _log_option(name: str, text: str, *, required: bool = False) -> Callable[[Any], Any]:
     names = ("--with", "loaded") if name == "loaded" else (f"--{name}",)
-    kind = click.Path(path_type=Path)
-    return click.option(*names, required=required, multiple=True, type=kind, metavar="LOG", help=f"{text}; repeatable.")
+    return file_option(*names, required=required, multiple=True, metavar="LOG", help=f"{text}; repeatable.")
 
 
-@click.command(
-    "design",
-    cls=Command,
+@command(
     groups={
         "Motion": ("box", "centre", "pose", "swing", "period", "harmonics"),
         "Sensor": ("sensor", "frame"),
@@ -79,28 +81,24 @@ What is written to DIR: design.json and trajectory.csv, as by 'excite design'.
 Exit code: 0 the motion keeps all limits; 1 it does not, but is written.""",
 )
 @click.argument("robot", type=RobotName())
-@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
+@folder_option("--out", required=True, help="Folder to write.")
 @_robot_options
 @settings_options(PayloadMotionSettings)
 @settings_options(LoadFrame)
-@task_options(("search",), only=("seed",))
-@task_options(("output",), only=("rate",))
-@task_options(("limits",), only=(*LIMITED, "world"))
+@settings_options(Search, only=("seed",))
+@settings_options(Output, only=("rate",))
+@settings_options(LimitChoice, only=(*_LIMITED, "world"))
 @figure_options("none")
 @click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
-def design(robot: str, out: Path, **given: Any) -> None:
+@runs("friction_payload_run:design_and_write")
+def design() -> None:
     """Find a short motion of ROBOT in a small box that shows mass, centre and inertia of what it holds.
 
     ROBOT is a built-in name, a robot YAML, a URDF or an MJCF.
     """
-    from excite.cli.friction_payload_run import design_and_write
-
-    design_and_write(robot, out, given)
 
 
-@click.command(
-    "gains",
-    cls=Command,
+@command(
     groups={"Logs": (*_LOGS, "mass"), "Signals": _SIGNALS, "Gains": ("common",)},
     epilog="""\b
 Examples:
@@ -123,16 +121,12 @@ deviation and correlations; 'excite payload identify --gains' counts them in its
 @_robot_options
 @_log_options
 @click.option("--force", is_flag=True, help="Replace FILE.")
-def gains(robot: str, out: Path, **given: Any) -> None:
+@runs("friction_payload_run:calibrate_and_write")
+def gains() -> None:
     """Calibrate the gains of ROBOT's drives with a load of known mass, and write their factors to FILE."""
-    from excite.cli.friction_payload_run import calibrate_and_write
-
-    calibrate_and_write(robot, out, given)
 
 
-@click.command(
-    "identify",
-    cls=Command,
+@command(
     groups={
         "Logs": (*_LOGS, "wrench"),
         "Signals": _SIGNALS,
@@ -170,21 +164,17 @@ Exit code: 0 done; 1 written, but a doubt remains, such as a mass that is hardly
 @_log_option("without", "Log without the load")
 @_log_option("loaded", "Log with the load, fixed to the last link")
 @_log_option("wrench", "Instead of --with: log of the wrench of a sensor that carries the load")
-@click.option("--result", type=Folder(), metavar="DIR", help="Instead of --without: the robot's identified model.")
-@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
-@click.option("--gains", type=click.Path(path_type=Path), metavar="FILE", help="Gains from 'excite payload gains'.")
+@folder_option("--result", help="Instead of --without: the robot's identified model.")
+@folder_option("--out", required=True, help="Folder to write.")
+@file_option("--gains", help="Gains from 'excite payload gains'.")
 @settings_options(PayloadSettings)
 @settings_options(LoadFrame)
 @_robot_options
 @_log_options
 @click.option("--force", is_flag=True, help="Replace a payload that is already in DIR.")
-def identify(robot: str, out: Path, **given: Any) -> None:
+@runs("friction_payload_run:identify_and_write")
+def identify() -> None:
     """Estimate mass, centre and inertia of what ROBOT holds, and write them to DIR with 99 % intervals.
 
     ROBOT is a built-in name, a robot YAML, a URDF or an MJCF.
     """
-    from excite.cli.friction_payload_run import identify_and_write
-
-    if bool(given["loaded"]) == bool(given["wrench"]):
-        raise click.UsageError("give the logs of the motion with the load, as --with or as --wrench")
-    identify_and_write(robot, out, given)

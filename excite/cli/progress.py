@@ -7,7 +7,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from excite.design.sweeps.run_sweep import CellProgress
 
 
+_Steps = Callable[[int, int], None]  # of what is done, and of the total
 _MANY = 100  # starts above which a line comes before the first of them has ended
 _BETWEEN = 2.0  # seconds between two lines of a simulation
 _SILENCE = 2.0  # before the first line on repetitions [s]
@@ -51,21 +52,15 @@ def progress_of_starts(kept: KeptStarts) -> Iterator[Callable[[StartResult], Non
 @contextmanager
 def _bar(text: str, *, verb: str = "designing", remaining: bool = False, **first: Any) -> Iterator[Callable[..., None]]:
     """A bar on a terminal; what is yielded moves it."""
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+    from rich import progress
 
     from excite.cli.summary import console_of_progress
 
     something_is_shown()
-    left = (TextColumn("left"), TimeRemainingColumn()) if remaining else ()
-    columns = (TextColumn(verb), BarColumn(), MofNCompleteColumn(), TextColumn(text), TimeElapsedColumn(), *left)
-    with Progress(*columns, console=console_of_progress()) as bar:
+    count = (progress.TextColumn(verb), progress.BarColumn(), progress.MofNCompleteColumn(), progress.TextColumn(text))
+    left = (progress.TextColumn("left"), progress.TimeRemainingColumn()) if remaining else ()
+    columns = (*count, progress.TimeElapsedColumn(), *left)
+    with progress.Progress(*columns, console=console_of_progress()) as bar:
         yield partial(bar.update, bar.add_task("", **first))
 
 
@@ -124,7 +119,7 @@ def _lines_of_cells() -> Callable[[CellProgress], None]:
 
 
 @contextmanager
-def progress_of_repetitions(total: int) -> Iterator[Callable[[int, int], None]]:
+def progress_of_repetitions(total: int) -> Iterator[_Steps]:
     """Report finished repetitions, in lines not more often than every few seconds where there is no terminal."""
     if verbosity().quiet or not can_move(sys.stderr):
         yield _lines_of_repetitions()
@@ -133,7 +128,7 @@ def progress_of_repetitions(total: int) -> Iterator[Callable[[int, int], None]]:
             yield lambda done, _: update(completed=done)
 
 
-def _lines_of_repetitions() -> Callable[[int, int], None]:
+def _lines_of_repetitions() -> _Steps:
     began = time.monotonic()
     due = began + _SILENCE
 
@@ -150,7 +145,7 @@ def _lines_of_repetitions() -> Callable[[int, int], None]:
 
 
 @contextmanager
-def progress_of_samples(verb: str = "simulated") -> Iterator[Callable[[int, int], None]]:
+def progress_of_samples(verb: str = "simulated") -> Iterator[_Steps]:
     """Report the share of a simulation, or of other work, that is done, if it takes longer."""
     start = shown = time.monotonic()
     terminal, quiet = can_move(sys.stderr), verbosity().quiet
@@ -179,29 +174,31 @@ def progress_of_samples(verb: str = "simulated") -> Iterator[Callable[[int, int]
 def one_interrupt() -> Iterator[Interruption]:
     """Let the first signal in the block raise KeyboardInterrupt; a second one ends the process at once."""
     installed = current_interruption()
-    if installed is None:
-        with answered_signals() as own:
-            yield own
-        return
-    try:
-        yield installed
-    finally:
-        installed.heed()
+    with answered_signals() if installed is None else nullcontext(installed) as interruption:
+        try:
+            yield interruption
+        finally:
+            interruption.heed()
 
 
 @contextmanager
-def deferred_interrupt(message: str) -> Iterator[Callable[[], None]]:
-    """Defer a signal in the block to a safe point: compiled computations must not be interrupted."""
+def stoppable(progress: AbstractContextManager[_Steps], message: str) -> Iterator[_Steps]:
+    """Show progress, and defer a signal in the block to a step: compiled computations must not be interrupted."""
 
     def say() -> None:  # not through streams, which may be in the middle of a write
         with suppress(OSError):
             os.write(2, f"excite: {message}\n".encode())
 
-    with deferred_interruption(say) as answer:
-        yield answer
+    with deferred_interruption(say) as answer, progress as report:
+
+        def report_and_answer(done: int, total: int) -> None:
+            report(done, total)
+            if done < total:
+                answer()
+
+        yield report_and_answer
 
 
 def interrupted_status() -> int:
     """Exit status after a signal: 130 for Ctrl-C, 143 for SIGTERM, 129 for SIGHUP."""
-    installed = current_interruption()
-    return Interruption().status if installed is None else installed.status
+    return (current_interruption() or Interruption()).status

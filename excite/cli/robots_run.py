@@ -13,14 +13,15 @@ from rich.text import Text
 
 from constraints.linear import QUANTITIES, linear_limits
 from constraints.world_file import capsules_text, urdf_capsules
-from excite.cli.options import chosen_of, robot_file_of
+from excite.cli.options import task_of
 from excite.cli.streams import in_options, remark, verbosity
-from excite.cli.summary import console, print_table, show
+from excite.cli.summary import console, finite, print_table, show
 from excite.export.models.robot_yaml import write_robot
 from excite.information.nearly_unidentifiable import left_out_by_rounding
 from excite.information.target import left_to_right_base
+from excite.tasks.installation import Installation
+from excite.tasks.model_choice import ModelChoice
 from excite.tasks.robot_of_task import installed_robot
-from excite.tasks.task import PARTS, Task
 from excite.views.view import View
 from regressors.errors import InputError
 from regressors.models.base import Base
@@ -29,8 +30,8 @@ from regressors.robot.robot import Link, Robot
 
 def print_capsules(robot: str, given: Mapping[str, Any]) -> None:
     """Print the shape of a URDF as capsules of a world file."""
-    read = robot_file_of(given)
-    parts, left_out = urdf_capsules(robot, read["base_link"], read["tip"], snap_angles=read["snap_angles"])
+    snap_angles = given["snap_angles"] is not False
+    parts, left_out = urdf_capsules(robot, given["base_link"], given["tip"], snap_angles=snap_angles)
     if not parts:
         more = f" ({len(left_out) - 1} more like it)" if len(left_out) > 1 else ""
         raise InputError(f"{left_out[0][1]}{more}, and no other shape is left; put the meshes there")
@@ -44,15 +45,15 @@ def print_capsules(robot: str, given: Mapping[str, Any]) -> None:
 
 def show_robot(robot: str, out: Path | None, given: Mapping[str, Any]) -> None:
     """Print a robot, or write it."""
-    asked = {**chosen_of(PARTS["installation"], given), **chosen_of(PARTS["model"], given)}
-    task = Task(robot, **robot_file_of(given), **asked)
+    task = task_of(robot, given, Installation, ModelChoice)
     whole = installed_robot(task)
     if out is not None:
         write_robot(whole, out, replace=given["force"])
         show(View(whole.name, f"written: {out}"), content=lambda: {"out": str(out)})
         return
     motion, base = left_to_right_base(whole, task)
-    if verbosity().plain:
+    chosen = verbosity()
+    if not (chosen.quiet or chosen.verbose or chosen.as_json):
         _print(whole, motion.labels, base)
         return
     moving = ", ".join(motion.labels)
@@ -75,7 +76,7 @@ def _content(whole: Robot, moving: tuple[str, ...], base: Base) -> dict[str, Any
         "moving_joints": list(moving),
         "base": {
             "rank": base.rank,
-            "gap": base.gap if math.isfinite(base.gap) else None,
+            "gap": finite(base.gap),
             "columns": list(base.names),
             "expressions": list(base.expressions),
             "units": list(base.units),
@@ -89,8 +90,7 @@ def _print(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
     out.print(Text(whole.name, style="bold"), f": {whole.n} joint(s); {whole.source}", sep="", soft_wrap=True)
     out.print(f"description SHA-256 {whole.sha256()[:16]}..., gravity {whole.gravity.tolist()} m/s^2", soft_wrap=True)
     print_table("joints", ("number", "name", "kind", "link", "mass [kg]"), _bodies(whole))
-    limits = _limits(whole)
-    if limits:
+    if limits := _limits(whole):
         print_table("limits", ("coordinate", *QUANTITIES), limits)
     else:
         out.print("no limits are known")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,13 +24,13 @@ from excite.views.simulation_view import simulation_view
 from regressors.quantities import number_of
 
 
-def simulate_and_write(source: Path, out: Path, given: Mapping[str, Any]) -> None:
+def simulate_and_write(source: Path, out: Path, **given: Any) -> None:
     """Simulate a motion, write the logs, and end with the exit status."""
-    played = chosen_of(MotionSettings, given)
+    played = chosen_of(given, MotionSettings)
     if given["ways"] is not None:
         remark("excite: note: --ways and --no-ways are now --approach-and-return and its --no- form")
         played["approach_and_return"] = given["ways"]
-    settings = SimulationSettings(**chosen_of(SimulationSettings, given))  # refused before files are read
+    settings = SimulationSettings(**chosen_of(given, SimulationSettings))  # refused before files are read
     design = excite.load_design(source, given["parts"]) if given["parts"] else source
     trajectory, both = played.pop("trajectory", None), played.pop("approach_and_return")
     resolved = motion_source(design, trajectory, approach_and_return=both)

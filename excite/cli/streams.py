@@ -37,13 +37,9 @@ def open_streams() -> None:
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
-        _write_what_is_known(getattr(sys, name))
-
-
-def _write_what_is_known(stream: TextIO) -> None:
-    """Let a stream write a question mark for characters that its encoding lacks, as those of consoles of Windows do."""
-    if isinstance(stream, io.TextIOWrapper) and not (stream.encoding or "").lower().startswith("utf"):
-        stream.reconfigure(errors="replace")
+        stream = getattr(sys, name)
+        if isinstance(stream, io.TextIOWrapper) and not (stream.encoding or "").lower().startswith("utf"):
+            stream.reconfigure(errors="replace")  # a question mark for what its encoding lacks, as consoles of Windows
 
 
 def say(text: str) -> None:
@@ -92,9 +88,6 @@ def printed_warnings() -> Iterator[None]:
             logging.getLogger(name).setLevel(level)
 
 
-_KEY = "excite.verbosity"
-
-
 @dataclass
 class Verbosity:
     """What the command line asks to be printed."""
@@ -105,28 +98,19 @@ class Verbosity:
     # when the command line was read, on the clock `time.monotonic` [s]
     began: float = field(default_factory=time.monotonic)
 
-    @property
-    def plain(self) -> bool:
-        """True if none of the options is given."""
-        return not (self.quiet or self.verbose or self.as_json)
-
 
 def verbosity() -> Verbosity:
     """What the command at work prints."""
     ctx = click.get_current_context(silent=True)
-    return Verbosity() if ctx is None else _of(ctx)
-
-
-def _of(ctx: click.Context) -> Verbosity:
-    chosen: Verbosity = ctx.meta.setdefault(_KEY, Verbosity())
+    chosen: Verbosity = Verbosity() if ctx is None else ctx.meta.setdefault("excite.verbosity", Verbosity())
     return chosen
 
 
 def _choose(ctx: click.Context, param: click.Parameter, value: Any) -> None:
     """Note one option; a group's counts for its commands too."""
-    chosen, asked = _of(ctx), value == "json" if param.name == "form" else bool(value)
-    if not asked:
+    if value in (False, None, "text"):
         return
+    chosen = verbosity()
     setattr(chosen, "as_json" if param.name == "form" else str(param.name), True)
     if chosen.quiet and chosen.verbose:
         raise click.UsageError("--quiet and --verbose exclude each other", ctx)
@@ -148,13 +132,10 @@ def loudness_options() -> list[click.Option]:
 
 def form_options(taken: Iterable[str]) -> list[click.Option]:
     """``--json``, and its older spelling ``--format json`` where that name is free."""
-    options = [_flag(["--json", "as_json"], "Print the summary as one JSON document.")]
-    if "--format" not in taken:
-        kinds = click.Choice(["text", "json"])
-        options.append(
-            click.Option(["--format", "form"], type=kinds, hidden=True, expose_value=False, callback=_choose)
-        )
-    return options
+    kinds = click.Choice(["text", "json"])
+    older = click.Option(["--format", "form"], type=kinds, hidden=True, expose_value=False, callback=_choose)
+    json = _flag(["--json", "as_json"], "Print the summary as one JSON document.")
+    return [json] if "--format" in taken else [json, older]
 
 
 SECONDS = 1.5
@@ -168,7 +149,7 @@ class _Sign:
     def __init__(self, handle: int, *, moves: bool) -> None:
         self.handle, self.moves, self.what = handle, moves, "working"
         self.began = self.step_began = time.monotonic()
-        self.shown = self.drawn = self.left_out = self.quiet = False
+        self.shown = self.drawn = self.left_out = False
         self.lock, self.ended = threading.RLock(), threading.Event()
         self.watch = ForkSafeThread(target=self._watch, daemon=True)
 
@@ -183,7 +164,7 @@ class _Sign:
     def show(self) -> None:
         """Print the step at work; not through streams, which may be in the middle of a write."""
         with self.lock:
-            if self.ended.is_set() or self.left_out or self.quiet or (self.shown and not self.moves):
+            if self.ended.is_set() or self.left_out or (self.shown and not self.moves):
                 return
             self.shown = True
             self._print()
@@ -193,7 +174,7 @@ class _Sign:
         with self.lock:
             self.what, self.step_began, self.left_out = what, time.monotonic(), False
             self.shown = self.shown or time.monotonic() - self.began > SECONDS
-            if self.shown and not self.quiet:
+            if self.shown and not self.ended.is_set():
                 self._print()
 
     def _print(self) -> None:
@@ -239,7 +220,9 @@ def _line(what: str) -> str:
 @contextmanager
 def sign_of_life() -> Iterator[None]:
     """Say what the command in the block is doing, if it takes longer."""
-    handle = _handle()
+    handle: int | None = None
+    with suppress(AttributeError, OSError, ValueError):  # where stderr is no file
+        handle = sys.stderr.fileno()
     if handle is None:
         yield
         return
@@ -251,14 +234,6 @@ def sign_of_life() -> Iterator[None]:
     finally:
         sign.end()
         _signs.remove(sign)
-
-
-def _handle() -> int | None:
-    """Number of the file that stderr is; None where it is none."""
-    try:
-        return None if sys.stderr is None else sys.stderr.fileno()
-    except (AttributeError, OSError, ValueError):
-        return None
 
 
 def tell(what: str) -> None:
@@ -283,8 +258,7 @@ def clear_line() -> None:
 def be_quiet() -> None:
     """Print no step of this command."""
     for sign in _signs:
-        sign.quiet = True
-        sign.clear()
+        sign.end()
 
 
 _PLAIN = ("dumb", "unknown")
@@ -338,12 +312,7 @@ _COMMANDS: Mapping[str, str] = {
 
 
 def in_options(message: str) -> str:
-    """A message with every option and call in backticks in its command-line form, and nothing a terminal would obey.
-
-    An option `torque_margin` becomes ``--torque-margin``, one with a value, `drop='nan'`, ``--drop nan``, one that is
-    turned off, `approach_and_return=False`, ``--no-approach-and-return``, and a call, `plan_friction`,
-    ``'excite friction plan'``.
-    """
+    """A message with every option and call in backticks in its command-line form, and nothing a terminal would obey."""
     return re.sub(r"`(\w+)(?:=([^`]*))?`", _option, printable(" ".join(message.split("\n"))))
 
 

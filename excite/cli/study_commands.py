@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import click
 
-from excite.cli.command import Command
-from excite.cli.option_types import Folder, RobotName
+from excite.cli.command import command
+from excite.cli.lazy import runs
+from excite.cli.option_types import FILE, Folder, RobotName
 from excite.cli.options import (
-    check_not_typed,
     executor_options,
     figure_options,
+    file_option,
+    folder_option,
     mapping_option,
     own_parts,
     settings_options,
@@ -34,10 +33,8 @@ _OF_SIMULATE = {
 }  # fmt: skip
 
 
-@click.command(
-    cls=Command,
+@command(
     groups=_OF_SIMULATE,
-    name="simulate",
     epilog="""\b
 Examples:
   excite simulate designs/irp6 --out logs/clean.csv
@@ -87,40 +84,35 @@ than 1 % of their range, of velocities by more than 5 %. LOG.json says when torq
 limits.""",
 )
 @click.argument("source", type=Folder(), metavar="DIR|FILE")
-@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="LOG.csv", help="Log to write.")
+@file_option("--out", required=True, metavar="LOG.csv", help="Log to write.")
 @settings_options(MotionSettings)
 @click.option("--ways/--no-ways", default=None, hidden=True, help="Former name of --approach-and-return.")
 @settings_options(SimulationSettings)
 @own_parts
 @click.option("--force", is_flag=True, help="Replace logs that are already there.")
-def simulate(source: Path, out: Path, **given: Any) -> None:
+@runs("simulate_run:simulate_and_write")
+def simulate() -> None:
     """Simulate the robot of the design in DIR while it plays the motion, and write its measurements to LOG.csv.
 
     The robot's own inertial parameters move it (they must be in its file); its joints follow the motion under a
     controller, with friction, torque limits, and whatever noise is asked for. Joints that the design holds are rigid.
     FILE is one of a friction plan, such as friction/irp6/z1.csv; all joints of its robot can move.
     """
-    from excite.cli.simulate_run import simulate_and_write
-
-    simulate_and_write(source, out, given)
 
 
 _OF_SIMULATION = (
     "torque_noise", "encoder", "position_noise", "velocity_noise", "rate", "periods", "model_error", "breakaway",
     "seed", "coloured_noise", "noise_corner", "torque_gain", "friction_drift",
 )  # fmt: skip
-_OF_PREDICT = {
-    "Noise": ("torque_noise", "coloured_noise", "noise_corner", "encoder", "position_noise", "velocity_noise"),
-    "Experiment": ("rate", "periods", "model_error", "friction", "breakaway", "torque_gain", "friction_drift"),
-    "Identification": ("signals", "cutoff", "low_pass", "every", "estimator", "choose"),
-    "Prediction": ("count", "seed"),
-}
 
 
-@click.command(
-    cls=Command,
-    groups=_OF_PREDICT,
-    name="predict",
+@command(
+    groups={
+        "Noise": ("torque_noise", "coloured_noise", "noise_corner", "encoder", "position_noise", "velocity_noise"),
+        "Experiment": ("rate", "periods", "model_error", "friction", "breakaway", "torque_gain", "friction_drift"),
+        "Identification": ("signals", "cutoff", "low_pass", "every", "estimator", "choose"),
+        "Prediction": ("count", "seed"),
+    },
     epilog="""\b
 Examples:
   excite predict designs/irp6 --torque-noise 0.5
@@ -143,34 +135,27 @@ at a random phase in each sample.
 \b
 Repeats are taken to have the settings that are chosen for the simulated log. Written to DIR: accuracy.json.""",
 )
-@click.argument("folder", type=click.Path(path_type=Path), metavar="DIR")
+@click.argument("folder", type=FILE, metavar="DIR")
 @settings_options(SimulationSettings, only=_OF_SIMULATION, unset={"breakaway": "none"})
 @settings_options(MotionSettings, only=("friction",), help={"friction": "True friction curves."})
 @settings_options(Recipe, only=("signals", "cutoff", "low_pass", "every", "estimator"))
 @click.option("--choose/--no-choose", default=True, help="Choose what is not given, as 'excite identify' does.")
 @settings_options(Extents, only=("count",))
 @own_parts
-def predict(folder: Path, parts: tuple[str, ...], **options: Any) -> None:
+@runs("study_run:predict_and_write")
+def predict() -> None:
     """Predict how much the parameters of the design in DIR will scatter from repeat to repeat, and their bias.
 
     Give the noise of your robot's sensors; without any there is nothing to predict.
     """
-    from excite.cli.study_run import predict_and_write
-
-    predict_and_write(folder, parts, {name: value for name, value in options.items() if value is not None})
 
 
-_OF_STUDY = {
-    "Motions": ("designs", "trajectories", "mapping"),
-    "Estimates": ("below", "points", "estimator", "cutoff"),
-    "Simulation": ("repeats", "executor", "workers", "rate", "torque_noise", "encoder", "seed"),
-}
-
-
-@click.command(
-    cls=Command,
-    groups=_OF_STUDY,
-    name="study",
+@command(
+    groups={
+        "Motions": ("designs", "trajectories", "mapping"),
+        "Estimates": ("below", "points", "estimator", "cutoff"),
+        "Simulation": ("repeats", "executor", "workers", "rate", "torque_noise", "encoder", "seed"),
+    },
     epilog="""\b
 Examples:
   excite study irp6 --design designs/irp6 --design designs/short --repeats 30 --out studies/irp6
@@ -196,19 +181,15 @@ What is written to DIR:
   estimates_over_time.png    cond(W), the largest deviation, and every parameter over time""",
 )
 @click.argument("robot", type=RobotName(), metavar="ROBOT")
-@click.argument("logs", nargs=-1, type=click.Path(path_type=Path), metavar="[LOG...]")
-@click.option(
-    "--design", "designs", multiple=True, type=Folder(), metavar="DIR", help="Design to simulate; repeatable."
-)
-@click.option(
+@click.argument("logs", nargs=-1, type=FILE, metavar="[LOG...]")
+@folder_option("--design", "designs", multiple=True, help="Design to simulate; repeatable.")
+@file_option(
     "--trajectory",
     "trajectories",
     multiple=True,
-    type=click.Path(path_type=Path),
-    metavar="FILE",
     help="Another motion to simulate, laid out as trajectory.csv, for the parameters of the first design; repeatable.",
 )
-@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
+@folder_option("--out", required=True, help="Folder to write.")
 @settings_options(StudySettings)
 @executor_options(
     "Where repetitions run, with the same numbers; those of a study of less than 10 s stay in this process.",
@@ -224,14 +205,9 @@ What is written to DIR:
 @own_parts
 @figure_options()
 @click.option("--force", is_flag=True, help="Replace a study that is already there.")
-@click.pass_context
-def study(ctx: click.Context, /, robot: str, logs: tuple[Path, ...], out: Path, **given: Any) -> None:
+@runs("study_run:study_and_write")
+def study() -> None:
     """Follow the estimates of ROBOT's parameters over the growing time of every LOG, and of motions that it simulates.
 
     Each log is a motion of its own; logs that belong together are identified together by 'excite identify'.
     """
-    from excite.cli.study_run import study_and_write
-
-    if not given["repeats"]:
-        check_not_typed(ctx, ("executor", "workers"), "is for repetitions: give their number, --repeats N")
-    study_and_write(robot, logs, out, **given)

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 import shlex
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import excite
+from excite.cli.design_commands import OF_NEXT_MOTION
 from excite.cli.main import NOT_HELD
-from excite.cli.options import FigureChoice, chosen_of, robot_file_of
+from excite.cli.options import FigureChoice, check_not_typed, robot_file_of, task_of, typed_options
 from excite.cli.streams import remark, tell
-from excite.cli.summary import show
+from excite.cli.summary import finite, show
 from excite.design.design_folder import check_no_design, data_files
 from excite.design.start_results import StartResult
 from excite.design.task_file import read_task_file, task_from_options
@@ -22,8 +24,8 @@ from excite.optimality.sensitivity import sensitivity
 from excite.storage.records import json_of
 from excite.storage.result_folder import figure_names, result_folder
 from excite.study.time_study import FIGURE, check_free
-from excite.tasks.model_choice import FURTHER_FRICTION
-from excite.tasks.task import PARTS
+from excite.tasks.installation import Installation
+from excite.tasks.model_choice import FURTHER_FRICTION, ModelChoice
 from excite.views.campaign_view import campaign_view
 from excite.views.comparison_view import bound_view
 from excite.views.experiment_views import accuracy_view, next_motion_view, study_view
@@ -33,7 +35,6 @@ def study_and_write(
     robot: str,
     logs: Sequence[Path],
     out: Path,
-    *,
     designs: Sequence[Path],
     parts: tuple[str, ...],
     figures: FigureChoice,
@@ -41,6 +42,8 @@ def study_and_write(
     **given: Any,
 ) -> None:
     """Follow the estimates of logs and designs over time, and write them."""
+    if not given["repeats"]:
+        check_not_typed(("executor", "workers"), "is for repetitions: give their number, --repeats N")
     simulation = {name: given.pop(name) for name in ("rate", "encoder", "torque_noise", "seed")}
     with result_folder(out):
         check_free(out, figure_names([FIGURE], figures.formats), replace=force)
@@ -56,27 +59,28 @@ def study_and_write(
     show(study_view(study), files, content=lambda: json_of(study), all_in="study.json")
 
 
-def predict_and_write(folder: Path, parts: tuple[str, ...], given: Mapping[str, Any]) -> None:
+def predict_and_write(folder: Path, parts: tuple[str, ...], **given: Any) -> None:
     """Predict what repeats of an experiment will show, and write it beside the design."""
     design = excite.load_design(folder, parts)
-    prediction = excite.predict_accuracy(design, progress=tell, **given)
+    asked = {name: value for name, value in given.items() if value is not None}
+    prediction = excite.predict_accuracy(design, progress=tell, **asked)
     files = prediction.save(_place(folder))
     show(accuracy_view(prediction), files, content=lambda: json_of(prediction), all_in=files[0].name)
 
 
-def bound_and_write(folder: Path, wanted: tuple[str, ...], seed: int, parts: tuple[str, ...], *, force: bool) -> None:
+def bound_and_write(folder: Path, criteria: tuple[str, ...], seed: int, parts: tuple[str, ...], force: bool) -> None:
     """Bound the criteria of a design, or read what was computed of the same problem before."""
     design = excite.load_design(folder, parts)
     known = None if force else stored_bound(design)
     files: list[Path] = []
-    if known is not None and {each.name for each in known.criteria} >= set(wanted):
+    if known is not None and {each.name for each in known.criteria} >= set(criteria):
         result = known
         if known.sensitivity is None:
             result = replace(known, sensitivity=sensitivity(design, tell))
             files = result.save(_place(folder))
     else:
-        result = excite.bound(design, wanted, seed=seed, progress=tell)
-        others = () if known is None else (each for each in known.criteria if each.name not in wanted)
+        result = excite.bound(design, criteria, seed=seed, progress=tell)
+        others = () if known is None else (each for each in known.criteria if each.name not in criteria)
         result = replace(result, criteria=(*result.criteria, *others))
         files = result.save(_place(folder))
     view = bound_view(result)
@@ -90,12 +94,24 @@ def _place(folder: Path) -> Path:
     return folder.parent if folder.suffix == ".json" else folder
 
 
-def plan_campaign(robot: str, given: Mapping[str, Any]) -> None:
+def plan_from_options(robot: str, **given: Any) -> None:
+    """Propose a campaign, or with a precision the next motion; end with the exit status."""
+    if given["precision"] is None:
+        check_not_typed(OF_NEXT_MOTION, "is for the next motion towards a precision; give --precision too")
+        _plan_campaign(robot, given)
+    else:
+        filed = read_task_file(given["task_file"]) if given["task_file"] else {}
+        typed = {**typed_options(), **robot_file_of(given), "robot": robot}
+        at_period = {"scale": "precision"} if "period" in typed else {}  # not at the shortest
+        task = task_from_options({"model": "differential", **filed, **typed, **at_period})
+        sys.exit(plan_next_motion(task, given["of"], given["out"], force=given["force"]))
+
+
+def _plan_campaign(robot: str, given: Mapping[str, Any]) -> None:
     """Propose the motions that identify every parameter."""
     curves = given["friction_curves"]
-    asked = {**chosen_of(PARTS["installation"], given), **chosen_of(PARTS["model"], given)}
-    asked["friction_curves"] = None if curves is None else excite.read_friction(Path(curves))
-    task = excite.Task(robot, **robot_file_of(given), **asked)
+    known = None if curves is None else excite.read_friction(Path(curves))
+    task = task_of(robot, given, Installation, ModelChoice, friction_curves=known)
     tell("finding the parameters that each selection of drives identifies")
     campaign = excite.plan_campaign(task, given["at_once"])
     drives = ",".join(campaign.steps[0].drives)
@@ -127,13 +143,6 @@ def _design_command(task: excite.Task, curves: str | None) -> str:
 def _drives(chosen: bool | tuple[str, ...]) -> str | None:
     """Drives as they are typed, such as ``1,3``."""
     return ("all" if chosen else None) if isinstance(chosen, bool) else ",".join(chosen)
-
-
-def next_motion_task(robot: str, typed: Mapping[str, Any], task_file: Path | None) -> excite.Task:
-    """The task of a file and of options, which win over it."""
-    filed = read_task_file(task_file) if task_file else {}
-    at_period = {"scale": "precision"} if "period" in typed else {}  # not at the shortest
-    return task_from_options({"model": "differential", **filed, **typed, **at_period, "robot": robot})
 
 
 def plan_next_motion(task: excite.Task, of: str, out: Path | None, *, force: bool) -> int:
@@ -171,7 +180,8 @@ def _content(step: excite.NextMotion, out: Path | None) -> dict[str, Any]:
         "enough": step.enough,
         "planned": list(step.planned),
         "parameters": [
-            {name: _finite(value) for name, value in vars(parameter).items()} | {"enough": parameter.enough}
+            {name: finite(value) if isinstance(value, float) else value for name, value in vars(parameter).items()}
+            | {"enough": parameter.enough}
             for parameter in step.parameters
         ],
         "next": None
@@ -182,7 +192,3 @@ def _content(step: excite.NextMotion, out: Path | None) -> dict[str, Any]:
             **{name: value for name, value in json_of(forecast).items() if name != "parameters"},
         },
     }
-
-
-def _finite(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value

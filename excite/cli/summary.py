@@ -104,9 +104,8 @@ def _rendered(fact: str | Table, out: LiteralConsole, width: int) -> list[str]:
 
 
 def _wrapped(text: str, width: int, indent: str) -> list[str]:
-    return wrap(in_options(text), width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False) or [
-        ""
-    ]
+    lines = wrap(in_options(text), width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    return lines or [""]
 
 
 def _notes_that_fit(remarks: Sequence[str], all_in: str | None, lines: int, width: int) -> list[list[str]]:
@@ -184,6 +183,11 @@ def _text(column: Column, value: Any, digits: int = _WHOLE) -> str:
     if value is None or not math.isfinite(value):
         return column.missing or "-"
     return f"{value:.{digits}g}" if column.format is Format.NUMBER else percent(value, 3)
+
+
+def finite(value: float | None) -> float | None:
+    """A number as JSON holds it: None where it is not finite."""
+    return None if value is None or not math.isfinite(value) else value
 
 
 def print_verdict(view: View) -> None:

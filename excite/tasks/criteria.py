@@ -108,9 +108,7 @@ class SpectralCriterion(Criterion):
         return smooth, G, self.value(M) if value is None else value
 
     def _decomposed(self, M: Array, sharpness: float) -> tuple[float, Array, Array]:
-        return self._composed(*np.linalg.eigh(M), sharpness)
-
-    def _composed(self, eigenvalues: Array, V: Array, sharpness: float) -> tuple[float, Array, Array]:
+        eigenvalues, V = np.linalg.eigh(M)
         value, slope = self.spectral(np.maximum(eigenvalues, _FLOOR), sharpness)
         return value, np.asarray((V * slope) @ V.T), eigenvalues
 
@@ -257,9 +255,6 @@ class MaxDeviation(Criterion):
         return value, np.asarray(-0.5 * (C * scipy.special.softmax(powers)) @ C.T)
 
 
-_LEAST = 1e-300
-
-
 @dataclass(frozen=True, eq=False)
 class TorqueCriterion(Criterion):
     """A function of the variances of predicted torques.
@@ -296,11 +291,11 @@ class TorqueCriterion(Criterion):
     def smooth(self, M: Array, sharpness: float) -> tuple[float, Array]:
         """``G = -(1/2) sum_k (w_k / v_k) c_k c_k'`` with ``c_k = M^-1 y_k'`` and the shares w of `of_variances`."""
         eigenvalues, V = scipy.linalg.eigh(M, check_finite=False, driver="evd")
-        half = V / np.sqrt(np.maximum(eigenvalues, _LEAST))  # M^-1 = half half'
+        half = V / np.sqrt(np.maximum(eigenvalues, _FLOOR))  # M^-1 = half half'
         scaled = half.T if self.rows is None else half.T @ self.rows.T
         deviation = np.linalg.norm(scaled, axis=0)
         value, share = self.of_variances(deviation**2, sharpness)
-        C = half @ (scaled * (np.sqrt(share) / np.maximum(deviation, _LEAST)))
+        C = half @ (scaled * (np.sqrt(share) / np.maximum(deviation, _FLOOR)))
         return value, np.asarray(-0.5 * C @ C.T)
 
     def _variances(self, M: Array) -> Array | None:
@@ -345,5 +340,5 @@ class MaxTorqueDeviation(TorqueCriterion):
 
     def of_variances(self, variances: Array, sharpness: float) -> tuple[float, Array]:
         """The approximation of the class."""
-        powers = sharpness * np.log(np.maximum(variances, _LEAST))
+        powers = sharpness * np.log(np.maximum(variances, _FLOOR))
         return float(scipy.special.logsumexp(powers)) / (2 * sharpness), np.asarray(scipy.special.softmax(powers))

@@ -19,10 +19,7 @@ class MotionSettings:
         None, "file", "Play this file, laid out as trajectory.csv, instead of the design's motion.", metavar="FILE"
     )
     approach_and_return: bool = option(
-        True,
-        "flag",
-        "Also play the approach from home and the return, if the design has them.",
-        flag="approach-and-return/no-approach-and-return",
+        True, "flag", "Also play the approach from home and the return, if the design has them."
     )
     beyond_limits: bool = option(False, "flag", "Play a motion that breaks a limit, which is refused otherwise.")
     friction: str | None = essential(None, "file", "Friction curves.", metavar="FILE", unset="the robot's file")
@@ -45,7 +42,7 @@ class BoundSettings:
         choices=("condition", "logdet", "sigma-min"),
         flag="criterion",
     )
-    seed: int = essential(0, "integer", "Seed of the search for states.", metavar="N")
+    seed: int = essential(0, "integer", "Seed of the search for states.")
 
 
 @dataclass(frozen=True)
@@ -65,7 +62,7 @@ class FrictionPoses:
         metavar="T,...",
         unset="1.5 times the friction in the robot's file, at most half of the torque limit",
     )
-    seed: int = option(0, "integer", "Seed of the random poses that are tried.", metavar="N")
+    seed: int = option(0, "integer", "Seed of the random poses that are tried.")
 
 
 @dataclass(frozen=True)
@@ -107,9 +104,9 @@ class PayloadMotionSettings:
         "What measures: the joints' torques, or a force/torque sensor that carries the load.",
         choices=("torque", "wrench"),
     )
-    period: float = essential(5.0, "number", "Duration of the motion.", metavar="S")
-    harmonics: int = essential(3, "integer", "Harmonics of its Fourier series.", metavar="N")
-    starts: int = essential(1, "integer", "Random starts; the best one is taken.", metavar="N")
+    period: float = essential(5.0, "number", "Duration of the motion.")
+    harmonics: int = essential(3, "integer", "Harmonics of its Fourier series.")
+    starts: int = essential(1, "integer", "Random starts; the best one is taken.")
 
 
 @dataclass(frozen=True)
@@ -165,9 +162,9 @@ class EnsembleSettings:
     """Settings of `excite.export_ensemble`."""
 
     samples: int | None = essential(
-        None, "integer", "Write an ensemble: N possible robots that the data of a result allow.", metavar="N"
+        None, "integer", "Write an ensemble: N possible robots that the data of a result allow."
     )
-    seed: int = essential(0, "integer", "Seed of the ensemble.", metavar="N", unset="0")
+    seed: int = essential(0, "integer", "Seed of the ensemble.", unset="0")
     level: float = essential(0.99, "number", "Share of the posterior within the ranges.", metavar="SHARE", unset="0.99")
     prior: float = essential(
         0.3,
@@ -191,15 +188,15 @@ class RepeatSettings:
     """Settings of the repetitions of an identification."""
 
     each: bool = option(False, "flag", "Of several logs: the estimate of each alone too, beside their scatter.")
-    repeat: int = essential(0, "integer", "Repeat the experiment N times in simulation.", metavar="N")
-    seed: int = option(0, "integer", "Seed of the repetitions.", metavar="N")
+    repeat: int = essential(0, "integer", "Repeat the experiment N times in simulation.")
+    seed: int = option(0, "integer", "Seed of the repetitions.")
 
 
 @dataclass(frozen=True)
 class StudySettings:
     """Settings of `excite.study_over_time`."""
 
-    repeats: int = essential(0, "integer", "Measure each run N times, such as 30.", metavar="N")
+    repeats: int = essential(0, "integer", "Measure each run N times, such as 30.")
     below: float = essential(0.05, "percent", "Deviation that parameters are to fall below.", metavar="%")
     points: int = essential(100, "integer", "Number of instants.", metavar="K")
     estimator: str = essential("weighted", "name", "How to estimate.", choices=("weighted", "least-squares"))
@@ -210,7 +207,7 @@ class Extents:
     """How much of an experiment `excite.predict_accuracy` and `excite.verify` look at."""
 
     count: int = essential(400, "integer", "Samples of the noise.", metavar="K")
-    horizon: float = essential(0.5, "number", "Time after which the simulated motion restarts.", metavar="S")
+    horizon: float = essential(0.5, "number", "Time after which the simulated motion restarts.")
 
 
 @dataclass(frozen=True)
@@ -218,7 +215,5 @@ class CampaignSettings:
     """Settings of `excite.plan_campaign`, and of `excite.next_motion`."""
 
     model: str = essential("energy", "name", "Model whose equations identify the parameters.", choices=MODELS)
-    at_once: int | None = essential(
-        None, "integer", "Largest number of drives that move at the same time.", metavar="N", unset="2"
-    )
+    at_once: int | None = essential(None, "integer", "Largest number of drives that move at the same time.", unset="2")
     of: str = essential("measured", "name", "Values that a precision is a share of.", choices=("measured", "described"))

@@ -62,8 +62,9 @@ class Installation:
         strict(self)
         if self.gravity is not None and self.mount is not None:
             raise InputError("`gravity` and `mount` both set the direction of gravity; give one of them")
-        if self.gravity is not None and (len(self.gravity) != 3):
-            raise InputError(f"gravity needs three finite numbers, given {_shown(self.gravity)}")
+        if self.gravity is not None and len(self.gravity) != 3:
+            given = ", ".join(f"{x:g}" for x in self.gravity)
+            raise InputError(f"gravity needs three finite numbers, given {given}")
         if isinstance(self.payload, str | tuple):
             from excite.tasks.payload import checked_payload
 
@@ -96,7 +97,3 @@ class Installation:
         if isinstance(self.payload, UnopenedFile):
             raise self.payload.missing()
         return installed(robot, self.gravity, self.mount, self.payload)
-
-
-def _shown(numbers: tuple[float, ...]) -> str:
-    return ", ".join(f"{x:g}" for x in numbers)

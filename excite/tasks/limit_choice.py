@@ -72,11 +72,7 @@ class LimitChoice:
         None, "ranges", "Position limits per joint.", metavar="L:U,...", flag="position-limit"
     )
     velocity: tuple[float, ...] | None = essential(
-        None,
-        "numbers",
-        "Velocity limits; one for all joints, or one each.",
-        metavar="V,...",
-        flag="velocity-limit",
+        None, "numbers", "Velocity limits; one for all joints, or one each.", metavar="V,...", flag="velocity-limit"
     )
     acceleration: tuple[float, ...] | None = essential(
         None, "numbers", "Acceleration limits.", metavar="A,...", flag="acceleration-limit"
@@ -114,10 +110,7 @@ class LimitChoice:
         None, "file", "Shape of the robot and obstacles, to avoid collisions; see below.", metavar="FILE"
     )
     self_collision: bool = option(
-        True,
-        "flag",
-        "Keep the links of a URDF with shapes from touching each other, where no world file is given.",
-        flag="self-collision/no-self-collision",
+        True, "flag", "Keep the links of a URDF with shapes from touching each other, where no world file is given."
     )
     constraints: tuple[Limit | str, ...] = option(
         (), "names", "Further limits: torque, or module:Name; repeatable.", metavar="NAME", flag="constraint"

@@ -97,18 +97,14 @@ class ModelChoice:
         "differential", "name", "Equations that identify the parameters.", part="model"
     )
     window: str = option("short", "name", "Time windows of energy and load-integral.", choices=WINDOWS)
-    window_length: float = option(0.005, "number", "Length of the short windows.", metavar="S")
+    window_length: float = option(0.005, "number", "Length of the short windows.")
     sensor: str | None = option(
         None, "text", "Link with the force/torque sensor (load models).", metavar="LINK", unset="the last"
     )
     sensor_xyz: Triple = option((0.0, 0.0, 0.0), "triple", "Sensor's origin in that link's frame.", metavar="X,Y,Z")
     sensor_rpy: Triple = option((0.0, 0.0, 0.0), "triple", "Sensor's axes: roll, pitch, yaw.", metavar="R,P,Y")
     equations: tuple[str, ...] | None = option(
-        None,
-        "names",
-        "Equations to use: components of the wrench, or torques of joints.",
-        unset="all",
-        metavar="fx,nz",
+        None, "names", "Equations to use: components of the wrench, or torques of joints.", unset="all", metavar="fx,nz"
     )
     friction: DriveChoice = essential(
         True,
@@ -116,9 +112,7 @@ class ModelChoice:
         "Coulomb and viscous friction as parameters; of the drives without a friction curve.",
         flag="friction/no-friction",
     )
-    rotor: bool = option(
-        True, "flag", "Rotor inertias as parameters, where the robot's file has them.", flag="rotor/no-rotor"
-    )
+    rotor: bool = option(True, "flag", "Rotor inertias as parameters, where the robot's file has them.")
     joint_rotors: bool = option(False, "flag", "A rotor inertia per joint, also where the robot's file has none.")
     reflected_rotors: bool = option(
         True,
@@ -127,38 +121,23 @@ class ModelChoice:
         flag="reflected-rotors/motor-side-rotors",
     )
     offset: DriveChoice = option(
-        False,
-        "drives",
-        "A constant friction offset per drive without a curve as a parameter.",
-        flag="offset/no-offset",
+        False, "drives", "A constant friction offset per drive without a curve as a parameter.", flag="offset/no-offset"
     )
     load_share: DriveChoice = option(
-        False,
-        "drives",
-        "A share of the torque that a drive carries as friction [Nm/Nm]: of all drives, none, or these.",
-        metavar="all|1,3",
-        late=True,
+        False, "drives", "A share of the torque that a drive carries as friction [Nm/Nm]", late=True
     )
     root_friction: DriveChoice = option(
-        False,
-        "drives",
-        "Friction that grows with the root of the speed [Nm (s/rad)^0.5]: of all drives, none, or these.",
-        metavar="all|1,3",
-        late=True,
+        False, "drives", "Friction that grows with the root of the speed [Nm (s/rad)^0.5]", late=True
     )
     asymmetric_friction: DriveChoice = option(
         False,
         "drives",
-        "Half the difference of viscous friction between directions [Nm s/rad]: of all drives, none, or these.",
+        "Half the difference of viscous friction between directions [Nm s/rad]",
         metavar="all|1,3",
         late=True,
     )
     stribeck: DriveChoice = option(
-        False,
-        "drives",
-        "Friction beyond Coulomb's near standstill, F exp(-(v/V)^2) [Nm]: of all drives, none, or these.",
-        metavar="all|1,3",
-        late=True,
+        False, "drives", "Friction beyond Coulomb's near standstill, F exp(-(v/V)^2) [Nm]", late=True
     )
     stribeck_speed: float = option(
         0.1, "number", "Speed at which that friction has fallen to 1/e.", metavar="V", late=True

@@ -131,11 +131,7 @@ class Objective:
         late=True,
     )
     plausible_robots: int | None = option(
-        None,
-        "integer",
-        "The worst of this many robots drawn from the prior counts; see below.",
-        metavar="N",
-        late=True,
+        None, "integer", "The worst of this many robots drawn from the prior counts; see below.", late=True
     )
     nearly_unidentifiable: str = option(
         "drop-rounding",
@@ -150,9 +146,7 @@ class Objective:
         metavar="P%|FILE",
         late=True,
     )
-    max_time: float = option(
-        600.0, "number", "Robot time beyond which a precision is out of reach.", metavar="S", late=True
-    )
+    max_time: float = option(600.0, "number", "Robot time beyond which a precision is out of reach.", late=True)
 
     def __post_init__(self) -> None:
         strict(self)

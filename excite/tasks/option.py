@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral, Real
 from pathlib import Path
@@ -38,11 +38,12 @@ class Option:
     """Description of one field of settings, in addition to its type and default."""
 
     kind: Kind  # kind of values that it accepts
-    help: str  # one sentence, without the unit, which is that of the quantity
-    metavar: str | None = None  # placeholder of its value in the help
+    help: str  # one sentence, without the unit, which is that of the quantity, and without the drives to choose from
+    metavar: str | None = None  # placeholder of its value in the help, if it is not that of the kind or the unit
     part: str | None = None  # kind of parts in the registry: the option accepts their names, or objects
     choices: tuple[str, ...] = ()  # all values that it accepts, where these are few
-    # name on the command line, if it is not the field's; after a slash, the name that turns a flag off
+    # name on the command line, if it is not the field's; after a slash, the name that turns a flag off, if it is not
+    # no- and the name for one that is on by default
     flag: str | None = None
     hidden: bool = False  # not on the command line
     late: bool = False  # in stored tasks only where it is not the default: the option is younger than their schema
@@ -59,7 +60,9 @@ class Option:
         return QUANTITIES[quantity].unit if self.kind in NUMERIC and quantity in QUANTITIES else ""
 
     def described(self, name: str) -> str:
-        """The sentence, with the unit at the end of its first clause."""
+        """The sentence, with the unit at the end of its first clause, or with the drives that can be chosen."""
+        if self.kind == "drives" and self.flag is None:
+            return f"{self.help}: of all drives, none, or these."
         if not (unit := self.unit(name)):
             return self.help
         return re.sub(r"(?=; |\. |\.$)", f" [{unit}]", self.help, count=1)
@@ -83,9 +86,6 @@ def options_of(part: type) -> Iterator[tuple[dataclasses.Field[Any], Option]]:
     for field in dataclasses.fields(part):
         if _KEY in field.metadata:
             yield field, field.metadata[_KEY]
-
-
-Check = Callable[[Any], None]
 
 
 MOUNTS: dict[str, tuple[float, float, float]] = {  # roll, pitch and yaw of the base [rad]
@@ -156,9 +156,7 @@ def _sequence(value: Any) -> Sequence[Any]:
 
 
 def _numbers(value: object) -> tuple[float, ...]:
-    if isinstance(value, Real):
-        return (_number(value),)
-    return tuple(_number(x) for x in _sequence(value))
+    return (_number(value),) if isinstance(value, Real) else _triple(value)
 
 
 def _ranges(value: object) -> tuple[tuple[float, float], ...]:
@@ -211,14 +209,10 @@ def _drives(value: object) -> object:
 def _parameters(value: object) -> dict[str, float]:
     if not isinstance(value, Mapping) or not all(isinstance(name, str) for name in value):
         raise _Unfit
-    return {name: _finite(number) for name, number in value.items()}
-
-
-def _finite(value: object) -> float:
-    number = _number(value)
-    if not math.isfinite(number):
+    numbers = {name: _number(number) for name, number in value.items()}
+    if not all(map(math.isfinite, numbers.values())):
         raise _Unfit
-    return number
+    return numbers
 
 
 def _any(value: object) -> object:
@@ -236,12 +230,8 @@ def _folders(value: object) -> tuple[object, ...]:
     return tuple(str(each) if isinstance(each, Path) else each for each in folders)
 
 
-def _margin(value: object) -> float | str:
-    return value if isinstance(value, str) and value in MARGINS else _number(value)
-
-
-def _count(value: object) -> int | str:
-    return value if isinstance(value, str) and value in COUNTS else _integer(value)
+def _or_word(words: Container[str], convert: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    return lambda value: value if isinstance(value, str) and value in words else convert(value)
 
 
 def _mount(value: object) -> str | tuple[float, ...]:
@@ -301,8 +291,8 @@ _KINDS: dict[Kind, tuple[Callable[[Any], Any], str]] = {  # conversion, and what
     "text": (_name, "a name"),
     "file": (_any, "the name of a file, or its content"),
     "prior": (_prior, "a relative uncertainty, or parameters with value and deviation"),
-    "margin": (_margin, f"a number, {' or '.join(MARGINS)}"),
-    "count": (_count, f"a whole number, or {AUTO}"),
+    "margin": (_or_word(MARGINS, _number), f"a number, {' or '.join(MARGINS)}"),
+    "count": (_or_word(COUNTS, _integer), f"a whole number, or {AUTO}"),
     "mount": (_mount, f"{', '.join(MOUNTS)}, or roll, pitch and yaw"),
     "payload": (_payload, "a list of numbers, or the name of a file"),
     "drives": (_drives, "all, none, or names or numbers of drives"),

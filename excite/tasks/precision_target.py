@@ -109,16 +109,9 @@ class PrecisionTarget:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON; a target is made of these entries again."""
-        torques = self.torques
-        return {
-            "share": self.share,
-            "parameters": dict(self.parameters),
-            "groups": dict(self.groups),
-            "scales": dict(self.scales),
-            "torques": None if torques is None else {"share": torques.share, "motion": torques.motion.to_dict()},
-            "level": self.level,
-            "probability": self.probability,
-        }
+        torques = self.torques and {"share": self.torques.share, "motion": self.torques.motion.to_dict()}
+        entries = {name: dict(value) if isinstance(value, Mapping) else value for name, value in vars(self).items()}
+        return {**entries, "torques": torques}
 
 
 def _groups() -> tuple[str, ...]:

@@ -96,28 +96,14 @@ class SampledMotion:
 
 @dataclass(frozen=True, eq=False)
 class MotionSource:
-    """A motion and its origin.
+    """A motion and its origin."""
 
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-        Gives the moving joints.
-    motion : Reference
-    ramps : GivenTorque or None
-    file : Path or None
-        File of the motion, where it is not the design's own.
-    origin : mapping
-        Design or friction plan, for the sidecar of a log.
-    """
-
-    robot: Robot
-    task: Task
+    robot: Robot  # the whole robot
+    task: Task  # gives the moving joints
     motion: Reference
     ramps: GivenTorque | None
-    file: Path | None
-    origin: Mapping[str, Any]
+    file: Path | None  # of the motion, where it is not the design's own
+    origin: Mapping[str, Any]  # design or friction plan, for the sidecar of a log
 
     @property
     def planned(self) -> bool:
@@ -128,7 +114,7 @@ class MotionSource:
 _INSTANTS = 4000  # at which torques are looked at, whose extrema have no formula
 _BETWEEN = 4  # parts of the step between two samples of a file
 _AT_ONCE = 20_000
-_ROUNDING = 1e-9  # of a limit that a motion may touch
+_ROUNDING = 1e-9  # of a limit that a motion may touch, and s by which an instant may precede its sample
 _INTERPOLATED = 1e-3  # the same of samples
 
 
@@ -222,9 +208,6 @@ def _instants(source: MotionSource, parts: int) -> Iterator[Array]:
         instants = np.linspace(0.0, source.motion.duration, _INSTANTS + 1)
     for first in range(0, instants.size, _AT_ONCE):
         yield instants[first : first + _AT_ONCE]
-
-
-_ROUNDING = 1e-9  # s, by which an instant may precede its sample
 
 
 @dataclass(frozen=True, eq=False)

@@ -91,11 +91,7 @@ def check_robot(robot: Robot, task: Task) -> None:
 
 
 def moving_robot(robot: Robot, task: Task) -> Robot:
-    """The robot that the task's model is written for: its limits, and links behind locked joints merged.
-
-    Where the robot's description names its parameters for a set of joints that includes the selected ones, that form is
-    kept, and the other joints of the set are held (see `motion_of`).
-    """
+    """The robot that the task's model is written for: its limits, and links behind locked joints merged."""
     robot = task.limits.applied(robot)
     if isinstance(task.model.friction_curves, FrictionCurves):
         task.model.friction_curves.check(robot)
@@ -108,6 +104,7 @@ def moving_robot(robot: Robot, task: Task) -> Robot:
     if task.model.joints is None:
         return with_locked_joints(robot, [robot.joint_index(name) for name in (*forms, robot.joint_names)[0]])
     wanted = [robot.joint_index(name) for name in task.model.joints]
+    # the form is kept that names the parameters of these joints and others, which are then held (see `motion_of`)
     names = {robot.joint_names[k] for k in wanted}
     form = next((form for form in forms if names <= set(form)), None)
     return with_locked_joints(robot, wanted if form is None else [robot.joint_index(name) for name in form])

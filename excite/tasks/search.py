@@ -54,22 +54,16 @@ class Search:
         "integer",
         "Random starts; nothing else, and the best one is taken.",
         unset="as many as pay, and combinations of them",
-        metavar="N",
     )
     rounds: int | None = option(
         None,
         "integer",
         "Rounds that combine the best motions after the random starts.",
         unset="as many as pay; 0 with starts",
-        metavar="N",
         late=True,
     )
-    budget: float | None = option(
-        None, "number", "Processor time after which no further round begins.", metavar="S", late=True
-    )
-    seed: int = essential(
-        0, "integer", "Seed of the starts; the same seed on the same machine gives the same motion.", metavar="N"
-    )
+    budget: float | None = option(None, "number", "Processor time after which no further round begins.", late=True)
+    seed: int = essential(0, "integer", "Seed of the starts; the same seed on the same machine gives the same motion.")
     start: tuple[str, ...] = option(
         ("random",),
         "names",
@@ -79,7 +73,7 @@ class Search:
     begin: Any = option(None, "text", "Start the search from the motion of this design, of any family.", metavar="DIR")
     solver: Any = option("sqp", "name", "sqp is fast; ipopt is a cross-check.", part="solver")
     executor: str | Executor = option("process", "name", "Where the starts run.", part="executor")
-    workers: int | None = option(None, "integer", "Number of processes.", metavar="N", unset="one per core")
+    workers: int | None = option(None, "integer", "Number of processes.", unset="one per core")
 
     def __post_init__(self) -> None:
         strict(self)
@@ -134,14 +128,14 @@ class Output:
         Invalid numbers, or via poses without a home.
     """
 
-    rate: float = essential(100.0, "number", "Samples per second of the file.", metavar="HZ")
+    rate: float = essential(100.0, "number", "Samples per second of the file.")
     home: tuple[float, ...] | Literal["robot"] | None = option(
         None, "pose", "Home pose, before and after the motion; robot: that of its file.", metavar="Q,..."
     )
     via: tuple[tuple[float, ...], ...] = option(
         (), "poses", "Waypoint between home and the motion; repeatable.", metavar="Q,..."
     )
-    settle: float = option(1.0, "number", "Rest before and after the exciting motion.", metavar="S")
+    settle: float = option(1.0, "number", "Rest before and after the exciting motion.")
     speed: tuple[float, ...] = option(
         (), "numbers", "Write slower rehearsals too: 0.1 for a tenth of speed.", metavar="V,..."
     )

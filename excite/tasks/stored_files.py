@@ -23,16 +23,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class UnopenedFile:
-    """A file that a result names without its content.
+    """A file that a result names without its content."""
 
-    Parameters
-    ----------
-    option : str
-        Such as ``world``.
-    name : str
-    """
-
-    option: str
+    option: str  # such as ``world``
     name: str
 
     def missing(self) -> InputError:
@@ -49,21 +42,11 @@ class UnopenedFile:
 
 @dataclass(frozen=True, eq=False)
 class StoredRobot:
-    """A robot whose file a result names, with the description and the shape that the result holds.
+    """A robot whose file a result names, with the description and the shape that the result holds."""
 
-    Parameters
-    ----------
-    name : str
-        Of its file.
-    robot : Robot
-        The whole robot, as mounted and as equipped.
-    shape : World, optional
-        For the check of self-collision.
-    """
-
-    name: str
-    robot: Robot
-    shape: World | None = None
+    name: str  # of its file
+    robot: Robot  # the whole robot, as mounted and as equipped
+    shape: World | None = None  # for the check of self-collision
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,7 +43,7 @@ class TrajectoryChoice:
     """
 
     trajectory: str | Family = essential("fourier", "name", "Family of motions; see below.", part="trajectory")
-    period: float = essential(10.0, "number", "Duration of the motion.", metavar="S")
+    period: float = essential(10.0, "number", "Duration of the motion.")
     harmonics: int | str = essential(
         FEWEST,
         "count",
@@ -51,14 +51,10 @@ class TrajectoryChoice:
         metavar="N|auto",
     )
     bandwidth: float | None = option(
-        None,
-        "number",
-        "Highest frequency that the controller follows, which bounds automatic harmonics.",
-        metavar="HZ",
-        late=True,
+        None, "number", "Highest frequency that the controller follows, which bounds automatic harmonics.", late=True
     )
-    intervals: int = option(15, "integer", "Intervals of B-splines or between waypoints.", metavar="N")
-    order: int = option(6, "integer", "Order of the B-splines: 4 (cubic), 5 or 6 (quintic).", metavar="N")
+    intervals: int = option(15, "integer", "Intervals of B-splines or between waypoints.")
+    order: int = option(6, "integer", "Order of the B-splines: 4 (cubic), 5 or 6 (quintic).")
 
     def __post_init__(self) -> None:
         strict(self)
