@@ -31,6 +31,7 @@ import numpy as np
 import scipy.linalg
 import scipy.special
 
+from excite.information.half_widths import samples_of
 from excite.information.prior import prior_of
 from excite.information.target import IdentificationTarget, model_of
 from excite.information.weighting import weighting_of
@@ -169,16 +170,12 @@ def _states(target: IdentificationTarget, task: Task) -> Samples:
     if isinstance(motion, UnopenedFile):
         raise motion.missing()
     assert isinstance(motion, TaskMotion), "the formulation reads files"
-    missing = [name for name in names if name not in motion.joints]
-    if missing:
+    if missing := [name for name in names if name not in motion.joints]:
         raise InputError(
             f"task_motion {motion.name} has the joints {', '.join(motion.joints)}; the design needs also "
             f"{', '.join(missing)}"
         )
-    order = [motion.joints.index(name) for name in names]
-    zero = np.zeros((len(motion.q), len(names)))
-    time = np.arange(len(motion.q), dtype=float)
-    return Samples(time, motion.q[:, order], motion.dq[:, order], motion.ddq[:, order], zero)
+    return samples_of(motion, names)
 
 
 _GROUPS = ("inertial", "rotor", "friction")
@@ -284,22 +281,15 @@ class ChosenParameters(Criterion):
 
         That of the former is ``K G_S K'``, ``K = [E; -M_NN^-1 M_NS]``; of the latter ``-(1/2b) M^-1``.
         """
-        value, G, _ = self._smooth(M, sharpness)
+        value, G, _ = self.smooth_and_value(M, sharpness)
         return value, G
 
     def smooth_and_value(self, M: Array, sharpness: float) -> tuple[float, Array, float]:
         """Both by one factor."""
-        value, G, complement = self._smooth(M, sharpness)
-        return value, G, self.value(M) if complement is None else self.criterion.value(complement)
-
-    def _smooth(self, M: Array, sharpness: float) -> tuple[float, Array, Array | None]:
-        """Smooth approximation, its gradient, and ``M_S``, None where M is singular."""
         ordered, others = self._ordered(M), len(M) - len(self.chosen)
-        L = _factor(ordered, ridge=0.0)
-        singular = L is None
-        if L is None:
-            L = _factor(ordered, ridge=_RIDGE)
-            assert L is not None
+        regular = _factor(ordered, ridge=0.0)
+        L = _factor(ordered, ridge=_RIDGE) if regular is None else regular
+        assert L is not None
         complement = self._complement(L)
         value, of_complement = self.criterion.smooth(complement, sharpness)
         # M_NN = L_NN L_NN', M_SN = L_SN L_NN': M_NN^-1 M_NS = L_NN^-T L_SN'
@@ -309,7 +299,8 @@ class ChosenParameters(Criterion):
         half = scipy.linalg.solve_triangular(L, np.eye(len(M)), lower=True)  # M^-1 = half' half
         G, order = np.empty_like(M), self._order(len(M))
         G[np.ix_(order, order)] = K @ of_complement @ K.T - 0.5 * part * half.T @ half
-        return value - part * float(np.log(np.diag(L)).sum()), G, None if singular else complement
+        exact = np.inf if regular is None else self.criterion.value(complement)
+        return value - part * float(np.log(np.diag(L)).sum()), G, exact
 
     def _order(self, size: int) -> list[int]:
         """The other columns, then the chosen ones."""

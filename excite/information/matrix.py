@@ -58,8 +58,7 @@ class Information:
         self._states, self._densities = np.flatnonzero(is_state), np.flatnonzero(~is_state)
         self._place = function.column, function.row % self._equations
         self._blocks = _blocks(*self._place, function.shape[1], self._equations, self._count)
-        divided = noise is not None and bool(np.any(noise != 1.0))
-        self._weights = 1.0 / noise[:, None] if noise is not None and divided else None
+        self._weights = None if noise is None or np.all(noise == 1.0) else 1.0 / noise[:, None]
 
     def trajectory(self, x: Array) -> Trajectory:
         """Motion of every joint, from that of the moving coordinates."""
@@ -71,7 +70,7 @@ class Information:
 
     def evaluate(self, x: Array) -> Evaluation:
         """M of the motion x of the moving coordinates."""
-        return self._evaluate([x])[0]
+        return self.evaluations([x])[0]
 
     def evaluations(self, xs: Sequence[Array]) -> list[Evaluation]:
         """M of several motions; each is the same as alone, to the last bit."""
@@ -106,7 +105,7 @@ class Information:
 
         ``df = <G, dM> = sum_k <2/N S_k^-1 W_k G, dW_k>``: one reverse sweep with the seeds ``2/N S_k^-1 W_k G``.
         """
-        return self._gradients([(at, G)])[0]
+        return self.gradients([at], [G])[0]
 
     def gradients(self, evaluations: Sequence[Evaluation], Gs: Sequence[Array]) -> list[Array]:
         """The `gradient` at several motions; each is the same as alone, to the last bit."""
@@ -167,10 +166,7 @@ def _blocks(column: Index, equation: Index, b: int, equations: int, instants: in
         block = int(column[equation == k].min(initial=b - 1)), k, k + 1
         if blocks:
             joined = min(blocks[-1][0], block[0]), blocks[-1][1], k + 1
-            apart, together = (
-                sum(_operations(one, b, instants) for one in some) for some in ((blocks[-1], block), (joined,))
-            )
-            if together <= apart:
+            if _operations(joined, b, instants) <= sum(_operations(one, b, instants) for one in (blocks[-1], block)):
                 blocks[-1] = joined
                 continue
         blocks.append(block)

@@ -69,9 +69,8 @@ def weighting_of(target: IdentificationTarget, task: Task) -> Weighting:
 
 def _by_noise(task: Task) -> bool:
     """Whether rows are divided by their noise: asked for, or weighed against what is known beforehand or allowed."""
-    objective = task.objective
-    weighed = objective.prior is not None or len(objective.after) > 0
-    return objective.weighted or weighed or objective.scale == "precision"
+    asked = task.objective
+    return asked.weighted or asked.prior is not None or len(asked.after) > 0 or asked.scale == "precision"
 
 
 def _scale(target: IdentificationTarget, task: Task, prior: Prior, T: Array) -> Array:
@@ -141,8 +140,7 @@ def minimised_text(task: Task) -> str:
     if objective.after:
         parts.append(f"after {', '.join(dict.fromkeys(map(str, objective.after)))}")
     if objective.scale != "unit":
-        what = _SCALES[objective.scale]
-        parts.append(f"columns times the {what} of parameters")
+        parts.append(f"columns times the {_SCALES[objective.scale]} of parameters")
     if objective.plausible_robots is not None:
         parts.append(f"worst of {objective.plausible_robots} plausible robots and the described one")
     return ", ".join(parts)

@@ -18,8 +18,12 @@ from regressors.quantities import check
 from regressors.samples import Array, Index, Samples
 
 
-def check_size(duration: float, **richness: int) -> None:
-    """Raise `InputError` for an invalid duration [s], or a number of terms beyond what can be computed with."""
+def check_size(duration: float, fewest: int, **richness: int) -> None:
+    """Raise `InputError` for an invalid duration [s], or a number of terms that is too small or too large."""
+    for option, count in richness.items():
+        if count < fewest:
+            few = f"{count} are too few for a motion at rest at both ends; expected {fewest} or more"
+            raise InputError(f"{option}: {few if fewest > 1 else f'expected 1 or more, given {count}'}")
     if not (np.isfinite(duration) and duration > 0):
         raise InputError(f"period must be a positive number of seconds, given {duration}")
     for name, value in {"period": duration, **richness}.items():

@@ -15,7 +15,6 @@ from constraints.certificate import Extrema
 from constraints.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
 from excite.trajectories.family import check_size
 from excite.trajectories.linear import LinearFamily
-from regressors.errors import InputError
 from regressors.samples import Array
 
 
@@ -40,9 +39,7 @@ class Polynomial(LinearFamily):
     samples_per_term = 4
 
     def __init__(self, period: float, harmonics: int) -> None:
-        if harmonics < 1:
-            raise InputError(f"harmonics: expected 1 or more, given {harmonics}")
-        check_size(period, harmonics=harmonics)
+        check_size(period, 1, harmonics=harmonics)
         self.duration, self.harmonics = float(period), int(harmonics)
         self.degree = 4 * self.harmonics + 5
         self._Z = self._rest_basis()

@@ -46,9 +46,7 @@ class Sines(WavesAndQuintic, NonlinearFamily):
     nodes_per_instant = 2
 
     def __init__(self, period: float, harmonics: int) -> None:
-        if harmonics < 1:
-            raise InputError(f"harmonics: expected 1 or more, given {harmonics}")
-        check_size(period, harmonics=harmonics)
+        check_size(period, 1, harmonics=harmonics)
         self.duration, self.harmonics = float(period), int(harmonics)
         self.size = 2 * harmonics + 1
         unit = 2 * np.pi / self.duration

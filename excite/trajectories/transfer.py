@@ -247,7 +247,7 @@ class SCurve:
         # time (N,)
         i = np.clip(np.searchsorted(self.breaks, time, side="right") - 1, 0, self.breaks.size - 2)
         local = time - self.breaks[i]
-        orders = np.stack([_polynomial(self.derivative(order)[:, i], local) for order in range(4)])
+        orders = np.stack([np.polyval(self.derivative(order)[:, i], local) for order in range(4)])
         orders[:, time <= 0.0] = 0.0
         orders[:, time >= self.duration] = [[1.0], [0.0], [0.0], [0.0]]
         return orders
@@ -278,13 +278,6 @@ class SCurve:
         for sign, begin in ((1, 0), (-1, n2), (-1, n1), (1, n1 + n2)):
             signs += sign * ((ticks[:-1] >= begin) & (ticks[:-1] < begin + n3))
         return SCurve.of_jerks(ticks * period, signs / (n1 * n2 * n3 * period**3))
-
-
-def _polynomial(coefficients: Array, x: Array) -> Array:
-    value = np.zeros_like(x)
-    for row in coefficients:
-        value = value * x + row
-    return value
 
 
 def time_optimal(velocity: float, acceleration: float, jerk: float) -> SCurve:
