@@ -49,13 +49,12 @@ def keep_starts(
         remove_starts(folder)
         return KeptStarts(folder, count)
     done: dict[int, str] = {}
-    unfinished, edited, unreadable, best, cpu = list[Path](), 0, 0, float("inf"), 0.0
+    unfinished, errors, best, cpu = list[Path](), list[InputError](), float("inf"), 0.0
     for index, path in files:
         try:
             start, origin = read_start(path)
         except InputError as error:
-            edited += isinstance(error, EditedError)
-            unreadable += not isinstance(error, EditedError)
+            errors.append(error)
             unfinished.append(path)
             continue
         _check_origin(origin, identity, shown)
@@ -65,7 +64,8 @@ def keep_starts(
             done[index] = start.lineage
             best, cpu = min(best, start.value), cpu + start.cpu
     _remove(unfinished)
-    notes = tuple(_notes(shown, count, len(done), edited, unreadable))
+    edited = sum(isinstance(error, EditedError) for error in errors)
+    notes = tuple(_notes(shown, count, len(done), edited, len(errors) - edited))
     if identity.doubt and unfinished:
         notes = (*notes, f"the starts in {shown} are not reused: {identity.doubt}")
     return KeptStarts(folder, count, done, best, cpu, notes)

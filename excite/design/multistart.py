@@ -128,8 +128,8 @@ def _workers(formulation: Formulation) -> Iterator[Workers]:
         return partial(optimise_job, formulation.problem, instance("solver", search.solver), origin)
 
     with environment_of_workers():
-        largest = Rounds(search).largest
-        workers = Workers(content, prepared, min(search.workers or os.cpu_count() or 1, largest))
+        count = min(search.workers or os.cpu_count() or 1, Rounds(search).largest)
+        workers = Workers(content, prepared, count)
         _kept[formulation] = workers
         try:
             yield workers

@@ -113,7 +113,7 @@ class Rounds:
         best = self.population.best
         repeated = any(abs(best - end) <= self.sizes.gain * end for end in self.ends)
         if repeated or self._stall >= self.sizes.patience:
-            self.ends.append(self.population.best)
+            self.ends.append(best)
             self.population, self._stall = Population(), 0
 
     def _random(self, count: int) -> range:
@@ -232,20 +232,8 @@ class _Step:
 
     @property
     def trial(self) -> HarmonicsTrial:
-        return HarmonicsTrial(self.harmonics, self.value, float(str(self.design.provenance["cpu_seconds"])))
-
-    @property
-    def harmonics(self) -> int:
-        return int(self.design.task.trajectory.harmonics)
-
-    @property
-    def value(self) -> float:
-        """The criterion of the design."""
-        return self.design.minimised_value
-
-    def gain(self, before: _Step) -> float:
-        """Part of the criterion that this number brought."""
-        return (before.value - self.value) / abs(before.value)
+        cpu = float(str(self.design.provenance["cpu_seconds"]))
+        return HarmonicsTrial(int(self.design.task.trajectory.harmonics), self.design.minimised_value, cpu)
 
 
 def design_with_harmonics(robot: Robot, task: Task, prepare: Prepare, solve: Solve) -> Design:
@@ -269,7 +257,8 @@ def design_with_harmonics(robot: Robot, task: Task, prepare: Prepare, solve: Sol
             best = replace(best, design=replace(best.design, interrupted=True))
             break
         steps.append(step)
-        gain = step.gain(best)
+        before = best.design.minimised_value
+        gain = (before - step.design.minimised_value) / abs(before)  # part of the criterion
         if gain < _LEAST:
             end = f"{number} brought {100 * max(gain, 0.0):.1f} %"
             break
@@ -302,7 +291,7 @@ def _with_harmonics(task: Task, number: int) -> Task:
 
 def _continued(task: Task, best: _Step, number: int) -> Task:
     design = best.design
-    begin = InitialDesign(f"the best motion of {best.harmonics} harmonics", design.series)
+    begin = InitialDesign(f"the best motion of {best.trial.harmonics} harmonics", design.series)
     return _with_harmonics(task, number).changed(begin=begin, starts=_STARTS, rounds=None, budget=None)
 
 
@@ -314,16 +303,14 @@ def _searched(robot: Robot, task: Task, prepare: Prepare, solve: Solve, *, fresh
 
 def _keep_starts_of(best: _Step, last: _Step) -> None:
     """Leave in the folder the starts of the motion that was chosen."""
-    if best is not last and last.harmonics != best.harmonics:
+    if best.trial.harmonics != last.trial.harmonics:
         remove_starts(last.kept.folder)
         for start in best.design.starts:
             write_start(last.kept.folder, start, best.formulation.identity.origin)
 
 
 def _with_trials(design: Design, steps: list[_Step], end: str) -> Design:
-    number = int(design.task.trajectory.harmonics)
-    note = f"{number} harmonics: {'interrupted' if design.interrupted else end}"
-    cpu = sum(step.trial.cpu_seconds for step in steps)
-    provenance = {**design.provenance, "cpu_seconds": cpu}
-    harmonics_trials = tuple(step.trial for step in steps)
-    return replace(design, harmonics_trials=harmonics_trials, notes=(*design.notes, note), provenance=provenance)
+    note = f"{int(design.task.trajectory.harmonics)} harmonics: {'interrupted' if design.interrupted else end}"
+    trials = tuple(step.trial for step in steps)
+    provenance = {**design.provenance, "cpu_seconds": sum(trial.cpu_seconds for trial in trials)}
+    return replace(design, harmonics_trials=trials, notes=(*design.notes, note), provenance=provenance)

@@ -57,15 +57,17 @@ def optimise_starts(
                 raise NumericalError(
                     f"start {planned[k].index} ended at a motion that is not finite; check `period` and the limits"
                 )
-            results.append(_result(planned[k], outcome, problem.exact_value(outcome.x), times.end(k)))
+            value = problem.exact_value(outcome.x)
+            end = value, outcome.status.value, outcome.history, outcome.evaluations, times.end(k)
+            results.append(_result(planned[k], outcome.x, end))
             if folder is not None:
                 write_start(folder, results[-1], origin)
     return results
 
 
-def _result(start: PlannedStart, outcome: SolverResult, value: float, cpu: float) -> StartResult:
-    so_far = outcome.x.tolist(), value, outcome.status.value, outcome.history, outcome.evaluations, cpu
-    return StartResult(start.index, *so_far, *_descent(start))
+def _result(start: PlannedStart, x: Array, so_far: tuple[float, str, list[float], int, float]) -> StartResult:
+    parents = tuple(parent.index for parent in start.parents)
+    return StartResult(start.index, x.tolist(), *so_far, parents, start.lineage)
 
 
 class _SharedTime:
@@ -104,14 +106,9 @@ class _Snapshots:
         if self.folder is not None and value == self.best and time.monotonic() - self.saved > _SAVE_EVERY:
             self.saved = time.monotonic()
             cpu, history = time.process_time() - self.began, list(self.history)
-            so_far = x.tolist(), value, RUNNING, history, len(history), cpu
-            unfinished = StartResult(self.start.index, *so_far, *_descent(self.start))
+            unfinished = _result(self.start, x, (value, RUNNING, history, len(history), cpu))
             write_start(self.folder, unfinished, self.origin)
         self.answer()
-
-
-def _descent(start: PlannedStart) -> tuple[tuple[int, ...], str]:
-    return tuple(parent.index for parent in start.parents), start.lineage
 
 
 def _attempt(problem: Problem, start: PlannedStart, seed: int, watch: _Snapshots) -> Attempt:

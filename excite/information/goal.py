@@ -209,9 +209,8 @@ def _columns(target: IdentificationTarget, task: Task, base: Index, name: str) -
     if name in GROUPS:
         numbers = [k for k, inside in enumerate(_in_group(target, task, base, name)) if inside]
         if not numbers:
-            raise InputError(
-                f"interest: no base parameter is one of the group {name}; they are {', '.join(_names(columns))}"
-            )
+            known = ", ".join(_names(columns))
+            raise InputError(f"interest: no base parameter is one of the group {name}; they are {known}")
         return numbers
     number = named_parameter(target.model, name, GROUPS)
     if number in base:

@@ -190,22 +190,15 @@ class RunInformation:
     def forecast(self, max_time: float) -> PrecisionForecast:
         """Of the fewest runs that meet the target, or of as many as a robot time leaves room for, at least one."""
         runs = min(self.fewest_runs(), max(1, math.floor(max_time / self.seconds)))
-        given = self.precision
-        return PrecisionForecast(
-            runs,
-            self.seconds,
-            given.level,
-            given.probability,
-            tuple(
-                ParameterPrecision(name, unit, float(h), float(a) if np.isfinite(a) else None)
-                for name, unit, h, a in zip(self.names, self.units, self.half_widths(runs), self.allowed, strict=True)
-            ),
+        each = zip(self.names, self.units, self.half_widths(runs), self.allowed, strict=True)
+        parameters = tuple(
+            ParameterPrecision(name, unit, float(h), float(a) if np.isfinite(a) else None) for name, unit, h, a in each
         )
+        return PrecisionForecast(runs, self.seconds, self.precision.level, self.precision.probability, parameters)
 
     def _factor(self, runs: int) -> float:
-        f = residual_degrees_of_freedom(
-            float(runs) * self.rows, self.target.base.rank, len(self.target.model.row_labels)
-        )
+        equations = len(self.target.model.row_labels)
+        f = residual_degrees_of_freedom(float(runs) * self.rows, self.target.base.rank, equations)
         f += 0 if self.in_hand is None else self.in_hand.degrees_of_freedom
         return half_width_factor(f, level=self.precision.level, probability=self.precision.probability)
 

@@ -94,7 +94,7 @@ def _precision_transform(target: IdentificationTarget, task: Task) -> Array:
     precision = task.objective.precision
     assert isinstance(precision, PrecisionTarget)
     if precision.torques is None:
-        return np.diag(_precision_scale(target, task))
+        return np.diag(_precision_scale(target, task, precision))
     wanted = torque_precision(precision.torques, target).information
     wanted = wanted + np.diag(allowed_half_widths(precision, target) ** -2.0)
     size = np.sqrt(np.diag(wanted) + _LITTLE * np.trace(wanted) / len(wanted) * (np.diag(wanted) == 0.0))
@@ -102,10 +102,8 @@ def _precision_transform(target: IdentificationTarget, task: Task) -> Array:
     return np.asarray(np.linalg.inv(np.linalg.cholesky(scaled).T * size))
 
 
-def _precision_scale(target: IdentificationTarget, task: Task) -> Array:
+def _precision_scale(target: IdentificationTarget, task: Task, precision: PrecisionTarget) -> Array:
     """Allowed half-widths; parameters of which nothing is asked get scales that leave them no say."""
-    precision = task.objective.precision
-    assert isinstance(precision, PrecisionTarget)
     if task.objective.base != "gautier":
         raise InputError("scale precision: a precision is that of the base parameters; leave out `base`")
     allowed = allowed_half_widths(precision, target)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import clarabel
 import numpy as np
@@ -89,11 +90,9 @@ class CuttingPlanes:
             kept |= rng.random(weights.size) < _KEPT_EARLY
         return np.asarray(kept)
 
-    def _violations(
-        self, certificate: DualCertificate, carriers: Array, rng: np.random.Generator
-    ) -> tuple[Array, Array]:
+    def _violations(self, certificate: DualCertificate, used: Array, rng: np.random.Generator) -> tuple[Array, Array]:
         """States of large ratios, the largest first: random ones, improved by random steps."""
-        S = np.concatenate([self.states.drawn(_DRAWN, rng), self.motion, carriers])
+        S = np.concatenate([self.states.drawn(_DRAWN, rng), self.motion, used])
         ratios = certificate.ratios(S)
         chosen = np.argsort(-ratios)[:_CLIMBING]
         S, ratios = S[chosen], ratios[chosen]
@@ -140,9 +139,12 @@ def _inner(Y: Array, Z: Array) -> Array:
     return np.asarray(np.einsum("nri,nri->n", Y @ Z, Y))
 
 
-_GAP, _FEASIBILITY = 1e-5, 1e-6  # of the solver; bounds do not depend on them, see `dual_certificate`
-_ITERATIONS = 100
-_REGULARISATION = 1e-7  # Clarabel's 1e-8 ends some of these programmes at the first step
+_SETTINGS = {  # bounds do not depend on them, see `DualCertificate`
+    "max_iter": 100,
+    **dict.fromkeys(("tol_gap_rel", "tol_gap_abs"), 1e-5),
+    "tol_feas": 1e-6,
+    "static_regularization_constant": 1e-7,  # Clarabel's 1e-8 ends some of these programmes at the first step
+}
 _TOTAL = 1e-12
 _USABLE = ("Solved", "AlmostSolved", "MaxIterations", "InsufficientProgress")
 
@@ -185,9 +187,9 @@ def relaxation(
     x, z = _solved(np.concatenate([part.objective, np.zeros(N + p)]), sp.vstack(rows), np.concatenate(right), cones)
     dual = []
     for _, b, size in part.psd:
-        dual.append(matrix_of(z[first : first + b.size], size))
+        dual.append(_positive(matrix_of(z[first : first + b.size], size)))
         first += b.size
-    lower, upper, constant = criterion.multipliers([_positive(each) for each in dual], scale)
+    lower, upper, constant = criterion.multipliers(dual, scale)
     weights = np.maximum(x[own : own + N], 0.0)
     moments = conditions.admitted(-z[: h.shape[1]] / sizes)
     return weights / max(weights.sum(), _TOTAL), Multipliers(lower, upper, constant, moments)
@@ -199,14 +201,17 @@ def _positive(M: Array) -> Array:
     return np.asarray((V * np.maximum(values, 0.0)) @ V.T)
 
 
-def _solved(objective: Array, A: sp.spmatrix, b: Array, cones: list[object]) -> tuple[Array, Array]:
+def conic_solution(objective: Array, A: sp.spmatrix, b: Array, cones: list[object], **changed: float) -> Any:
+    """Clarabel's solution of ``min objective'x`` with ``b - A x`` in the cones, by some settings of its own."""
     settings = clarabel.DefaultSettings()
-    settings.verbose, settings.max_iter, settings.max_threads = False, _ITERATIONS, 1
-    settings.tol_gap_rel = settings.tol_gap_abs = _GAP
-    settings.tol_feas = _FEASIBILITY
-    settings.static_regularization_constant = _REGULARISATION
+    for name, value in {**changed, "verbose": False, "max_threads": 1}.items():
+        setattr(settings, name, value)
     n = objective.size
-    solution = clarabel.DefaultSolver(sp.csc_matrix((n, n)), objective, sp.csc_matrix(A), b, cones, settings).solve()
+    return clarabel.DefaultSolver(sp.csc_matrix((n, n)), objective, sp.csc_matrix(A), b, cones, settings).solve()
+
+
+def _solved(objective: Array, A: sp.spmatrix, b: Array, cones: list[object]) -> tuple[Array, Array]:
+    solution = conic_solution(objective, A, b, cones, **_SETTINGS)
     x, z = np.array(solution.x), np.array(solution.z)
     if not (np.all(np.isfinite(x)) and np.all(np.isfinite(z))) or str(solution.status) not in _USABLE:
         raise ConicSolverError(f"the relaxation was not solved: {solution.status}")

@@ -214,7 +214,8 @@ def bound(
     excite.errors.ConicSolverError
         The relaxation could not be solved.
     """
-    chosen = [_criterion(name) for name in criteria]
+    if unknown := [name for name in criteria if name not in BOUNDED]:
+        raise UnknownName("criterion", unknown[0], BOUNDED)
     _check_bounded(design)
     if design.broken:
         raise BrokenLimitError(
@@ -225,7 +226,7 @@ def bound(
         formulation = formulate(design.robot, design.task)
         planes = cutting_planes(formulation, design)
         changes = sensitivity(design, progress)
-        found = tuple(_bound(each, planes, formulation, design, rounds, seed, progress) for each in chosen)
+        found = tuple(_bound(BOUNDED[name], planes, design, rounds, seed, progress) for name in criteria)
     problem, said = bounded_problem_sha256(design), _assumptions(formulation, planes)
     return DesignBound(design.name, problem, found, said, design.coefficients_sha256, changes)
 
@@ -239,12 +240,6 @@ def _check_bounded(design: Design) -> None:
             f"{design.name} minimises {minimised_text(design.task)}, of which no bound is known; "
             "bounds are for designs whose criterion is one of all parameters alike"
         )
-
-
-def _criterion(name: str) -> BoundedCriterion:
-    if name not in BOUNDED:
-        raise UnknownName("criterion", name, BOUNDED)
-    return BOUNDED[name]
 
 
 def cutting_planes(formulation: Formulation, design: Design) -> CuttingPlanes:
@@ -272,7 +267,6 @@ def _states_of(design: Design, rows: StateRows, count: int) -> Array:
 def _bound(
     criterion: BoundedCriterion,
     planes: CuttingPlanes,
-    formulation: Formulation,
     design: Design,
     rounds: int,
     seed: int,

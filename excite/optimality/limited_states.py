@@ -58,8 +58,7 @@ class LimitedStates:
 
     def extent(self, order: int) -> Array:
         """Largest absolute value of each coordinate, or of a derivative, shape (k,); infinite where it has none."""
-        bound = (self.radius, self.velocity, self.acceleration)[order]
-        return _extent(self.directions, bound)
+        return _extent(self.directions, (self.radius, self.velocity, self.acceleration)[order])
 
     def excess(self, S: Array) -> Array:
         """Largest relative excess over a bound of each state, shape (N,); at most zero inside."""  # S (N, 3 k)
@@ -95,11 +94,9 @@ class LimitedStates:
         u = rng.uniform(-1.0, 1.0, (count, k)) * (rng.random((count, k)) < 0.8)
         step = np.zeros_like(S)
         direction = np.sign(u) * np.abs(u) ** rng.choice([_EXTREME, 1.0], size=(count, 1))
-        order = block.start // k
-        extent = self.extent(order)
+        extent = self.extent(block.start // k)
         step[:, block] = direction * np.where(np.isfinite(extent), extent, 0.0)
-        part = self._reach(S, step)
-        part *= np.where(rng.random(count) < 0.6, 1.0, rng.random(count))
+        part = self._reach(S, step) * np.where(rng.random(count) < 0.6, 1.0, rng.random(count))
         return np.asarray(S + part[:, None] * step)
 
     def _reach(self, S: Array, step: Array) -> Array:
@@ -210,20 +207,14 @@ def state_rows(formulation: Formulation) -> StateRows:
     """Rows at single states of a design problem."""
     blueprint, task = formulation.blueprint, formulation.task
     model = model_of(formulation.target.robot, task).restricted(blueprint.motion, task.model.equations)
-    if model.window is not None or not _is_instantaneous(model):
+    if model.window is not None or type(model).assemble is not RegressorModel.assemble:
         raise InputError(
             f"{type(model).__name__} integrates over time windows: its information matrix is no mean over states, and "
             "no bound on it is known; give a design of a model of single instants, such as `differential`"
         )
-    instants = model.times(task.trajectory.period, task.output.rate).size
     T = blueprint.transform
-    return StateRows(
-        model, blueprint.motion, blueprint.index, T, blueprint.noise, T.T @ blueprint.precision @ T / instants
-    )
-
-
-def _is_instantaneous(model: RegressorModel) -> bool:
-    return type(model).assemble is RegressorModel.assemble
+    prior = T.T @ blueprint.precision @ T / model.times(task.trajectory.period, task.output.rate).size
+    return StateRows(model, blueprint.motion, blueprint.index, T, blueprint.noise, prior)
 
 
 _ROUNDING = 1e-12
@@ -254,17 +245,13 @@ class MomentConditions:
     def values(self, S: Array) -> Array:
         """``h`` at every state, shape (N, m)."""
         u = self._u(S)
-        products = self._products if self.frequencies.size else self._derivatives_of_products
-        return np.concatenate([products(u), self._derivatives_of_speeds(S)], axis=1)
+        moments = triangle(np.einsum("ni,nj->nij", u, u)) if self.frequencies.size else self._derivatives_of_products(u)
+        return np.concatenate([moments, self._derivatives_of_speeds(S)], axis=1)
 
     def _u(self, S: Array) -> Array:
         y, dy, ddy = np.split(S, 3, axis=1)
         y = (y - self.states.centre)[:, self.counted]
         return np.concatenate([np.ones((len(S), 1)), y, dy, ddy], axis=1) / self._scales
-
-    def _products(self, u: Array) -> Array:
-        """The second moments, shape (N, m)."""
-        return triangle(np.einsum("ni,nj->nij", u, u))
 
     def _derivatives_of_products(self, u: Array) -> Array:
         """``d/dt (a b)`` of all a, b among 1, y and dy, in scaled units, shape (N, m)."""
@@ -300,13 +287,12 @@ class MomentConditions:
         if not self.frequencies.size:
             return np.zeros((0, 0))
         n, p = self.states.n, int(self.counted.sum())
-        u = 1 + p + 2 * n
-        blocks = [triangle(_embedded(triangle_basis(1 + p), u) / np.outer(self._scales, self._scales))]
+        embedded = np.pad(triangle_basis(1 + p), ((0, 0), (0, 2 * n), (0, 2 * n)))
+        blocks = [triangle(embedded / np.outer(self._scales, self._scales))]
         basis = triangle_basis(2 * n)
         for w in self.frequencies:
             cosine, sine = self._harmonic(float(w))
-            G = 0.5 * (cosine @ basis @ cosine.T + sine @ basis @ sine.T)
-            blocks.append(triangle(G))
+            blocks.append(triangle(0.5 * (cosine @ basis @ cosine.T + sine @ basis @ sine.T)))
         return np.concatenate(blocks, axis=0).T
 
     def _harmonic(self, w: float) -> tuple[Array, Array]:
@@ -341,13 +327,6 @@ class MomentConditions:
     def _parts(self, p: Array) -> list[Array]:
         ends = np.cumsum([size * (size + 1) // 2 for size in self.sizes])
         return [matrix_of(part, size) for part, size in zip(np.split(p, ends[:-1]), self.sizes, strict=True)]
-
-
-def _embedded(matrices: Array, size: int) -> Array:
-    placed = np.zeros((len(matrices), size, size))
-    n = matrices.shape[1]
-    placed[:, :n, :n] = matrices
-    return placed
 
 
 def _places(size: int) -> tuple[Index, Index]:

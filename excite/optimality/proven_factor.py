@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from excite.optimality.cutting_planes import DualCertificate
+from excite.optimality.cutting_planes import DualCertificate, conic_solution
 from excite.optimality.limited_states import LimitedStates, matrix_of, triangle, triangle_basis
 from regressors.samples import Array, Index
 
@@ -69,9 +69,8 @@ class ProvenFactor:
         k = states.n
         if k > _MOST_COORDINATES or functions.size != k or int(counted.sum()) > _MOST_POSITIONS:
             return None
-        if np.any(self.certificate.rows.positions_that_count() & ~counted):
-            return None
-        if np.linalg.matrix_rank(states.directions[functions]) < k:
+        of_others = np.any(self.certificate.rows.positions_that_count() & ~counted)
+        if of_others or np.linalg.matrix_rank(states.directions[functions]) < k:
             return None
         of_counted = ~np.any(states.directions[:, ~counted] != 0.0, axis=1) & np.isfinite(states.radius)
         positions = functions[of_counted[functions]]
@@ -198,17 +197,8 @@ class SumOfSquares:
         signs = sp.hstack([sp.csc_matrix((count, 1)), -sp.eye_array(count)])
         cones = [clarabel.ZeroConeT(len(A)), *(clarabel.PSDTriangleConeT(size) for size in self._sizes)]
         cones.append(clarabel.NonnegativeConeT(count - self._free))
-        settings = clarabel.DefaultSettings()
-        settings.verbose, settings.max_threads = False, 1
-        solver = clarabel.DefaultSolver(
-            sp.csc_matrix((1 + count, 1 + count)),
-            np.eye(1 + count)[0],
-            sp.csc_matrix(sp.vstack([equations, signs])),
-            np.concatenate([-of_Q, np.zeros(count)]),
-            cones,
-            settings,
-        )
-        return np.array(solver.solve().x)
+        right = np.concatenate([-of_Q, np.zeros(count)])
+        return np.array(conic_solution(np.eye(1 + count)[0], sp.vstack([equations, signs]), right, cones).x)
 
     def _lacking(self, x: Array, A: Array, of_Q: Array, of_D: Array) -> float:
         """By how much a solution may fall short of a certificate: scaled variables, and monomials, are at most 1."""
@@ -362,10 +352,8 @@ class SignPattern:
         p = rng.uniform(-np.pi, np.pi, (_CHECKS, n))
         values = self.matrices(p, rng)[0 if is_lower else 1]
         orders = np.fft.fftfreq(2 * _DEGREE + 1, 1 / (2 * _DEGREE + 1))
-        expected = np.zeros(values.shape, dtype=complex)
-        for place in np.ndindex(*c.shape[:n]):
-            phase = np.exp(1j * p @ orders[list(place)])
-            expected += phase[:, None, None] * c[place]
+        places = list(np.ndindex(*c.shape[:n]))
+        expected = sum(np.exp(1j * p @ orders[list(place)])[:, None, None] * c[place] for place in places)
         if np.abs(expected - values).max() > 1e-8 * max(1.0, float(np.abs(values).max())):
             raise NotPolynomial
 

@@ -113,7 +113,5 @@ def quintic_hermite(u: Array, length: Array, derivative: int) -> Array:
     ``h^(k - d) H^(d)(u)`` with k the order of the interpolated derivative: a motion is the sum of these times position,
     velocity and acceleration at the beginning and at the end.
     """  # u (N,); length (N,)
-    slopes = _SLOPES[derivative]
-    return np.asarray(
-        np.vander(u, slopes.shape[1], increasing=True) @ slopes.T * length[:, None] ** (ORDERS - derivative)
-    )
+    c = _SLOPES[derivative]
+    return np.asarray(np.vander(u, c.shape[1], increasing=True) @ c.T * length[:, None] ** (ORDERS - derivative))

@@ -157,9 +157,14 @@ def _law(
     line: Array, limits: Sequence[LinearConstraint], joints: Sequence[str], assumed: dict[str, list[str]]
 ) -> SCurve:
     """S-curve within the tightest bounds along a line; joints for which a bound is assumed are recorded."""
+
+    def unbounded(*derivatives: int) -> list[str]:
+        bounded = spanned(limits, line.size, derivatives)
+        return [name for name, d, ok in zip(joints, line, bounded, strict=True) if abs(d) > _SAME and not ok]
+
     velocity, acceleration, jerk = (_tightest(line, limits, derivative) for derivative in (1, 2, 3))
-    free = [_unbounded(line, limits, joints, (derivative,)) for derivative in (2, 3)]
-    if unlimited := _unbounded(line, limits, joints, (1, 2)):
+    free = [unbounded(derivative) for derivative in (2, 3)]
+    if unlimited := unbounded(1, 2):
         raise InputError(
             f"no velocity or acceleration limit bounds joint {', '.join(unlimited)}, which moves on the approach or "
             "return; give `velocity` and `acceleration`, or limits in the robot's file"
@@ -183,14 +188,6 @@ def _tightest(line: Array, limits: Sequence[LinearConstraint], derivative: int) 
             ratio = np.divide(bound, size, out=np.full_like(size, np.inf), where=size > 0.0)
             tightest = min(tightest, float(ratio.min(initial=np.inf)))
     return tightest
-
-
-def _unbounded(
-    line: Array, limits: Sequence[LinearConstraint], joints: Sequence[str], derivatives: tuple[int, ...]
-) -> list[str]:
-    """Joints that move on a line without a limit on one of these derivatives."""
-    bounded = spanned(limits, line.size, derivatives)
-    return [name for name, d, ok in zip(joints, line, bounded, strict=True) if abs(d) > _SAME and not ok]
 
 
 def check_pose(pose: Array, what: str, limits: Sequence[Constraint]) -> None:

@@ -204,6 +204,5 @@ class Waypoints(NonlinearFamily):
                 f"trajectory: durations must add up to {self.duration:g} s, each at least "
                 f"{self._least * self.duration:.3g} s"
             )
-        return np.concatenate(
-            [(knots @ np.linalg.pinv(self._S).T).ravel(), _SLOW * (np.log(parts) - np.log(parts).mean())]
-        )
+        shape = _SLOW * (np.log(parts) - np.log(parts).mean())
+        return np.concatenate([(knots @ np.linalg.pinv(self._S).T).ravel(), shape])

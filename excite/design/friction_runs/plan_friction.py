@@ -148,9 +148,8 @@ def _motions(robot: Robot, joints: Sequence[str] | None, drives: Sequence[str] |
 def _checked_pose(given: Sequence[float] | Array, robot: Robot, limits: Sequence[LinearConstraint]) -> Array:
     pose = np.asarray(given, dtype=float)
     if pose.shape != (robot.n,):
-        raise InputError(
-            f"pose needs {robot.n} numbers, one per joint {', '.join(robot.joint_names)}; given {pose.size}"
-        )
+        names = ", ".join(robot.joint_names)
+        raise InputError(f"pose needs {robot.n} numbers, one per joint {names}; given {pose.size}")
     check_pose(pose, "pose", limits)
     return pose
 
@@ -161,9 +160,8 @@ def _largest_torques(given: Sequence[float] | None, labels: Sequence[str]) -> li
         return [None] * len(labels)
     check("torque_ramp", given)
     if len(given) not in (1, len(labels)):
-        raise InputError(
-            f"torque ramp: expected one torque, or one for each of {', '.join(labels)}; given {len(given)}"
-        )
+        names = ", ".join(labels)
+        raise InputError(f"torque ramp: expected one torque, or one for each of {names}; given {len(given)}")
     return [float(torque) for torque in (given if len(given) == len(labels) else [given[0]] * len(labels))]
 
 
@@ -240,30 +238,26 @@ def _placed(
     return place, sequence
 
 
-def _distances(
-    collision_checks: CollisionChecks, runs: Runs, pose: Array, line: Array, centre: float
-) -> tuple[Distance, ...]:
+def _distances(checks: CollisionChecks, runs: Runs, pose: Array, line: Array, centre: float) -> tuple[Distance, ...]:
     """Least distance of each pair of bodies over all positions that the runs pass."""
     positions = runs.extrema()[0]
     low, high = float(positions.low[0]), float(positions.high[0])
     return tuple(
         Distance(replace(use, time=runs.first_at(low + use.time)), centre + low + use.time)
-        for use in collision_checks.uses(pose, line, low, high)
+        for use in checks.uses(pose, line, low, high)
     )
 
 
-def _passages(
-    robot: Robot, planned: Sequence[CoordinatePlan], collision_checks: CollisionChecks
-) -> tuple[Passage, ...]:
+def _passages(robot: Robot, planned: Sequence[CoordinatePlan], checks: CollisionChecks) -> tuple[Passage, ...]:
     """Straight lines from home, if there is one, to the first pose, and from each pose to the next."""
     poses = [("home", robot.home)] if robot.home is not None else []
     poses += [(c.label, c.place.pose) for c in planned]
     passages = []
     for (start, a), (end, b) in itertools.pairwise(poses):
-        stretches = collision_checks.free(a, b - a, 0.0, 1.0)
+        stretches = checks.free(a, b - a, 0.0, 1.0)
         whole = len(stretches) == 1 and not (stretches[0].below or stretches[0].above)
         named = next((name for s in stretches for name in (s.below, s.above) if name), "")
-        passages.append(Passage(start, end, "" if whole else named or collision_checks.nearest(a, b - a)))
+        passages.append(Passage(start, end, "" if whole else named or checks.nearest(a, b - a)))
     return tuple(passages)
 
 

@@ -93,9 +93,8 @@ class Schedule:
         if not self.percent:
             raise InputError("`percent` needs at least one speed, given none")
         if len(set(self.percent)) < len(self.percent):
-            raise InputError(
-                f"duplicate speeds in `percent`: {_list(self.percent)}; give `repeats` to play all speeds again"
-            )
+            speeds = ", ".join(f"{percent:g}" for percent in self.percent)
+            raise InputError(f"duplicate speeds in `percent`: {speeds}; give `repeats` to play all speeds again")
         if self.rate * self.shortest < _SAMPLES:
             raise InputError(
                 f"{self.rate:g} samples per second leave {self.rate * self.shortest:.2g} in a window of "
@@ -112,10 +111,6 @@ def alternating(percent: Sequence[float]) -> list[float]:
     """Fastest, slowest, next fastest, next slowest and so on: any two successive runs generate about the same heat."""
     left = sorted(percent)
     return [left.pop(-1 if k % 2 == 0 else 0) for k in range(len(left))]
-
-
-def _list(numbers: Sequence[float]) -> str:
-    return ", ".join(f"{number:g}" for number in numbers) or "none"
 
 
 WARM_UP, TRANSFER = "warm-up", "transfer"
@@ -247,9 +242,8 @@ def plan_prediction(robot: Robot, schedule: Schedule, coordinates: int) -> WorkP
         option = "rate"
     count = schedule.warm_up / run + 1.5 * runs + tests
     held = FLOAT * samples * numbers + coordinates * count * _RUN
-    return WorkPrediction(
-        "the plan", (MemoryPart("samples", samples, 1 + 3 * robot.n, held, option, getattr(schedule, option)),)
-    )
+    part = MemoryPart("samples", samples, 1 + 3 * robot.n, held, option, getattr(schedule, option))
+    return WorkPrediction("the plan", (part,))
 
 
 STICTION = ".stiction"  # of the file with the ramps

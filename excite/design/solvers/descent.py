@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import blas
@@ -28,9 +28,7 @@ class SqpOptions:
     @property
     def last(self) -> SqpOptions:
         """Settings of the criterion's last stage, solved more exactly: some motions improve slowly for long."""
-        return replace(
-            self, iterations=2 * self.iterations, tolerance=0.25 * self.tolerance, patience=self.patience + 2
-        )
+        return SqpOptions(2 * self.iterations, 0.25 * self.tolerance, self.patience + 2)
 
 
 @dataclass(frozen=True, eq=False)
