@@ -170,11 +170,7 @@ def _pose_to_start_from(
 
 
 def _transfer_limits(
-    robot: Robot,
-    task: Task,
-    joints: tuple[str, ...],
-    imposed: tuple[NonlinearConstraint, ...],
-    world: StatedWorld,
+    robot: Robot, task: Task, joints: tuple[str, ...], imposed: tuple[NonlinearConstraint, ...], world: StatedWorld
 ) -> tuple[NonlinearConstraint, ...]:
     """Nonlinear limits as functions of every joint; those of the motion itself if it moves all."""
     if task.output.home is None:

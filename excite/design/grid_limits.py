@@ -109,7 +109,7 @@ class ConstraintTangent:
 
     def rows(self, function: Index, place: Index) -> Array:
         """Derivatives with respect to the flat x, one function at one of the instants per row, shape (rows, x.size)."""
-        return self.motion.rows(self.slopes(function, place), place)
+        return self.motion(self.slopes(function, place), place)
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,11 +26,10 @@ def optimise_start(
     seed: int,
     start: PlannedStart | int,
     folder: Path | None,
-    answer: Callable[[], None] = lambda: None,
     origin: Origin | None = None,
 ) -> StartResult:
     """Draw the initial guess of a start and optimise it, saving the best point so far every second."""
-    return optimise_starts(problem, method, seed, [start], folder, answer, origin)[0]
+    return optimise_starts(problem, method, seed, [start], folder, origin=origin)[0]
 
 
 def optimise_starts(

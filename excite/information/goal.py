@@ -207,7 +207,7 @@ def base_columns(target: IdentificationTarget, task: Task) -> Index:
 def _columns(target: IdentificationTarget, task: Task, base: Index, name: str) -> list[int]:
     columns = [target.model.columns[k] for k in base]
     if name in GROUPS:
-        numbers = [k for k, inside in enumerate(_in_group(target, task, base, name)) if inside]
+        numbers = [k for k, inside in enumerate(_in_group(target, task, columns, name)) if inside]
         if not numbers:
             known = ", ".join(_names(columns))
             raise InputError(f"interest: no base parameter is one of the group {name}; they are {known}")
@@ -218,8 +218,7 @@ def _columns(target: IdentificationTarget, task: Task, base: Index, name: str) -
     raise InputError(f"interest: {name} is not identifiable on its own{_within(target, task, base, number)}")
 
 
-def _in_group(target: IdentificationTarget, task: Task, base: Index, name: str) -> list[bool]:
-    columns = [target.model.columns[k] for k in base]
+def _in_group(target: IdentificationTarget, task: Task, columns: list[Column], name: str) -> list[bool]:
     if name not in _AT_REST:
         return [name in (c.group, c.kind.replace(" ", "-")) for c in columns]
     acts = _act_at_rest(target, task, _names(columns))

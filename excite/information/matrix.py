@@ -100,15 +100,11 @@ class Information:
                 W[k, column[d], equation[d]] += (self._integral @ values[k, d].T).T
         return W if self._weights is None else W * self._weights
 
-    def gradient(self, at: Evaluation, G: Array) -> Array:
-        """Gradient of a function of M with respect to x, from its gradient G = df/dM.
+    def gradients(self, evaluations: Sequence[Evaluation], Gs: Sequence[Array]) -> list[Array]:
+        """Gradients of functions of M with respect to x, from G = df/dM; each is the same as alone, to the last bit.
 
         ``df = <G, dM> = sum_k <2/N S_k^-1 W_k G, dW_k>``: one reverse sweep with the seeds ``2/N S_k^-1 W_k G``.
         """
-        return self.gradients([at], [G])[0]
-
-    def gradients(self, evaluations: Sequence[Evaluation], Gs: Sequence[Array]) -> list[Array]:
-        """The `gradient` at several motions; each is the same as alone, to the last bit."""
         pairs = list(zip(evaluations, Gs, strict=True))
         return [g for some in _groups(pairs, self._together) for g in self._gradients(some)]
 

@@ -16,6 +16,7 @@ from excite.optimality.limited_states import LimitedStates, MomentConditions, St
 from regressors.samples import Array
 
 _DRAWN, _CLIMBING, _ADDED, _STEPS = 8000, 1200, 500, 30
+LOOKED_AT = _DRAWN + _CLIMBING * _STEPS  # states in a round
 _FIRST = 2000
 _UNUSED, _KEPT_EARLY, _EARLY = 1e-4, 0.2, 2
 _VIOLATED = 1.0 + 1e-4
@@ -29,8 +30,6 @@ class Relaxed:
 
     multipliers: Multipliers
     factor: float  # largest ratio over all states that were looked at with these multipliers
-    looked_at: int  # number of these states
-    states: Array  # (N, 3 k) states that carry the measure, and the motion in hand
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,12 +46,10 @@ class CuttingPlanes:
         criterion: BoundedCriterion,
         rounds: int,
         rng: np.random.Generator,
-        begin: Array | None = None,
         tell: Callable[[str], None] = lambda _: None,
     ) -> Relaxed:
-        """Solve and add states, round by round."""  # begin (N, 3 k)
-        first = [self.motion, self.states.drawn(_FIRST, rng)]
-        S = np.concatenate(first if begin is None else [*first, begin])
+        """Solve and add states, round by round."""
+        S = np.concatenate([self.motion, self.states.drawn(_FIRST, rng)])
         best: Relaxed | None = None
         for number in range(rounds):
             weights, certificate = self._solved(criterion, S)
@@ -61,10 +58,9 @@ class CuttingPlanes:
                 continue
             states, ratios = self._violations(certificate, S[np.argsort(-weights)[:300]], rng)
             factor = float(ratios[0])
-            found = Relaxed(certificate.multipliers, factor, _DRAWN + _CLIMBING * _STEPS, S)
-            bound = criterion.proven(found.multipliers, factor)
+            bound = criterion.proven(certificate.multipliers, factor)
             if best is None or bound > criterion.proven(best.multipliers, best.factor):
-                best = found
+                best = Relaxed(certificate.multipliers, factor)
             tell(f"{criterion.described}: round {number + 1}, {criterion.proven(best.multipliers, best.factor):.4g}")
             if factor < _NEAR:
                 break
@@ -161,38 +157,29 @@ def relaxation(
     of_cone = np.zeros((h.shape[1], p))
     of_cone[: len(B)] = B
     zeros: Callable[[int, int], sp.csc_matrix] = lambda rows, columns: sp.csc_matrix((rows, columns))  # noqa: E731
-    rows = [sp.hstack([zeros(h.shape[1], own), sp.csc_matrix((h / sizes).T), sp.csc_matrix(-of_cone / sizes[:, None])])]
-    right = [np.zeros(h.shape[1])]
-    cones = [clarabel.ZeroConeT(h.shape[1])]
+    moments = [zeros(h.shape[1], own), sp.csc_matrix((h / sizes).T), sp.csc_matrix(-of_cone / sizes[:, None])]
+    blocks = [(moments, np.zeros(h.shape[1]), [clarabel.ZeroConeT(h.shape[1])])]
     if part.total:
-        rows.append(sp.hstack([zeros(1, own), np.ones((1, N)), zeros(1, p)]))
-        right.append(np.ones(1))
-        cones.append(clarabel.ZeroConeT(1))
-    rows.append(sp.hstack([zeros(N, own), -sp.eye_array(N), zeros(N, p)]))
-    right.append(np.zeros(N))
-    cones.append(clarabel.NonnegativeConeT(N))
-    first = sum(b.size for b in right)
-    for A, b, size in part.psd:
-        rows.append(sp.hstack([A, zeros(A.shape[0], p)]))
-        right.append(b)
-        cones.append(clarabel.PSDTriangleConeT(size))
-    for A, b in part.exponential:
-        rows.append(sp.hstack([A, zeros(3, p)]))
-        right.append(b)
-        cones.append(clarabel.ExponentialConeT())
+        blocks.append(([zeros(1, own), np.ones((1, N)), zeros(1, p)], np.ones(1), [clarabel.ZeroConeT(1)]))
+    blocks.append(([zeros(N, own), -sp.eye_array(N), zeros(N, p)], np.zeros(N), [clarabel.NonnegativeConeT(N)]))
+    first = sum(b.size for _, b, _ in blocks)
+    blocks += [([A, zeros(A.shape[0], p)], b, [clarabel.PSDTriangleConeT(size)]) for A, b, size in part.psd]
+    blocks += [([A, zeros(3, p)], b, [clarabel.ExponentialConeT()]) for A, b in part.exponential]
     if p:
-        rows.append(sp.hstack([zeros(p, own + N), -sp.eye_array(p)]))
-        right.append(np.zeros(p))
-        cones += [clarabel.PSDTriangleConeT(size) for size in conditions.sizes]
-    x, z = _solved(np.concatenate([part.objective, np.zeros(N + p)]), sp.vstack(rows), np.concatenate(right), cones)
+        of_sizes = [clarabel.PSDTriangleConeT(size) for size in conditions.sizes]
+        blocks.append(([zeros(p, own + N), -sp.eye_array(p)], np.zeros(p), of_sizes))
+    rows, right, cones = zip(*blocks, strict=True)
+    A = sp.vstack([sp.hstack(row) for row in rows])
+    objective = np.concatenate([part.objective, np.zeros(N + p)])
+    x, z = _solved(objective, A, np.concatenate(right), [cone for some in cones for cone in some])
     dual = []
     for _, b, size in part.psd:
         dual.append(_positive(matrix_of(z[first : first + b.size], size)))
         first += b.size
     lower, upper, constant = criterion.multipliers(dual, scale)
     weights = np.maximum(x[own : own + N], 0.0)
-    moments = conditions.admitted(-z[: h.shape[1]] / sizes)
-    return weights / max(weights.sum(), _TOTAL), Multipliers(lower, upper, constant, moments)
+    multipliers = Multipliers(lower, upper, constant, conditions.admitted(-z[: h.shape[1]] / sizes))
+    return weights / max(weights.sum(), _TOTAL), multipliers
 
 
 def _positive(M: Array) -> Array:

@@ -20,7 +20,7 @@ from excite.design.problem_identity import NotComparable, plain_value
 from excite.errors import BrokenLimitError
 from excite.information.target import target_of
 from excite.information.weighting import minimised_text, weighting_of
-from excite.optimality.cutting_planes import BOUNDED, BoundedCriterion, CuttingPlanes, DualCertificate
+from excite.optimality.cutting_planes import BOUNDED, LOOKED_AT, BoundedCriterion, CuttingPlanes, DualCertificate
 from excite.optimality.limited_states import MomentConditions, StateRows, limited_states, state_rows
 from excite.optimality.proven_factor import ProvenFactor
 from excite.optimality.sensitivity import Sensitivity, sensitivity
@@ -284,7 +284,7 @@ def _bound(
         value=value,
         proven=factor is not None,
         estimate=estimate,
-        states=relaxed.looked_at,
+        states=LOOKED_AT,
         reached=reached_by(design, criterion.name),
         cpu_seconds=time.process_time() - began,
     )

@@ -113,14 +113,15 @@ def limited_states(limits: Sequence[LinearConstraint], centre: Array, bandwidth:
     """States within linear limits on the moving coordinates."""  # centre (k,)
     D: list[Array] = []
     bounds: list[list[float]] = []
-    for limit in limits:
-        if limit.derivative > 2:
-            continue
+    for limit in (each for each in limits if each.derivative <= 2):
         for row, offset, lower, upper in zip(limit.matrix, limit.offset, limit.lower, limit.upper, strict=True):
             scale = float(row[np.argmax(np.abs(row))])
             index = _place(D, bounds, row / scale)
-            ends = sorted(((lower - offset) / scale, (upper - offset) / scale))
-            _tighten(bounds[index], limit.derivative, ends)
+            bound, ends = bounds[index], sorted(((lower - offset) / scale, (upper - offset) / scale))
+            if limit.derivative == 0:
+                bound[0], bound[1] = max(bound[0], ends[0]), min(bound[1], ends[1])
+            else:
+                bound[limit.derivative + 1] = min(bound[limit.derivative + 1], max(abs(end) for end in ends))
     low, high, velocity, acceleration = np.array(bounds, dtype=float).T
     half, speeds = 0.5 * (high - low), np.isfinite(velocity)
     if bandwidth is not None:
@@ -143,13 +144,6 @@ def _place(D: list[Array], bounds: list[list[float]], direction: Array) -> int:
     D.append(direction)
     bounds.append([-np.inf, np.inf, np.inf, np.inf])
     return len(D) - 1
-
-
-def _tighten(bound: list[float], derivative: int, ends: Sequence[float]) -> None:
-    if derivative == 0:
-        bound[0], bound[1] = max(bound[0], ends[0]), min(bound[1], ends[1])
-    else:
-        bound[derivative + 1] = min(bound[derivative + 1], max(abs(end) for end in ends))
 
 
 def _extent(D: Array, bound: Array) -> Array:

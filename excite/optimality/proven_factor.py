@@ -6,6 +6,7 @@ In a cell of the grid ``Q(p)`` is the interpolation between the cell's corners, 
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations_with_replacement, product
@@ -129,11 +130,9 @@ _MARGIN = 1e-6  # of the largest number of Q and D, which takes up what the solv
 
 
 def _product(a: Polynomial, b: Polynomial) -> Polynomial:
-    result: Polynomial = {}
-    for x, p in a.items():
-        for y, q in b.items():
-            key = tuple(sorted(x + y))
-            result[key] = result.get(key, 0.0) + p * q
+    result: Polynomial = defaultdict(float)
+    for (x, p), (y, q) in product(a.items(), b.items()):
+        result[tuple(sorted(x + y))] += p * q
     return result
 
 
@@ -235,10 +234,10 @@ def _gram(names: list[tuple[int, ...]], size: int, factor: Polynomial) -> list[P
     """Polynomials ``m' E m`` times a factor, of the basis matrices E of the first monomials."""
     polynomials = []
     for E in triangle_basis(size):
-        total: Polynomial = {}
+        total: Polynomial = defaultdict(float)
         for i, j in zip(*np.nonzero(E), strict=True):
             for key, value in _product({tuple(sorted(names[i] + names[j])): float(E[i, j])}, factor).items():
-                total[key] = total.get(key, 0.0) + value
+                total[key] += value
         polynomials.append(total)
     return polynomials
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -224,13 +224,9 @@ class JointMotion(ABC):
         """Gradient with respect to x of a function, from its derivatives with respect to `values`."""
 
 
-class MotionTangent(ABC):
-    """Some derivatives of the k coordinates' motion at T instants of a grid, linearised about one x."""
-
-    @abstractmethod
-    def rows(self, weights: Array, place: Index) -> Array:
-        """Derivatives of weighted sums, each at one instant, with respect to the flat x."""
-        # weights (rows, derivatives, k); place (rows,)
+#: Some derivatives of the k coordinates' motion at T instants of a grid, linearised about one x: slopes of weighted
+#: sums, each at one instant, with respect to the flat x, from weights (rows, derivatives, k) and places (rows,).
+MotionTangent = Callable[[Array, Index], Array]
 
 
 class GridMotion(ABC):

@@ -166,18 +166,13 @@ class _BasisGrid(GridMotion):
         return np.asarray((matrix @ x) @ self.basis(derivative).T)
 
     def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
-        return _BasisTangent([self.basis(d) for d in derivatives], instants)
+        bases = [self.basis(d) for d in derivatives]
 
+        def rows(weights: Array, place: Index) -> Array:
+            at = instants[place]
+            first, *others = (weights[:, o, :, None] * B[at][:, None, :] for o, B in enumerate(bases))
+            for term in others:
+                first += term
+            return np.asarray(first.reshape(place.size, first.shape[1] * first.shape[2]))
 
-class _BasisTangent(MotionTangent):
-    """Tangent given by the basis itself; no Jacobian is stored."""
-
-    def __init__(self, basis: Sequence[Array], instants: Index) -> None:
-        self._basis, self._instants = basis, instants
-
-    def rows(self, weights: Array, place: Index) -> Array:
-        instants = self._instants[place]
-        first, *others = (weights[:, o, :, None] * B[instants][:, None, :] for o, B in enumerate(self._basis))
-        for term in others:
-            first += term
-        return np.asarray(first.reshape(place.size, first.shape[1] * first.shape[2]))
+        return rows  # the basis itself; no Jacobian is stored

@@ -179,7 +179,13 @@ class _NodeGrid(GridMotion):
         return np.asarray(matrix @ self.values(x, derivative).T)
 
     def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
-        return _JacobianTangent([self._jacobian(x, d, instants) for d in derivatives])
+        jacobians = [self._jacobian(x, d, instants) for d in derivatives]  # each (T, k, x.size)
+
+        def rows(weights: Array, place: Index) -> Array:
+            parts = ((weights[:, order][:, None, :] @ J[place])[:, 0] for order, J in enumerate(jacobians))
+            return sum(parts, np.zeros((place.size, x.size)))
+
+        return rows
 
     def _jacobian(self, x: Array, derivative: int, instants: Index) -> Array:
         """Derivative with respect to x at some nodes, including their motion with x, shape (T, k, x.size)."""
@@ -189,16 +195,3 @@ class _NodeGrid(GridMotion):
             rate = self._family.coordinate_motion(x, time[instants], derivative + 1)
             jacobian[:, :, x.size - drift.shape[1] :] += rate[:, :, None] * drift[instants][:, None, :]
         return jacobian
-
-
-class _JacobianTangent(MotionTangent):
-    """One Jacobian for each derivative of the motion, shape (T, k, x.size)."""
-
-    def __init__(self, jacobians: Sequence[Array]) -> None:
-        self._jacobians = jacobians
-
-    def rows(self, weights: Array, place: Index) -> Array:
-        rows = np.zeros((place.size, self._jacobians[0].shape[2]))
-        for order, J in enumerate(self._jacobians):
-            rows += (weights[:, order][:, None, :] @ J[place])[:, 0]
-        return rows

@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 import warnings
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ import cloudpickle
 from excite.design.executors.unit_executor import InProcesses, InThisProcess, LostUnit, UnitExecutor, Work
 from excite.design.formulation import Formulation
 from excite.design.interruption import held_signals
-from excite.design.multistart import StartsOfRounds, pickled
+from excite.design.multistart import Progress, StartsOfRounds, pickled
 from excite.design.problem import Problem
 from excite.design.single_start import optimise_start
 from excite.design.solvers.solver import Solver
@@ -289,13 +289,7 @@ class DaskStarts:
     def __init__(self, address: str) -> None:
         self.address = address
 
-    def __call__(
-        self,
-        formulation: Formulation,
-        rounds: StartsOfRounds,
-        folder: Path,
-        progress: Callable[[StartResult], None],
-    ) -> None:
+    def __call__(self, formulation: Formulation, rounds: StartsOfRounds, folder: Path, progress: Progress) -> None:
         """Optimise starts; those whose workers end each time are left out, which is logged."""
         origin, search = formulation.identity.origin, formulation.task.search
         needs: StartNeeds = pickled(formulation.blueprint, origin), search.seed

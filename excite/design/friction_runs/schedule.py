@@ -289,21 +289,16 @@ class TorqueRamps:
         """From start to end [s]."""
         return self.steps / self.rate
 
-    def torque(self, time: Array) -> Array:
-        """Torque of the drive at given instants, zero outside the ramps [s, Nm or N]."""
-        torques = np.zeros(time.size)
-        for ramp in self.ramps:
-            torques += np.where(_inside(ramp, time), ramp.rate * (time - ramp.start), 0.0)
-        return torques
-
     def samples(self, pose: Array) -> tuple[Samples, Array, list[str]]:
-        """The pose at every sample, the torque of the drive, and the segments."""
+        """The pose at every sample, the torque of the drive, which is zero outside the ramps, and the segments."""
         time = np.arange(self.steps + 1) / self.rate
-        still = np.zeros((time.size, pose.size))
+        still, torque = np.zeros((time.size, pose.size)), np.zeros(time.size)
         segments = np.full(time.size, REST, dtype=object)
         for ramp in self.ramps:
-            segments[_inside(ramp, time)] = ramp.segment
-        return Samples(time, still + pose, still, still, still), self.torque(time), list(segments)
+            inside = (time >= ramp.start - 1e-9) & (time <= ramp.end + 1e-9)
+            segments[inside] = ramp.segment
+            torque += np.where(inside, ramp.rate * (time - ramp.start), 0.0)
+        return Samples(time, still + pose, still, still, still), torque, list(segments)
 
 
 def torque_ramps(
@@ -323,7 +318,8 @@ def torque_ramps(
             "separated; give `drives`"
         )
     ((number, drive, slope),) = turning
-    limit, unit = _limit(robot, number), _unit(robot, line)
+    limits = robot.limits if robot.transmission is None else robot.transmission.limits
+    limit, unit = float(limits.torque[number]), _unit(robot, line)
     weight = abs(gravity) if np.isfinite(gravity) else 0.0
     if given is not None and given + weight > limit:
         bearing = f" on top of the {weight:.3g} {unit} of gravity" if weight > 1e-6 else ""
@@ -351,15 +347,6 @@ def turning_drives(robot: Robot, line: Array) -> list[tuple[int, str, float]]:
     else:
         named = zip((d.name for d in robot.transmission.drives), robot.transmission.coupling @ line, strict=True)
     return [(k, name, float(v)) for k, (name, v) in enumerate(named) if abs(v) > 1e-12]
-
-
-def _inside(ramp: Ramp, time: Array) -> Array:
-    return np.asarray((time >= ramp.start - 1e-9) & (time <= ramp.end + 1e-9))
-
-
-def _limit(robot: Robot, number: int) -> float:
-    limits = robot.limits if robot.transmission is None else robot.transmission.limits
-    return float(limits.torque[number])
 
 
 def _unit(robot: Robot, line: Array) -> str:
