@@ -83,11 +83,8 @@ class ApproachAndReturn:
         transfers = self.transfers.values()
         if not transfers:
             return ("the motion starts and ends at home: no approach and no return are needed",)
-        notes = []
-        for quantity, known, seconds in (
-            ("acceleration", "velocity", SPEEDING_UP),
-            ("jerk", "acceleration", BUILDING_UP),
-        ):
+        notes, kinds = [], (("acceleration", "velocity", SPEEDING_UP), ("jerk", "acceleration", BUILDING_UP))
+        for quantity, known, seconds in kinds:
             if joints := list(dict.fromkeys(name for way in transfers for name in way.assumed[quantity])):
                 notes.append(
                     f"no {quantity} limit is known for {', '.join(joints)}: approach and return reach the "

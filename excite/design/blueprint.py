@@ -62,7 +62,8 @@ class Blueprint:
         robot, task, motion = robot_from_description(self.robot), self.task, self.motion
         limits = restricted_limits(linear_limits(robot), motion)
         family, equations = task.trajectory.family(), task.model.equations
-        soft = model_of(robot, task, _SIGN_WIDTH * _slowest(limits)).restricted(motion, equations)
+        slowest = min((float(limit.upper.min()) for limit in limits if limit.derivative == 1), default=1.0)
+        soft = model_of(robot, task, _SIGN_WIDTH * slowest).restricted(motion, equations)
         symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
         function = VectorisedFunction(symbols, soft.expression(*symbols)[:, self.index.tolist()])
         samples, grid = objective_instants(family.richness), grid_instants(family.richness)
@@ -80,8 +81,7 @@ class Blueprint:
             return np.asarray(np.tensordot(W, W, ((0, 1), (0, 1))) / len(W))
 
         prior = self.precision
-        if np.any(prior):
-            prior = prior / len(rows(family.resting(self.centre)))
+        prior = prior / len(rows(family.resting(self.centre))) if np.any(prior) else prior
         if nonlinear is None or stated is None:
             whole = robot_from_description(self.whole)
             nonlinear = nonlinear_limits(whole, robot.joint_names, task)
@@ -119,10 +119,6 @@ def grid_instants(richness: int) -> int:
 def restricted_limits(limits: tuple[LinearConstraint, ...], motion: PartialMotion) -> tuple[LinearConstraint, ...]:
     """Limits as functions of the moving coordinates, without those that the motion does not change."""
     return tuple(restricted for restricted in (limit.restricted(motion) for limit in limits) if restricted.labels)
-
-
-def _slowest(limits: tuple[LinearConstraint, ...]) -> float:
-    return min((float(limit.upper.min()) for limit in limits if limit.derivative == 1), default=1.0)
 
 
 _EQUATIONS = 2.6  # copies of the regressor that are held at once

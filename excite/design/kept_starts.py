@@ -42,7 +42,6 @@ def keep_starts(
     """Find the finished starts of a problem in a folder, and remove files of starts that did not end."""
     shown = folder if shown is None else shown
     remove_temporary(folder)
-    files = start_files(folder)
     search, identity = formulation.task.search, formulation.identity
     count = None if search.adaptive else search.first
     if fresh:
@@ -50,7 +49,7 @@ def keep_starts(
         return KeptStarts(folder, count)
     done: dict[int, str] = {}
     unfinished, errors, best, cpu = list[Path](), list[InputError](), float("inf"), 0.0
-    for index, path in files:
+    for index, path in start_files(folder):
         try:
             start, origin = read_start(path)
         except InputError as error:
@@ -65,10 +64,10 @@ def keep_starts(
             best, cpu = min(best, start.value), cpu + start.cpu
     _remove(unfinished)
     edited = sum(isinstance(error, EditedError) for error in errors)
-    notes = tuple(_notes(shown, count, len(done), edited, len(errors) - edited))
+    notes = _notes(shown, count, len(done), edited, len(errors) - edited)
     if identity.doubt and unfinished:
-        notes = (*notes, f"the starts in {shown} are not reused: {identity.doubt}")
-    return KeptStarts(folder, count, done, best, cpu, notes)
+        notes.append(f"the starts in {shown} are not reused: {identity.doubt}")
+    return KeptStarts(folder, count, done, best, cpu, tuple(notes))
 
 
 def _notes(shown: Path, count: int | None, done: int, edited: int, unreadable: int) -> list[str]:

@@ -310,27 +310,21 @@ class BoundedDeterminant(BoundedCriterion):
     def part(self, F: Array, scale: float) -> ConicPart:
         """``[[sum w F, Z], [Z', diag(Z)]] >= 0`` with Z lower triangular, and ``log Z_ii >= t_i``."""
         b = F.shape[1]
-        places = [(i, j) for j in range(b) for i in range(j, b)]
-        own = b + len(places)
-        big = np.zeros((own, 2 * b, 2 * b))
-        diagonal = {}
-        for n, (i, j) in enumerate(places):
-            big[b + n, i, b + j] = big[b + n, b + j, i] = 1.0
-            if i == j:
-                big[b + n, b + i, b + i] = 1.0
-                diagonal[i] = b + n
+        columns, rows = np.triu_indices(b)  # of Z
+        own = b + rows.size
+        big, place = np.zeros((own, 2 * b, 2 * b)), np.arange(b, own)
+        big[place, rows, b + columns] = big[place, b + columns, rows] = 1.0
+        diagonal, ends = place[rows == columns], np.arange(b, 2 * b)
+        big[diagonal, ends, ends] = 1.0
         of_weights = np.zeros((len(F), 2 * b, 2 * b))
         of_weights[:, :b, :b] = F / scale
-        rows = sp.csc_matrix(-np.concatenate([triangle(big), triangle(of_weights)]).T)
-        size = own + len(F)
-        cones = []
-        for i in range(b):  # (t_i, 1, Z_ii) with exp(t_i) <= Z_ii
-            A = sp.lil_matrix((3, size))
-            A[0, i] = -1.0
-            A[2, diagonal[i]] = -1.0
-            cones.append((A.tocsc(), np.array([0.0, 1.0, 0.0])))
-        objective = np.concatenate([-np.ones(b), np.zeros(len(places))])
-        return ConicPart(objective, [(rows, np.zeros(rows.shape[0]), 2 * b)], cones, True)
+        psd = sp.csc_matrix(-np.concatenate([triangle(big), triangle(of_weights)]).T)
+        cones = [  # (t_i, 1, Z_ii) with exp(t_i) <= Z_ii
+            (sp.csc_matrix(([-1.0, -1.0], ([0, 2], [i, k])), (3, own + len(F))), np.array([0.0, 1.0, 0.0]))
+            for i, k in enumerate(diagonal)
+        ]
+        objective = np.concatenate([-np.ones(b), np.zeros(rows.size)])
+        return ConicPart(objective, [(psd, np.zeros(psd.shape[0]), 2 * b)], cones, True)
 
     def multipliers(self, dual: list[Array], scale: float) -> tuple[Array, Array, float]:
         """The dual matrix's block of M."""

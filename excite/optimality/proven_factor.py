@@ -115,14 +115,11 @@ class ProvenFactor:
     def _highest(self, nearest: Array, known: NDArray[np.bool_], functions: Index) -> Array:
         """``|dz| / V`` that is possible at a fraction ``nearest`` of the positions' range from its middle."""
         states = self.states
-        highest = np.ones((len(nearest), functions.size))
         if states.bandwidth is None:
-            return highest
-        for column, index in enumerate(functions):
-            if known[index]:
-                possible = states.bandwidth * states.radius[index] / states.velocity[index]
-                highest[:, column] = np.minimum(1.0, possible * np.sqrt(np.maximum(1.0 - nearest[:, index] ** 2, 0.0)))
-        return np.maximum(highest, _LOWEST)
+            return np.ones((len(nearest), functions.size))
+        possible = states.bandwidth * states.radius[functions] / states.velocity[functions]
+        inside = possible * np.sqrt(np.maximum(1.0 - nearest[:, functions] ** 2, 0.0))
+        return np.where(known[functions], np.clip(inside, _LOWEST, 1.0), 1.0)
 
 
 Polynomial = dict[tuple[int, ...], float]  # sorted indices of the variables (v, a) of each monomial

@@ -10,7 +10,7 @@ from scipy.linalg import blas
 
 from excite.design.grid_limits import GridConstraint
 from excite.design.problem import ObjectivePoint, Problem
-from excite.design.solvers.limit_rows import FREE, LeastDistance, LinearRows, NearRows, Rows, Sides, largest_part
+from excite.design.solvers.limit_rows import FREE, LeastDistance, LinearRows, NearRows, Sides, largest_part
 from excite.design.solvers.solver import SolverResult, Status, Watcher
 from regressors.samples import Array, Index
 
@@ -41,9 +41,7 @@ class DescentStep:
 
     def part(self, length: float) -> DescentStep:
         """A part of the step."""
-        if length == 1.0:
-            return self
-        return DescentStep(length * self.d, length * self.w)
+        return self if length == 1.0 else DescentStep(length * self.d, length * self.w)
 
 
 class Descent:
@@ -210,7 +208,7 @@ class Programmes:
 
     def _broken(self, programmes: list[_Programme]) -> list[_Programme]:
         """Those whose solutions violate limits; the rows that they violate are added."""
-        broken = {programme for programme in programmes if programme.breaks_nonlinear()}
+        broken = {each for each in programmes if each.near is not None and each.near.broken(each.d)}
         if self._linear is not None and programmes:
             ends = np.array([programme.x + programme.d for programme in programmes])
             broken.update(self._add(programmes, ends, _KEPT_INSIDE))
@@ -242,7 +240,7 @@ class _Programme:
         assert descent.H is not None
         self._descent, self._J, self._linear = descent, descent.H.J, linear
         self._programme = LeastDistance(descent.g @ self._J)
-        self._near = NearRows(nonlinear, descent.x) if nonlinear else None
+        self.near = NearRows(nonlinear, descent.x) if nonlinear else None
         self._w: Array | None = None
         self.x, self.d = descent.x.ravel(), np.zeros_like(descent.g)
         self.is_whole = True  # whether the step is inside the limits that are linear in x
@@ -262,29 +260,24 @@ class _Programme:
 
     def solve(self) -> bool:
         """Solve it on the rows so far; False if its solver fails."""
-        self._w = self._programme.solve([] if self._near is None else [_whitened(self._near.rows(), self._J)])
+        others = []
+        if self.near is not None:
+            A, lower, upper = self.near.rows()
+            others = [(A @ self._J, lower, upper)]
+        self._w = self._programme.solve(others)
         if self._w is None:
             return False
         self.d = self._J @ self._w
         return True
 
-    def breaks_nonlinear(self) -> bool:
-        """Whether the solution violates limits that are not linear in x; if so, rows are added."""
-        return self._near is not None and self._near.broken(self.d)
-
     def step(self) -> DescentStep | None:
         """The solution; rows that are active in it are expected to be active again."""
         if self._w is None:
             return None
-        if self._linear is None:
-            return DescentStep(self.d, self._w)
-        self._descent.sides[:] = FREE
-        self._descent.sides[self._chosen] = self._programme.sides
-        if self.is_whole:
-            return DescentStep(self.d, self._w)
-        return DescentStep(self.d, self._w, largest_part(self._linear.values(self.x), self._linear.changes(self.d)))
-
-
-def _whitened(rows: Rows, J: Array) -> Rows:
-    A, lower, upper = rows
-    return A @ J, lower, upper
+        length = 1.0
+        if self._linear is not None:
+            self._descent.sides[:] = FREE
+            self._descent.sides[self._chosen] = self._programme.sides
+            if not self.is_whole:
+                length = largest_part(self._linear.values(self.x), self._linear.changes(self.d))
+        return DescentStep(self.d, self._w, length)
