@@ -28,7 +28,7 @@ from excite.design.formulation import Formulation, formulate
 from excite.design.interruption import current_interruption
 from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.search_rounds import Rounds, RunningRounds, design_with_harmonics
-from excite.design.start_results import BestStarts, StartResult, best_starts, or_none
+from excite.design.start_results import BestStarts, Progress as Progress, StartResult, best_starts, or_none
 from excite.design.stated_limits import remedy
 from excite.design.task_checks import suspecting, unidentifiable
 from excite.errors import NoFeasibleMotionError
@@ -61,7 +61,6 @@ from regressors.robot.symbolic.vectorised import evaluation, interpreted_note
 from regressors.samples import Array
 
 _PACKAGES = ("excite-trajectories", "casadi", "numpy", "scipy", "daqp", "ruckig")
-Progress = Callable[[StartResult], None]
 _ENDED = "Ctrl-C ends it, and the best so far is saved"
 _NONE = "no start has a result: the process of each ended unexpectedly; try fewer `workers`"
 

@@ -23,6 +23,7 @@ from excite.design.start_results import (
     HarmonicsTrial,
     Kind,
     PlannedStart,
+    Progress,
     SearchSummary,
     StartResult,
     number_of,
@@ -169,12 +170,7 @@ class RunningRounds:
     """Starts that are left, round by round."""
 
     def __init__(
-        self,
-        rounds: Rounds,
-        kept: KeptStarts,
-        progress: Callable[[StartResult], None] | None = None,
-        *,
-        in_processes: bool = False,
+        self, rounds: Rounds, kept: KeptStarts, progress: Progress | None = None, *, in_processes: bool = False
     ) -> None:
         self.rounds, self._kept, self._progress = rounds, kept, progress
         self._beside = in_processes

@@ -7,7 +7,7 @@ import heapq
 import json
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import MISSING, asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
@@ -74,6 +74,7 @@ class StartResult:
         }
 
 
+Progress = Callable[[StartResult], None]
 Kind = Literal["random", "combination", "refinement"]
 
 

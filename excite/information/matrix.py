@@ -38,27 +38,22 @@ class Information:
 
     Where columns are ordered along the chain, the equations of later joints do not depend on the first ones; products
     with W leave these zeros out.
-    """  # noise (r,)
+    """  # Y regressor of one instant, (r, b) of q, dq, ddq; noise (r,)
 
     def __init__(
-        self,
-        function: VectorisedFunction,
-        family: Family,
-        combination: Combination,
-        motion: PartialMotion,
-        noise: Array | None = None,
+        self, Y: VectorisedFunction, family: Family, combination: Combination, motion: PartialMotion, noise: Array
     ) -> None:
-        self._function = function
+        self._function = Y
         self._family, self._motion = family, motion
         self._joints = family.joints(combination.time, motion)
         self._difference, self._integral = combination.difference, combination.integral
         self._count = combination.difference.shape[0]
-        self._equations = function.shape[0] if self._integral is None else function.shape[0] // 2
-        is_state = function.row < self._equations
+        self._equations = Y.shape[0] if self._integral is None else Y.shape[0] // 2
+        is_state = Y.row < self._equations
         self._states, self._densities = np.flatnonzero(is_state), np.flatnonzero(~is_state)
-        self._place = function.column, function.row % self._equations
-        self._blocks = _blocks(*self._place, function.shape[1], self._equations, self._count)
-        self._weights = None if noise is None or np.all(noise == 1.0) else 1.0 / noise[:, None]
+        self._place = Y.column, Y.row % self._equations
+        self._blocks = _blocks(*self._place, Y.shape[1], self._equations, self._count)
+        self._weights = None if np.all(noise == 1.0) else 1.0 / noise[:, None]
 
     def trajectory(self, x: Array) -> Trajectory:
         """Motion of every joint, from that of the moving coordinates."""

@@ -22,6 +22,7 @@ _UNUSED, _KEPT_EARLY, _EARLY = 1e-4, 0.2, 2
 _VIOLATED = 1.0 + 1e-4
 _NEAR = 1.01  # of the largest ratio, where more rounds gain less than half a per cent
 _FEWER = 0.85  # of the steps' lengths from one to the next
+Tell = Callable[[str], None]  # takes a sentence on the progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +43,7 @@ class CuttingPlanes:
     motion: Array  # (N, 3 k) states of a motion within the limits, at equal steps, which keep the relaxation feasible
 
     def run(
-        self,
-        criterion: BoundedCriterion,
-        rounds: int,
-        rng: np.random.Generator,
-        tell: Callable[[str], None] = lambda _: None,
+        self, criterion: BoundedCriterion, rounds: int, rng: np.random.Generator, tell: Tell = lambda _: None
     ) -> Relaxed:
         """Solve and add states, round by round."""
         S = np.concatenate([self.motion, self.states.drawn(_FIRST, rng)])

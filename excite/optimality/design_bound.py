@@ -20,7 +20,7 @@ from excite.design.problem_identity import NotComparable, plain_value
 from excite.errors import BrokenLimitError
 from excite.information.target import target_of
 from excite.information.weighting import minimised_text, weighting_of
-from excite.optimality.cutting_planes import BOUNDED, LOOKED_AT, BoundedCriterion, CuttingPlanes, DualCertificate
+from excite.optimality.cutting_planes import BOUNDED, LOOKED_AT, BoundedCriterion, CuttingPlanes, DualCertificate, Tell
 from excite.optimality.limited_states import MomentConditions, StateRows, limited_states, state_rows
 from excite.optimality.proven_factor import ProvenFactor
 from excite.optimality.sensitivity import Sensitivity, sensitivity
@@ -265,12 +265,7 @@ def _states_of(design: Design, rows: StateRows, count: int) -> Array:
 
 
 def _bound(
-    criterion: BoundedCriterion,
-    planes: CuttingPlanes,
-    design: Design,
-    rounds: int,
-    seed: int,
-    progress: Callable[[str], None],
+    criterion: BoundedCriterion, planes: CuttingPlanes, design: Design, rounds: int, seed: int, progress: Tell
 ) -> CriterionBound:
     began = time.process_time()
     relaxed = planes.run(criterion, rounds, np.random.default_rng(seed), tell=progress)

@@ -26,11 +26,11 @@ import cloudpickle
 from excite.design.executors.unit_executor import InProcesses, InThisProcess, LostUnit, UnitExecutor, Work
 from excite.design.formulation import Formulation
 from excite.design.interruption import held_signals
-from excite.design.multistart import Progress, StartsOfRounds, pickled
+from excite.design.multistart import StartsOfRounds, pickled
 from excite.design.problem import Problem
 from excite.design.single_start import optimise_start
 from excite.design.solvers.solver import Solver
-from excite.design.start_results import Origin, PlannedStart, StartResult, number_of, write_start
+from excite.design.start_results import Origin, PlannedStart, Progress, StartResult, number_of, write_start
 from excite.design.workers import environment_of_workers, main_not_imported
 from excite.errors import LostWorkersError
 from excite.registry import ADDRESS_FORMS, instance, is_addressed

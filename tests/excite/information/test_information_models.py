@@ -125,7 +125,7 @@ def information(made: Formulation, width: float, count: int) -> tuple[Informatio
     function = VectorisedFunction(symbols, model.expression(*symbols)[:, made.target.base.index.tolist()])
     family = Fourier(made.task.trajectory.period, made.task.trajectory.harmonics)
     combination = model.combination(made.task.trajectory.period, count)
-    return Information(function, family, combination, made.target.motion), family, model
+    return Information(function, family, combination, made.target.motion, np.ones(1)), family, model
 
 
 def stacked(model: RegressorModel, trajectory: Trajectory, count: int) -> Array:
