@@ -71,10 +71,7 @@ class Campaign:
     "lengths, masses or inertias of very different sizes are the likely cause: check the description of the robot",
 )
 def plan_campaign(
-    robot_or_model: RegressorModel | Robot | Task | str | None = None,
-    /,
-    at_once: int | None = None,
-    **options: Any,
+    robot_or_model: RegressorModel | Robot | Task | str | None = None, /, at_once: int | None = None, **options: Any
 ) -> Campaign:
     """Shortest campaign: fewest motions, then fewest moving drives, of at most ``at_once`` drives at a time.
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from excite.design.formulation import Formulation
 from excite.design.problem_identity import ProblemIdentity
-from excite.design.start_results import RUNNING, Origin, PlannedStart, read_start, start_files
+from excite.design.start_results import RUNNING, Origin, Start, Starts, read_start, start_files
 from excite.storage.manifest import EditedError
 from regressors.errors import InputError
 
@@ -26,11 +26,11 @@ class KeptStarts:
     cpu: float = 0.0  # processor time that they took [s]
     notes: tuple[str, ...] = ()  # what was found, in sentences
 
-    def left(self, starts: Sequence[PlannedStart | int]) -> Sequence[PlannedStart | int]:
+    def left(self, starts: Starts) -> Starts:
         """Those of some planned starts that are still to run."""
         return [start for start in starts if not self.has(start)] if self.done else starts
 
-    def has(self, start: PlannedStart | int) -> bool:
+    def has(self, start: Start) -> bool:
         """Whether a start is finished, and descends from what is planned now."""
         index, lineage = (start, "") if isinstance(start, int) else (start.index, start.lineage)
         return self.done.get(index) == lineage

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import chain, pairwise
@@ -20,7 +20,7 @@ from excite.design.interruption import deferred_interruption
 from excite.design.kept_starts import KeptStarts, keep_starts, remove_temporary
 from excite.design.search_rounds import Rounds
 from excite.design.single_start import optimise_starts
-from excite.design.start_results import RUNNING, PlannedStart, Progress, read_start, start_files
+from excite.design.start_results import RUNNING, Progress, Starts, read_start, start_files
 from excite.design.workers import NotPreparedError, Work, Workers, environment_of_workers, optimise_job, work_on_starts
 from excite.registry import FIGURE_FORMATS, instance
 from excite.storage.atomic import read_json, replacing, shown, writing
@@ -28,7 +28,6 @@ from excite.storage.manifest import read_manifest
 from excite.tasks.search import Search
 from regressors.errors import InputError
 
-Starts = Sequence[PlannedStart | int]
 StartsOfRounds = Iterable[Starts]
 _TOGETHER = 4  # starts that are optimised together: what is measured of them comes when all have ended
 _log = logging.getLogger(__name__)

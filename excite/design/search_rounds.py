@@ -26,6 +26,7 @@ from excite.design.start_results import (
     Progress,
     SearchSummary,
     StartResult,
+    Starts,
     number_of,
     read_start,
     start_file,
@@ -73,7 +74,7 @@ class Rounds:
         """Number of starts in the largest round."""
         return max(self.search.first, self.sizes.combined if self.search.adaptive else 0)
 
-    def following(self, results: Sequence[StartResult], spent: float = 0.0) -> Sequence[PlannedStart | int]:
+    def following(self, results: Sequence[StartResult], spent: float = 0.0) -> Starts:
         """Starts of the next round, given the results of the last one; none at the end."""
         if self.planned == 0:
             return self._random(self.search.first)
@@ -191,7 +192,7 @@ class RunningRounds:
         if self._progress is not None:
             self._progress(result)
 
-    def __iter__(self) -> Iterator[Sequence[PlannedStart | int]]:
+    def __iter__(self) -> Iterator[Starts]:
         while starts := self.rounds.following(self._results, self.spent):
             self._results = []
             left = self._kept.left(starts)

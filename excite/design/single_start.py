@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from excite.design.initial_guesses import candidates, combinations, shrunk
 from excite.design.problem import Problem
 from excite.design.solvers.solver import Attempt, Solver, SolverResult
-from excite.design.start_results import RUNNING, Origin, PlannedStart, StartResult, write_start
+from excite.design.start_results import RUNNING, Origin, PlannedStart, Start, StartResult, Starts, write_start
 from regressors.errors import NumericalError
 from regressors.samples import Array
 
@@ -21,12 +21,7 @@ _SAVE_EVERY = 1.0  # seconds between saves of an unfinished start
 
 
 def optimise_start(
-    problem: Problem,
-    method: Solver,
-    seed: int,
-    start: PlannedStart | int,
-    folder: Path | None,
-    origin: Origin | None = None,
+    problem: Problem, method: Solver, seed: int, start: Start, folder: Path | None, origin: Origin | None = None
 ) -> StartResult:
     """Draw the initial guess of a start and optimise it, saving the best point so far every second."""
     return optimise_starts(problem, method, seed, [start], folder, origin=origin)[0]
@@ -36,7 +31,7 @@ def optimise_starts(
     problem: Problem,
     method: Solver,
     seed: int,
-    starts: Sequence[PlannedStart | int],
+    starts: Starts,
     folder: Path | None,
     answer: Callable[[], None] = lambda: None,
     origin: Origin | None = None,

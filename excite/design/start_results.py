@@ -7,7 +7,7 @@ import heapq
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import MISSING, asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
@@ -96,8 +96,12 @@ class PlannedStart:
         return hashlib.sha256(content.encode()).hexdigest()
 
 
-def number_of(start: PlannedStart | int) -> int:
-    """Number of a start; a number alone is that of a random one."""
+Start = PlannedStart | int  # a number alone is that of a random one
+Starts = Sequence[Start]
+
+
+def number_of(start: Start) -> int:
+    """Number of a start."""
     return start if isinstance(start, int) else start.index
 
 

@@ -12,7 +12,7 @@ import sys
 import threading
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import chain, islice
@@ -30,7 +30,7 @@ from excite.design.interruption import SIGNALS, deferred_interruption, held_sign
 from excite.design.problem import Problem
 from excite.design.single_start import optimise_starts
 from excite.design.solvers.solver import Solver
-from excite.design.start_results import Origin, PlannedStart, StartResult, number_of
+from excite.design.start_results import Origin, StartResult, Starts, number_of
 from excite.errors import LostWorkersError
 from excite.operating_system import can_fork
 from excite.registry import instance
@@ -230,7 +230,7 @@ def main_not_imported() -> Iterator[None]:
             setattr(main, name, value)
 
 
-Job = tuple[int, Sequence[PlannedStart | int], Path]
+Job = tuple[int, Starts, Path]
 Work = Callable[[Any], Any]
 
 _PR_SET_PDEATHSIG = 1  # of Linux's prctl

@@ -30,7 +30,7 @@ from excite.design.multistart import StartsOfRounds, pickled
 from excite.design.problem import Problem
 from excite.design.single_start import optimise_start
 from excite.design.solvers.solver import Solver
-from excite.design.start_results import Origin, PlannedStart, Progress, StartResult, number_of, write_start
+from excite.design.start_results import Origin, Progress, Start, StartResult, number_of, write_start
 from excite.design.workers import environment_of_workers, main_not_imported
 from excite.errors import LostWorkersError
 from excite.registry import ADDRESS_FORMS, instance, is_addressed
@@ -303,7 +303,7 @@ class DaskStarts:
                     progress(result)
 
 
-def optimise_there(needs: StartNeeds, start: PlannedStart | int) -> StartResult:
+def optimise_there(needs: StartNeeds, start: Start) -> StartResult:
     """Optimise a start where only ``needs`` is known."""
     content, seed = needs
     problem, method, origin = _prepared(content)

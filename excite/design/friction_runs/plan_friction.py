@@ -10,7 +10,7 @@ the gear stays about the same throughout. Ramps of the drive's torque in the sam
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -29,7 +29,7 @@ from excite.design.friction_runs.friction_plan import (
     Window,
 )
 from excite.design.friction_runs.pose import CollisionChecks, Gravity, Place, PlaceSearch
-from excite.design.friction_runs.runs import Pace, Part, Runs, certificates, pace_of, torque_uses
+from excite.design.friction_runs.runs import Part, Runs, certificates, pace_of, torque_uses
 from excite.design.friction_runs.schedule import (
     RunSequence,
     Schedule,
@@ -123,7 +123,8 @@ def plan_friction(
     gravity = Gravity(robot)
     searches = [PlaceSearch(robot, gravity, motion, kept, checks) for motion in motions]
     placed = partial(_placed, schedule=schedule, about=about, balanced=balanced, seed=seed)
-    planned = [_coordinate_plan(one, schedule, placed, torque) for one, torque in zip(searches, largest, strict=True)]
+    pairs = zip(searches, largest, strict=True)
+    planned = [_coordinate_plan(search, schedule, *placed(search), torque) for search, torque in pairs]
     passages, notes = ((), ()) if checks is None else (_passages(robot, planned, checks), checks.notes)
     return FrictionPlan(robot, tuple(planned), world, passages, notes, pose is not None)
 
@@ -166,14 +167,10 @@ def _largest_torques(given: Sequence[float] | None, labels: Sequence[str]) -> li
 
 
 def _coordinate_plan(
-    search: PlaceSearch,
-    schedule: Schedule,
-    placed: Callable[[PlaceSearch, Pace], tuple[Place, RunSequence]],
-    torque: float | None,
+    search: PlaceSearch, schedule: Schedule, place: Place, sequence: RunSequence, torque: float | None
 ) -> CoordinatePlan:
     robot, gravity, motion, checks = search.robot, search.gravity, search.motion, search.checks
-    pace, line, label = pace_of(motion, search.limits), search.line, motion.labels[0]
-    place, sequence = placed(search, pace)
+    line, label = search.line, motion.labels[0]
     pose, centre = place.pose, _coordinate(robot, motion, place.pose)
     uses, unchecked = torque_uses(robot, sequence.runs, pose, motion)
     stroke = max(sequence.strokes.values())
@@ -193,7 +190,7 @@ def _coordinate_plan(
         below=place.below,
         above=place.above,
         largest_gravity=float(np.abs(g).max()),
-        pace=pace,
+        pace=sequence.runs.pace,
         schedule=schedule,
         windows=tuple(_window(part, percent, pose, line, gravity, centre) for part, percent in sequence.windowed),
         left_out=tuple(SkippedSpeed(percent, reason) for percent, reason in sequence.left_out.items()),
@@ -206,10 +203,10 @@ def _coordinate_plan(
 
 
 def _placed(
-    search: PlaceSearch, pace: Pace, schedule: Schedule, about: Array | None, balanced: bool, seed: int
+    search: PlaceSearch, schedule: Schedule, about: Array | None, balanced: bool, seed: int
 ) -> tuple[Place, RunSequence]:
     """Where a coordinate is measured, and its run sequence there."""
-    label, unit = search.motion.labels[0], search.motion.units[0]
+    label, unit, pace = search.motion.labels[0], search.motion.units[0], pace_of(search.motion, search.limits)
 
     def sequence_at(place: Place) -> RunSequence:
         because = f" (beyond it, {place.obstacle} is too near)" if place.obstacle else ""
