@@ -151,20 +151,16 @@ class Population:
     def add(self, results: Iterable[StartResult]) -> None:
         """Add the ends of starts, by number; those without a finite criterion are left out."""
         for result in sorted(results, key=lambda result: result.index):
-            if np.isfinite(result.value):
-                self._add(result)
+            near = [member for member in self.members if abs(member.value - result.value) <= _SAME * abs(result.value)]
+            if np.isfinite(result.value) and not any(member.value <= result.value for member in near):
+                others = [member for member in self.members if member not in near]
+                by_value = sorted([*others, result], key=lambda member: (member.value, member.index))
+                self.members = tuple(by_value[:_MOST])
 
     @property
     def best(self) -> float:
         """The least criterion; infinite where there is no member."""
         return self.members[0].value if self.members else np.inf
-
-    def _add(self, result: StartResult) -> None:
-        near = [member for member in self.members if abs(member.value - result.value) <= _SAME * abs(result.value)]
-        if any(member.value <= result.value for member in near):
-            return
-        others = [member for member in self.members if member not in near]
-        self.members = tuple(sorted([*others, result], key=lambda member: (member.value, member.index))[:_MOST])
 
 
 class RunningRounds:

@@ -209,7 +209,7 @@ def _columns(target: IdentificationTarget, task: Task, base: Index, name: str) -
     if name in GROUPS:
         numbers = [k for k, inside in enumerate(_in_group(target, task, columns, name)) if inside]
         if not numbers:
-            known = ", ".join(_names(columns))
+            known = ", ".join(column.name for column in columns)
             raise InputError(f"interest: no base parameter is one of the group {name}; they are {known}")
         return numbers
     number = named_parameter(target.model, name, GROUPS)
@@ -221,12 +221,12 @@ def _columns(target: IdentificationTarget, task: Task, base: Index, name: str) -
 def _in_group(target: IdentificationTarget, task: Task, columns: list[Column], name: str) -> list[bool]:
     if name not in _AT_REST:
         return [name in (c.group, c.kind.replace(" ", "-")) for c in columns]
-    acts = _act_at_rest(target, task, _names(columns))
+    acts = _act_at_rest(target, task, [c.name for c in columns])
     of_masses = (c.group in ("inertial", "rotor") for c in columns)
     return [inside and at_rest == _AT_REST[name] for inside, at_rest in zip(of_masses, acts, strict=True)]
 
 
-def _act_at_rest(target: IdentificationTarget, task: Task, names: tuple[str, ...]) -> list[bool]:
+def _act_at_rest(target: IdentificationTarget, task: Task, names: list[str]) -> list[bool]:
     """Whether the torques of a robot at rest depend on parameters."""
     model = model_of(target.robot, task).instantaneous().restricted(target.motion, task.model.equations)
     moving = target.motion.states(random_states(target.robot, few_states(model)))
@@ -240,12 +240,8 @@ def _act_at_rest(target: IdentificationTarget, task: Task, names: tuple[str, ...
 def _within(target: IdentificationTarget, task: Task, base: Index, number: int) -> str:
     """The base parameters that a parameter is part of."""
     parts = np.linalg.solve(target.transforms[task.objective.base], target.base.D[:, number])
-    names = _names([target.model.columns[k] for k in base[np.abs(parts) > _NOTHING]])
+    names = [target.model.columns[k].name for k in base[np.abs(parts) > _NOTHING]]
     return f": it is part of {', '.join(names)}; choose those" if names else ": no torque of this motion depends on it"
-
-
-def _names(columns: list[Column]) -> tuple[str, ...]:
-    return tuple(c.name for c in columns)
 
 
 OTHERS = 0.05  # part of log det^(-1/2b) of all parameters: the chosen deviations were at most 5 % larger with it

@@ -240,17 +240,20 @@ class GridMotion(ABC):
 
     linear: bool
 
-    @abstractmethod
+    def __init__(self, family: Family, count: int) -> None:
+        self._family, self._count = family, count
+
     def factor(self, derivative: int) -> float:
         """Lower bound of the largest |value| on the grid over the largest |value| over continuous time."""
+        return self._family.grid_factor(self._count, derivative)
 
     @abstractmethod
     def values(self, x: Array, derivative: int, instants: Index | None = None) -> Array:
         """``y^(d)`` at all or some instants, shape (N, k)."""
 
-    @abstractmethod
     def combined(self, x: Array, matrix: Array, derivative: int) -> Array:
         """``A y^(d)`` for a matrix A of shape (m, k), shape (m, N)."""
+        return np.asarray(matrix @ self.values(x, derivative).T)
 
     @abstractmethod
     def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -146,17 +147,8 @@ class _BasisGrid(GridMotion):
     linear = True
 
     def __init__(self, family: LinearFamily, count: int) -> None:
-        self._family, self._count = family, count
-        self._basis: dict[int, Array] = {}
-
-    def basis(self, derivative: int) -> Array:
-        """Basis at the instants, shape (N, size)."""
-        if derivative not in self._basis:
-            self._basis[derivative] = self._family.basis(self._family.grid(self._count), derivative)
-        return self._basis[derivative]
-
-    def factor(self, derivative: int) -> float:
-        return self._family.grid_factor(self._count, derivative)
+        super().__init__(family, count)
+        self.basis = cache(lambda derivative: family.basis(family.grid(count), derivative))  # each (N, size)
 
     def values(self, x: Array, derivative: int, instants: Index | None = None) -> Array:
         B = self.basis(derivative)

@@ -164,19 +164,11 @@ class _NodeGrid(GridMotion):
     """Motion on nodes that may depend on x."""
 
     linear = False
-
-    def __init__(self, family: NonlinearFamily, count: int) -> None:
-        self._family, self._count = family, count
-
-    def factor(self, derivative: int) -> float:
-        return self._family.grid_factor(self._count, derivative)
+    _family: NonlinearFamily
 
     def values(self, x: Array, derivative: int, instants: Index | None = None) -> Array:
         time, _ = self._family.nodes(x, self._count)
         return self._family.coordinate_motion(x, time if instants is None else time[instants], derivative)
-
-    def combined(self, x: Array, matrix: Array, derivative: int) -> Array:
-        return np.asarray(matrix @ self.values(x, derivative).T)
 
     def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
         jacobians = [self._jacobian(x, d, instants) for d in derivatives]  # each (T, k, x.size)

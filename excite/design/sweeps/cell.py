@@ -205,8 +205,8 @@ class CellWork:
     fresh: bool = False  # its folder holds starts of another problem, which leave
 
 
+#: What came of a cell, and the files of its folder, where it was designed in a temporary one.
 CellResult = tuple[CellRecord, Mapping[str, bytes]]
-"""What came of a cell, and the files of its folder, where it was designed in a temporary one."""
 
 
 def pickled_task(task: Task) -> bytes:
