@@ -146,10 +146,8 @@ def approach_and_return(
     start, end = whole_pose(limited, joints, ends)
     routes = [_around([*poses, target], limited, nonlinear, task.search.seed) for target in (start, end)]
     rate = task.output.rate
-    approach, back = (
-        _on_samples(quickest_transfer(route, linear, robot.joint_names), nonlinear, rate)
-        for route in (routes[0], routes[1][::-1])
-    )
+    quickest = (quickest_transfer(route, linear, robot.joint_names) for route in (routes[0], routes[1][::-1]))
+    approach, back = (_on_samples(transfer, nonlinear, rate) for transfer in quickest)
     settle = math.ceil(task.output.settle * rate * (1.0 - 1e-12))  # the fewest periods that last as long
     transfers = ApproachAndReturn(approach, back, settle, rate, {})
     limits = {name: uses_of(transfer, linear, nonlinear) for name, transfer in transfers.transfers.items()}

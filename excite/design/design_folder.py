@@ -179,12 +179,9 @@ def _sequence(design: Design) -> dict[str, Any]:
 
 def _earlier(earlier: EarlierInformation) -> dict[str, Any]:
     """Information in hand with the hash of its file, so that the task can be run again without the folder."""
-    return {
-        **vars(earlier),
-        "A": _sparse(earlier.A),
-        "factors": [_sparse(F) for F in earlier.factors],
-        "values": None if earlier.values is None else [float(x) if np.isfinite(x) else None for x in earlier.values],
-    }
+    values = None if earlier.values is None else [or_none(float(x)) for x in earlier.values]
+    factors = [_sparse(F) for F in earlier.factors]
+    return {**vars(earlier), "A": _sparse(earlier.A), "factors": factors, "values": values}
 
 
 def _sparse(A: Array) -> dict[str, Any]:

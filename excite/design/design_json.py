@@ -262,8 +262,6 @@ def read_precision_target(path: Path) -> dict[str, Any]:
         if set(entry) != {"motion", "share"}:
             given = ", ".join(map(str, entry))
             raise InputError(f"{path}: torques: expected `motion`, a file, and `share`; given {given}")
-        content["torques"] = {
-            "share": entry["share"],
-            "motion": read_task_motion(path.parent / str(entry["motion"])),  # a folder or a table beside the file
-        }
+        motion = read_task_motion(path.parent / str(entry["motion"]))  # a folder or a table beside the file
+        content["torques"] = {"share": entry["share"], "motion": motion}
     return content

@@ -89,10 +89,8 @@ class GridLimits:
 
     def largest_part(self, values: list[Array], step: Array, end: Array) -> float:
         """Largest fraction >= 0 of a step that stays within the linear limits; see `GridConstraint.change`."""
-        parts = (
-            limit.largest_part(value, limit.change(value, step, end))
-            for limit, value in zip(self.linear, values, strict=True)
-        )
+        pairs = zip(self.linear, values, strict=True)
+        parts = (limit.largest_part(value, limit.change(value, step, end)) for limit, value in pairs)
         return max(min(parts, default=np.inf), 0.0)
 
 

@@ -71,14 +71,9 @@ def keep_starts(
 
 
 def _notes(shown: Path, count: int | None, done: int, edited: int, unreadable: int) -> list[str]:
-    notes = []
-    if done and count is None:
-        notes.append(
-            f"{done} start{'s' if done > 1 else ''} {_are(done)} already done in {shown}; the search goes on from there"
-        )
-    elif done and count is not None:
-        left = count - done
-        notes.append(f"{done} of {count} starts {_are(done)} already done in {shown}; {left} {_are(left)} left")
+    which = f"{done} start{'s' if done > 1 else ''}" if count is None else f"{done} of {count} starts"
+    then = "the search goes on from there" if count is None else f"{count - done} {_are(count - done)} left"
+    notes = [f"{which} {_are(done)} already done in {shown}; {then}"] if done else []
     for number, one, several in (
         (edited, "was changed after it was written", "were changed after they were written"),
         (unreadable, "cannot be read", "cannot be read"),

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
 from excite.information.target import IdentificationTarget
-from excite.storage.codec import OBJECT, named
+from excite.storage.codec import OBJECT, Beside, named
 from excite.trajectories.family import Family, Trajectory
 from regressors.errors import InputError
 from regressors.models.model import Combination, RegressorModel
@@ -207,7 +207,7 @@ class PredictedAccuracy:
         The rotor inertia that a parameter at the drive coordinate stands for.
     """
 
-    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"motor_side.standard_deviation": lambda p: p.of_motor}
+    beside: ClassVar[Beside] = {"motor_side.standard_deviation": lambda p: p.of_motor}
 
     name: str
     expression: str

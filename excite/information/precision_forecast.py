@@ -8,7 +8,7 @@ experiments with the information P; their rows also settle the estimate of the n
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
@@ -24,7 +24,7 @@ from excite.information.half_widths import (
     torque_precision,
 )
 from excite.information.target import IdentificationTarget, inverse_half
-from excite.storage.codec import INLINE, named
+from excite.storage.codec import INLINE, Beside, named
 from excite.tasks.precision_target import PrecisionTarget
 from regressors.samples import Array, Samples
 
@@ -61,10 +61,7 @@ class PrecisionForecast:
     parameters : tuple of ParameterPrecision
     """
 
-    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {
-        "met": lambda forecast: forecast.met,
-        "robot_seconds": lambda forecast: forecast.robot_seconds,
-    }
+    beside: ClassVar[Beside] = {"met": lambda each: each.met, "robot_seconds": lambda each: each.robot_seconds}
 
     runs: int
     seconds: float = field(metadata=named("seconds_per_run"))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -26,6 +26,7 @@ from excite.optimality.proven_factor import ProvenFactor
 from excite.optimality.sensitivity import Sensitivity, sensitivity
 from excite.registry import instance, is_own, name_of
 from excite.storage.atomic import Destination, read_json
+from excite.storage.codec import Beside
 from excite.storage.commit import read_settled
 from excite.storage.migrations import is_of_kind
 from excite.storage.records import check_replaceable, read_record, write_record
@@ -62,10 +63,7 @@ class CriterionBound:
     cpu_seconds : float
     """
 
-    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {
-        "efficiency": lambda bound: bound.efficiency,
-        "basis": lambda bound: bound.basis,
-    }
+    beside: ClassVar[Beside] = {"efficiency": lambda bound: bound.efficiency, "basis": lambda bound: bound.basis}
 
     name: str
     described: str
@@ -159,13 +157,8 @@ def stored_bound(design: Design) -> DesignBound | None:
     criterion = str(name_of(design.task.objective.criterion))
     if known.coefficients != coefficients or (changes is not None and changes.criterion != criterion):
         changes = None  # of another motion of the same problem
-    return replace(
-        known,
-        name=design.name,
-        criteria=tuple(replace(each, reached=reached_by(design, each.name)) for each in known.criteria),
-        coefficients=coefficients,
-        sensitivity=changes,
-    )
+    criteria = tuple(replace(each, reached=reached_by(design, each.name)) for each in known.criteria)
+    return replace(known, name=design.name, criteria=criteria, coefficients=coefficients, sensitivity=changes)
 
 
 @checked

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar
@@ -21,6 +21,7 @@ from excite.design.initial_guesses import shrunk
 from excite.design.problem import Problem
 from excite.design.solvers.solver import Solver
 from excite.registry import instance, name_of
+from excite.storage.codec import Beside
 from regressors.errors import InputError
 from regressors.numerical import numerical_work
 from regressors.samples import Array
@@ -58,7 +59,7 @@ class Sensitivity:
     cpu_seconds : float
     """
 
-    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"meaning": lambda changes: changes.meaning}
+    beside: ClassVar[Beside] = {"meaning": lambda changes: changes.meaning}
 
     criterion: str
     reference: float

@@ -142,11 +142,9 @@ def quickest_transfer(
     does, the acceleration limit is reached in 0.1 s or later.
     """  # poses (n,)
     assumed: dict[str, list[str]] = {"acceleration": [], "jerk": []}
-    legs = tuple(
-        Leg(start, end, _law(end - start, limits, joints, assumed))
-        for start, end in itertools.pairwise(np.asarray(pose, dtype=float) for pose in poses)
-        if np.abs(end - start).max() > _SAME
-    )
+    lines = itertools.pairwise(np.asarray(pose, dtype=float) for pose in poses)
+    moves = ((start, end) for start, end in lines if np.abs(end - start).max() > _SAME)
+    legs = tuple(Leg(start, end, _law(end - start, limits, joints, assumed)) for start, end in moves)
     if not legs:
         return None
     once = {quantity: tuple(name for name in joints if name in joints_of) for quantity, joints_of in assumed.items()}

@@ -214,10 +214,8 @@ def _placed(
 
     if about is None:
         fastest = pace.velocity * max(schedule.percent) / 100.0
-        enough, wanted = (
-            min(pace.ramp(fastest) + 0.5 * fastest * seconds, schedule.stroke)
-            for seconds in (schedule.shortest, schedule.longest)
-        )
+        ends = (pace.ramp(fastest) + 0.5 * fastest * seconds for seconds in (schedule.shortest, schedule.longest))
+        enough, wanted = (min(end, schedule.stroke) for end in ends)
         place = search.found(enough, wanted, seed)
         sequence = sequence_at(place)
     else:
@@ -239,10 +237,8 @@ def _distances(checks: CollisionChecks, runs: Runs, pose: Array, line: Array, ce
     """Least distance of each pair of bodies over all positions that the runs pass."""
     positions = runs.extrema()[0]
     low, high = float(positions.low[0]), float(positions.high[0])
-    return tuple(
-        Distance(replace(use, time=runs.first_at(low + use.time)), centre + low + use.time)
-        for use in checks.uses(pose, line, low, high)
-    )
+    uses = checks.uses(pose, line, low, high)
+    return tuple(Distance(replace(use, time=runs.first_at(low + use.time)), centre + low + use.time) for use in uses)
 
 
 def _passages(robot: Robot, planned: Sequence[CoordinatePlan], checks: CollisionChecks) -> tuple[Passage, ...]:

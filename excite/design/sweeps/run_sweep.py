@@ -248,10 +248,8 @@ def read_sweep_file(path: str | Path) -> list[Cell]:
     exclude = [_excluded(document, grid, number, each) for number, each in enumerate(content.get("exclude", []))]
     chosen = [*_product(grid, exclude), *_included(_given(document, "include", []), included)]
     _check_names(document, [name for name, _, _ in chosen])
-    return [
-        Cell(name, _task(path, name, {**content.get("common", {}), **options}), labels)
-        for name, labels, options in chosen
-    ]
+    common = content.get("common", {})
+    return [Cell(name, _task(path, name, {**common, **options}), labels) for name, labels, options in chosen]
 
 
 def _schema(document: Document) -> type[BaseModel]:
