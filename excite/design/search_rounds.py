@@ -130,12 +130,9 @@ class Rounds:
             return self.count >= self.search.rounds
         if self.search.budget is not None:
             return spent >= self.search.budget
-        return self._found_again() or self.count >= self.sizes.rounds
-
-    def _found_again(self) -> bool:
-        """Whether as many populations as are wanted have come to the same end, the best of all."""
         ends = np.sort(self.ends)[: self.sizes.repetitions]
-        return ends.size == self.sizes.repetitions and ends[-1] <= (1.0 + self.sizes.gain) * ends[0]
+        found_again = ends.size == self.sizes.repetitions and ends[-1] <= (1.0 + self.sizes.gain) * ends[0]
+        return bool(found_again) or self.count >= self.sizes.rounds
 
 
 _SAME = 3e-3  # two motions whose criteria differ by less are taken to be in one basin: mirrored and reversed ones are

@@ -58,7 +58,20 @@ class LimitedStates:
 
     def extent(self, order: int) -> Array:
         """Largest absolute value of each coordinate, or of a derivative, shape (k,); infinite where it has none."""
-        return _extent(self.directions, (self.radius, self.velocity, self.acceleration)[order])
+        bound = (self.radius, self.velocity, self.acceleration)[order]
+        finite = np.isfinite(bound)
+        A, b = self.directions[finite], bound[finite]
+        extent = np.full(self.n, np.inf)
+        if not A.size:
+            return extent
+        inverse = np.linalg.pinv(A)  # by a combination of all functions, or by one that is the coordinate itself
+        spanned = np.isclose(np.diag(inverse @ A), 1.0, atol=_ALIKE)
+        extent[spanned] = (np.abs(inverse) @ b)[spanned]
+        for row, limit in zip(A, b, strict=True):
+            (used,) = np.nonzero(np.abs(row) > _ALIKE)
+            if used.size == 1:
+                extent[used[0]] = min(extent[used[0]], limit / abs(row[used[0]]))
+        return extent
 
     def excess(self, S: Array) -> Array:
         """Largest relative excess over a bound of each state, shape (N,); at most zero inside."""  # S (N, 3 k)
@@ -116,7 +129,10 @@ def limited_states(limits: Sequence[LinearConstraint], centre: Array, bandwidth:
     for limit in (each for each in limits if each.derivative <= 2):
         for row, offset, lower, upper in zip(limit.matrix, limit.offset, limit.lower, limit.upper, strict=True):
             scale = float(row[np.argmax(np.abs(row))])
-            index = _place(D, bounds, row / scale)
+            same = (k for k, known in enumerate(D) if np.allclose(known, row / scale, rtol=0.0, atol=_ALIKE))
+            if (index := next(same, len(D))) == len(D):
+                D.append(row / scale)
+                bounds.append([-np.inf, np.inf, np.inf, np.inf])
             bound, ends = bounds[index], sorted(((lower - offset) / scale, (upper - offset) / scale))
             if limit.derivative == 0:
                 bound[0], bound[1] = max(bound[0], ends[0]), min(bound[1], ends[1])
@@ -135,32 +151,6 @@ def limited_states(limits: Sequence[LinearConstraint], centre: Array, bandwidth:
                 f"give `{_ORDERS[order]}`"
             )
     return states
-
-
-def _place(D: list[Array], bounds: list[list[float]], direction: Array) -> int:
-    for index, known in enumerate(D):
-        if np.allclose(known, direction, rtol=0.0, atol=_ALIKE):
-            return index
-    D.append(direction)
-    bounds.append([-np.inf, np.inf, np.inf, np.inf])
-    return len(D) - 1
-
-
-def _extent(D: Array, bound: Array) -> Array:
-    """Bound of each coordinate from those of functions: by the function itself, or by a combination of all."""
-    finite = np.isfinite(bound)
-    A, b = D[finite], bound[finite]
-    extent = np.full(D.shape[1], np.inf)
-    if not A.size:
-        return extent
-    inverse = np.linalg.pinv(A)
-    spanned = np.isclose(np.diag(inverse @ A), 1.0, atol=_ALIKE)
-    extent[spanned] = (np.abs(inverse) @ b)[spanned]
-    for row, limit in zip(A, b, strict=True):
-        (used,) = np.nonzero(np.abs(row) > _ALIKE)
-        if used.size == 1:
-            extent[used[0]] = min(extent[used[0]], limit / abs(row[used[0]]))
-    return extent
 
 
 @dataclass(frozen=True, eq=False)

@@ -202,8 +202,6 @@ class Programmes:
         left = programmes
         for _ in range(_ROUNDS):
             left = self._broken([programme for programme in left if programme.solve()])
-            if not left:
-                break
         return [programme.step() for programme in programmes]
 
     def _broken(self, programmes: list[_Programme]) -> list[_Programme]:
