@@ -6,7 +6,7 @@ import hashlib
 import inspect
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -68,10 +68,9 @@ def problem_identity(blueprint: Blueprint) -> ProblemIdentity:
         "versions": {name: version(name) for name in PACKAGES},
     }
     try:
-        for name in ("model", "trajectory", "objective", "limits", "search"):
-            options = plain_value(getattr(task, name))
-            kept = {key: value for key, value in options.items() if key not in ("class", *_ANYWHERE)}
-            content[name] = {**content.get(name, {}), **kept}
+        parts = ("model", "trajectory", "objective", "limits", "search")
+        for name, options in plain_options(task, parts, ("class", *_ANYWHERE)):
+            content[name] = {**content.get(name, {}), **options}
         content["own"] = references_of_own(task)
         content["begin"] = plain_value(blueprint.initial)
         if task.objective.after:
@@ -79,6 +78,13 @@ def problem_identity(blueprint: Blueprint) -> ProblemIdentity:
     except NotComparable as error:
         return ProblemIdentity(content, str(error))
     return ProblemIdentity(content)
+
+
+def plain_options(task: Task, parts: Iterable[str], left_out: Collection[str]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Parts of a task as plain values, see `plain_value`, without some options."""
+    for name in parts:
+        options = plain_value(getattr(task, name))
+        yield name, {key: value for key, value in options.items() if key not in left_out}
 
 
 def references_of_own(task: Task) -> dict[str, Any]:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -16,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from excite.design.blueprint import restricted_limits
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
-from excite.design.problem_identity import NotComparable, plain_value
+from excite.design.problem_identity import NotComparable, content_sha256, plain_options
 from excite.errors import BrokenLimitError
 from excite.information.target import target_of
 from excite.information.weighting import minimised_text, weighting_of
@@ -313,15 +311,11 @@ _LEFT_OUT = ("class", "criterion", "require", "interest", "task_motion", "plausi
 
 def bounded_problem_sha256(design: Design) -> str | None:
     """Hash of the problem that a design's bound belongs to; None where parts of one's own make it unknown."""
-    content: dict[str, object] = {"robot": design.robot.sha256(), "method": _METHOD}
+    content: dict[str, Any] = {"robot": design.robot.sha256(), "method": _METHOD, "rate": design.task.output.rate}
     try:
-        for name in _PARTS:
-            options = plain_value(getattr(design.task, name))
-            content[name] = {key: value for key, value in options.items() if key not in _LEFT_OUT}
+        content |= plain_options(design.task, _PARTS, _LEFT_OUT)
     except NotComparable:
         return None
-    text = json.dumps({**content, "rate": design.task.output.rate}, sort_keys=True, separators=(",", ":"))
     named = (design.task.model.model, design.task.trajectory.trajectory, *design.task.limits.constraints)
-    if any(isinstance(each, str) and is_own(each) for each in named):
-        return None
-    return hashlib.sha256(text.encode()).hexdigest()
+    unknown = any(isinstance(each, str) and is_own(each) for each in named)
+    return None if unknown else content_sha256(content)

@@ -27,7 +27,7 @@ from excite.design.executors.dask_cluster import check_versions
 from excite.design.formulation import formulate
 from excite.design.multistart import resume_search
 from excite.design.optimisation import solve
-from excite.design.problem_identity import PACKAGES, NotComparable, content_sha256, plain_value, references_of_own
+from excite.design.problem_identity import PACKAGES, NotComparable, content_sha256, plain_options, references_of_own
 from excite.errors import NoFeasibleMotionError
 from excite.storage.atomic import Destination, read_json, replacing, write_json, writing
 from excite.storage.codec import content_of, record_of
@@ -113,9 +113,7 @@ def cell_identities(cells: Iterable[Cell]) -> dict[str, str | None]:
 def _identity(task: Task, robot: str, versions: dict[str, str]) -> str | None:
     content: dict[str, Any] = {"robot": robot, "versions": versions}
     try:
-        for name in PARTS:
-            options = plain_value(getattr(task, name))
-            content[name] = {key: value for key, value in options.items() if key not in _NOWHERE}
+        content |= plain_options(task, PARTS, _NOWHERE)
         content["own"] = references_of_own(task)
     except NotComparable:
         return None
