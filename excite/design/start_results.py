@@ -136,7 +136,7 @@ def or_none(value: float) -> float | None:
 
 def or_infinite(value: float | None) -> float:
     """A criterion as JSON holds it."""
-    return np.inf if value is None else float(value)
+    return np.inf if value is None else value
 
 
 def start_files(folder: Path) -> list[tuple[int, Path]]:
