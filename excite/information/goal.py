@@ -34,7 +34,7 @@ import scipy.special
 from excite.information.half_widths import samples_of
 from excite.information.prior import prior_of
 from excite.information.target import IdentificationTarget, model_of
-from excite.information.weighting import weighting_of
+from excite.information.weighting import base_columns, weighting_of
 from excite.registry import instance, name_of
 from excite.tasks.criteria import ConditionNumber, Criterion, TorqueCriterion
 from excite.tasks.stored_files import TaskMotion, UnopenedFile
@@ -196,12 +196,6 @@ def columns_of_interest(target: IdentificationTarget, task: Task) -> tuple[int, 
     base = base_columns(target, task)
     chosen = [number for name in task.objective.interest for number in _columns(target, task, base, name)]
     return tuple(sorted(set(chosen)))
-
-
-def base_columns(target: IdentificationTarget, task: Task) -> Index:
-    """Numbers of the model's columns that the criterion's convention has, in its order, shape (b,)."""
-    T, D = target.transforms[task.objective.base], target.base.D
-    return np.array([int(np.argmin(np.linalg.norm(D - column[:, None], axis=0))) for column in T.T])
 
 
 def _columns(target: IdentificationTarget, task: Task, base: Index, name: str) -> list[int]:

@@ -26,7 +26,7 @@ from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.base import few_states, random_states
-from regressors.samples import Array, Samples
+from regressors.samples import Array, Index, Samples
 
 _SCALES = {"value": "values", "prior": "prior deviations", "precision": "allowed half-widths"}
 _LITTLE = 1e-6  # of what is asked, added where a task motion does not show a parameter
@@ -81,7 +81,7 @@ def _scale(target: IdentificationTarget, task: Task, prior: Prior, T: Array) -> 
     bad = np.flatnonzero(~(np.isfinite(scale) & (scale > 0.0)))
     if bad.size:
         what = "values are zero or not known" if by_value else "no prior deviation is known"
-        names = ", ".join(_column(target, T[:, k]) for k in bad)
+        names = ", ".join(target.model.names[k] for k in base_columns(target, task)[bad])
         raise InputError(f"scale {task.objective.scale}: {what} for {names}")
     return scale
 
@@ -116,9 +116,10 @@ def _precision_scale(target: IdentificationTarget, task: Task, precision: Precis
     return np.asarray(np.where(free, _NO_SAY * typical / np.where(length > 0, length, 1.0), allowed))
 
 
-def _column(target: IdentificationTarget, column: Array) -> str:
-    """Name of the model column that a column of a transform corresponds to."""
-    return target.model.names[int(np.argmin(np.linalg.norm(target.base.D - column[:, None], axis=0)))]
+def base_columns(target: IdentificationTarget, task: Task) -> Index:
+    """Numbers of the model's columns that the criterion's convention has, in its order, shape (b,)."""
+    T, D = target.transforms[task.objective.base], target.base.D
+    return np.array([int(np.argmin(np.linalg.norm(D - column[:, None], axis=0))) for column in T.T])
 
 
 def minimised_text(task: Task) -> str:

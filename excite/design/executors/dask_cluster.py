@@ -120,20 +120,15 @@ class ConnectedCluster:
     def _next(self, done: queue.SimpleQueue[Future]) -> Future:
         """The next unit that ended; what waits in vain is said."""
         while True:
-            try:
+            with suppress(queue.Empty):
                 return done.get(timeout=_LOOK)
-            except queue.Empty:
-                self._look()
-
-    def _look(self) -> None:
-        workers = self._client.scheduler_info(n_workers=-1)["workers"]
-        if workers:
-            self._without_workers = 0.0
-        elif not self._without_workers:
-            self._without_workers = time.monotonic()
-        elif self._without_workers < time.monotonic() - _PATIENCE:
-            _log.warning("no Dask worker is connected to %s; waiting for one (Ctrl-C ends it)", self._address)
-            self._without_workers = float("inf")
+            if self._client.scheduler_info(n_workers=-1)["workers"]:
+                self._without_workers = 0.0
+            elif not self._without_workers:
+                self._without_workers = time.monotonic()
+            elif self._without_workers < time.monotonic() - _PATIENCE:
+                _log.warning("no Dask worker is connected to %s; waiting for one (Ctrl-C ends it)", self._address)
+                self._without_workers = float("inf")
 
     def _result(self, future: Future) -> Any:
         from distributed.scheduler import KilledWorker

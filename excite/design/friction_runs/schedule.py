@@ -319,7 +319,8 @@ def torque_ramps(
         )
     ((number, drive, slope),) = turning
     limits = robot.limits if robot.transmission is None else robot.transmission.limits
-    limit, unit = float(limits.torque[number]), _unit(robot, line)
+    slides = any(d != 0.0 and j.kind == "prismatic" for j, d in zip(robot.joints, line, strict=True))
+    limit, unit = float(limits.torque[number]), "N" if slides else "Nm"
     weight = abs(gravity) if np.isfinite(gravity) else 0.0
     if given is not None and given + weight > limit:
         bearing = f" on top of the {weight:.3g} {unit} of gravity" if weight > 1e-6 else ""
@@ -347,10 +348,6 @@ def turning_drives(robot: Robot, line: Array) -> list[tuple[int, str, float]]:
     else:
         named = zip((d.name for d in robot.transmission.drives), robot.transmission.coupling @ line, strict=True)
     return [(k, name, float(v)) for k, (name, v) in enumerate(named) if abs(v) > 1e-12]
-
-
-def _unit(robot: Robot, line: Array) -> str:
-    return "N" if any(d != 0.0 and j.kind == "prismatic" for j, d in zip(robot.joints, line, strict=True)) else "Nm"
 
 
 def _largest(robot: Robot, number: int, limit: float, weight: float, unit: str) -> tuple[float | None, str]:
