@@ -83,11 +83,8 @@ class ApproachAndReturn:
         transfers = self.transfers.values()
         if not transfers:
             return ("the motion starts and ends at home: no approach and no return are needed",)
-        notes = []
-        for quantity, known, seconds in (
-            ("acceleration", "velocity", SPEEDING_UP),
-            ("jerk", "acceleration", BUILDING_UP),
-        ):
+        notes, kinds = [], (("acceleration", "velocity", SPEEDING_UP), ("jerk", "acceleration", BUILDING_UP))
+        for quantity, known, seconds in kinds:
             if joints := list(dict.fromkeys(name for way in transfers for name in way.assumed[quantity])):
                 notes.append(
                     f"no {quantity} limit is known for {', '.join(joints)}: approach and return reach the "
@@ -148,11 +145,11 @@ def approach_and_return(
     poses = _waypoints(limited, task, nonlinear)
     start, end = whole_pose(limited, joints, ends)
     routes = [_around([*poses, target], limited, nonlinear, task.search.seed) for target in (start, end)]
-    approach, back = (
-        _on_samples(_slow_enough(quickest_transfer(route, linear, robot.joint_names), nonlinear), task.output.rate)
-        for route in (routes[0], routes[1][::-1])
-    )
-    transfers = ApproachAndReturn(approach, back, _periods(task.output.settle, task.output.rate), task.output.rate, {})
+    rate = task.output.rate
+    quickest = (quickest_transfer(route, linear, robot.joint_names) for route in (routes[0], routes[1][::-1]))
+    approach, back = (_on_samples(transfer, nonlinear, rate) for transfer in quickest)
+    settle = math.ceil(task.output.settle * rate * (1.0 - 1e-12))  # the fewest periods that last as long
+    transfers = ApproachAndReturn(approach, back, settle, rate, {})
     limits = {name: uses_of(transfer, linear, nonlinear) for name, transfer in transfers.transfers.items()}
     return replace(transfers, limits=limits)
 
@@ -200,34 +197,28 @@ def _waypoints(robot: Robot, task: Task, nonlinear: Sequence[NonlinearConstraint
     return poses
 
 
-def _slow_enough(transfer: Transfer | None, limits: Sequence[NonlinearConstraint]) -> Transfer | None:
+def _on_samples(transfer: Transfer | None, limits: Sequence[NonlinearConstraint], rate: float) -> Transfer | None:
+    """The transfer as slow as the limits require, with every change of its jerk on a sample.
+
+    So what interpolates the samples keeps its limits.
+    """
+    if transfer is None:
+        return None
+    transfer = _slow_enough(transfer, limits)
+    return replace(transfer, legs=tuple(replace(leg, law=leg.law.on_grid(1.0 / rate)) for leg in transfer.legs))
+
+
+def _slow_enough(transfer: Transfer, limits: Sequence[NonlinearConstraint]) -> Transfer:
     """A transfer slowed down as the limits require, to within 1 %; unchanged where slowing down does not help."""
-    if (
-        transfer is None
-        or _keeps(transfer, limits)
-        or not _keeps(transfer.stretched(_SLOWEST * transfer.duration), limits)
-    ):
+    if _keeps(transfer, limits) or not _keeps(transfer.stretched(_SLOWEST * transfer.duration), limits):
         return transfer
     fast, slow = 1.0, _SLOWEST
     while slow > 1.01 * fast:
         middle = math.sqrt(fast * slow)
-        fast, slow = (
-            (fast, middle) if _keeps(transfer.stretched(middle * transfer.duration), limits) else (middle, slow)
-        )
+        enough = _keeps(transfer.stretched(middle * transfer.duration), limits)
+        fast, slow = (fast, middle) if enough else (middle, slow)
     return transfer.stretched(slow * transfer.duration)
 
 
 def _keeps(transfer: Transfer, limits: Sequence[NonlinearConstraint]) -> bool:
     return all(use.holds for use in uses_of(transfer, (), limits))
-
-
-def _periods(seconds: float, rate: float) -> int:
-    """Fewest sampling periods that last at least that long."""
-    return math.ceil(seconds * rate * (1.0 - 1e-12))
-
-
-def _on_samples(transfer: Transfer | None, rate: float) -> Transfer | None:
-    """The transfer with every change of its jerk on a sample: what interpolates the samples keeps its limits."""
-    if transfer is None:
-        return None
-    return replace(transfer, legs=tuple(replace(leg, law=leg.law.on_grid(1.0 / rate)) for leg in transfer.legs))

@@ -25,7 +25,6 @@ from excite.information.target import IdentificationTarget, model_of
 from excite.registry import instance, part
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.tasks.task import Task
-from excite.trajectories.family import Family
 from regressors.models.partial import PartialMotion
 from regressors.robot.archive import robot_from_description
 from regressors.robot.symbolic.vectorised import VectorisedFunction
@@ -62,9 +61,9 @@ class Blueprint:
         """The design problem."""
         robot, task, motion = robot_from_description(self.robot), self.task, self.motion
         limits = restricted_limits(linear_limits(robot), motion)
-        family = task.trajectory.family()
-        equations = task.model.equations
-        soft = model_of(robot, task, _SIGN_WIDTH * _slowest(limits)).restricted(motion, equations)
+        family, equations = task.trajectory.family(), task.model.equations
+        slowest = min((float(limit.upper.min()) for limit in limits if limit.derivative == 1), default=1.0)
+        soft = model_of(robot, task, _SIGN_WIDTH * slowest).restricted(motion, equations)
         symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
         function = VectorisedFunction(symbols, soft.expression(*symbols)[:, self.index.tolist()])
         samples, grid = objective_instants(family.richness), grid_instants(family.richness)
@@ -82,8 +81,7 @@ class Blueprint:
             return np.asarray(np.tensordot(W, W, ((0, 1), (0, 1))) / len(W))
 
         prior = self.precision
-        if np.any(prior):
-            prior = prior / len(rows(family.resting(self.centre)))
+        prior = prior / len(rows(family.resting(self.centre))) if np.any(prior) else prior
         if nonlinear is None or stated is None:
             whole = robot_from_description(self.whole)
             nonlinear = nonlinear_limits(whole, robot.joint_names, task)
@@ -123,10 +121,6 @@ def restricted_limits(limits: tuple[LinearConstraint, ...], motion: PartialMotio
     return tuple(restricted for restricted in (limit.restricted(motion) for limit in limits) if restricted.labels)
 
 
-def _slowest(limits: tuple[LinearConstraint, ...]) -> float:
-    return min((float(limit.upper.min()) for limit in limits if limit.derivative == 1), default=1.0)
-
-
 _EQUATIONS = 2.6  # copies of the regressor that are held at once
 _OF_ANY, _SAMPLES = 2.0, 24.0  # numbers of each sample, and of each of its joints
 _BASIS = 5.0  # derivatives of the basis, and what is computed with it
@@ -140,8 +134,8 @@ def check_richness(task: Task) -> None:
     """Refuse a family whose basis alone is too large, before it is built."""
     option, value = task.trajectory.richness
     if isinstance(task.trajectory.kind, type):  # no family has fewer functions or instants
-        least = SearchBasis(value, grid_instants(value // 2), 1, option, value)
-        WorkPrediction("the design", (least.part,)).check()
+        least = _basis(value, grid_instants(value // 2), 1, option, value)
+        WorkPrediction("the design", (least,)).check()
 
 
 def design_prediction(target: IdentificationTarget, task: Task) -> WorkPrediction:
@@ -151,7 +145,7 @@ def design_prediction(target: IdentificationTarget, task: Task) -> WorkPredictio
         processes += workers_of(task, task.search.first)
     option, value = task.trajectory.richness
     coordinates = len(target.motion.labels)
-    size = coefficients_of(family, coordinates)
+    size = int(np.size(family.resting(np.zeros(coordinates))))
     instants = grid_instants(family.richness) + objective_instants(family.richness)
     hessian = processes * FLOAT * _HESSIAN * size**2
     starts = TYPICAL_STARTS if task.search.adaptive else task.search.first
@@ -159,7 +153,7 @@ def design_prediction(target: IdentificationTarget, task: Task) -> WorkPredictio
         "the design",
         (
             _motion(target, task),
-            SearchBasis(size // coordinates, instants, processes, option, value).part,
+            _basis(size // coordinates, instants, processes, option, value),
             MemoryPart("rows of the Hessian of the search", size, size, hessian, option, value, 2.0),
             MemoryPart("starts", starts, 1, starts * _START, "starts", starts),
         ),
@@ -179,26 +173,10 @@ def search_seconds(target: IdentificationTarget, task: Task, starts: int) -> flo
     return (seconds or 0.0) / every * starts / max(workers_of(task, starts), 1)
 
 
-@dataclass(frozen=True)
-class SearchBasis:
-    """Basis of a family at the instants of a search, in each process."""
-
-    size: int
-    instants: int
-    processes: int
-    option: str  # of the family, that makes it large
-    value: int
-
-    @property
-    def part(self) -> MemoryPart:
-        """What it takes."""
-        held = self.processes * FLOAT * _BASIS * self.instants * self.size
-        return MemoryPart("instants of the search", self.instants, self.size, held, self.option, self.value, 2.0)
-
-
-def coefficients_of(family: Family, coordinates: int) -> int:
-    """Number of coefficients of a motion of some coordinates."""
-    return int(np.size(family.resting(np.zeros(coordinates))))
+def _basis(size: int, instants: int, processes: int, option: str, value: int) -> MemoryPart:
+    """Basis of a family at the instants of a search, in each process, by the option that makes it large."""
+    held = processes * FLOAT * _BASIS * instants * size
+    return MemoryPart("instants of the search", instants, size, held, option, value, 2.0)
 
 
 def _motion(target: IdentificationTarget, task: Task) -> MemoryPart:

@@ -18,7 +18,7 @@ from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.memory_cap import memory_cap, value_cap
-from regressors.models.base import Base, base_parameters, enough_states, random_states
+from regressors.models.base import base_parameters, enough_states, random_states
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, drive_names
 from regressors.numerical import numerical_work
@@ -71,10 +71,7 @@ class Campaign:
     "lengths, masses or inertias of very different sizes are the likely cause: check the description of the robot",
 )
 def plan_campaign(
-    robot_or_model: RegressorModel | Robot | Task | str | None = None,
-    /,
-    at_once: int | None = None,
-    **options: Any,
+    robot_or_model: RegressorModel | Robot | Task | str | None = None, /, at_once: int | None = None, **options: Any
 ) -> Campaign:
     """Shortest campaign: fewest motions, then fewest moving drives, of at most ``at_once`` drives at a time.
 
@@ -100,11 +97,12 @@ def plan_campaign(
     task = task.changed(**options)
     moving = moving_robot(robot, task)
     check("at_once", at_once)
-    at_once = min(2, len(drive_names(moving))) if at_once is None else at_once
-    if not 1 <= at_once <= len(drive_names(moving)):
-        raise InputError(f"`at_once` must be from 1 to the {len(drive_names(moving))} drives, given {at_once}")
+    drives = len(drive_names(moving))
+    at_once = min(2, drives) if at_once is None else at_once
+    if not 1 <= at_once <= drives:
+        raise InputError(f"`at_once` must be from 1 to the {drives} drives, given {at_once}")
     whole = model_of(moving, task)
-    drives, columns = len(drive_names(moving)), len(whole.columns)
+    columns = len(whole.columns)
     campaign_prediction(drives, at_once, columns).check()
     selections = selections_of(drives, at_once)
     announce("the campaign", campaign_seconds(selections, columns, len(whole.row_labels)), _SHORTER)
@@ -155,16 +153,11 @@ def _steps(
         shown = identifiability.shown(factors[: k + 1])
         fresh = tuple(model.names[i] for i in shown if i not in known)
         known |= set(shown)
-        base = _base_of(identifiability, motion)
+        part = model.restricted(motion)
+        states = motion.states(random_states(model.robot, enough_states(part)))
+        base = base_parameters(part, states=states, rounding=0.0)
         steps.append(Step(names, base.rank, base.expressions, fresh))
     return tuple(steps)
-
-
-def _base_of(identifiability: Identifiability, motion: PartialMotion) -> Base:
-    model = identifiability.model
-    part = model.restricted(motion)
-    states = motion.states(random_states(model.robot, enough_states(part)))
-    return base_parameters(part, states=states, rounding=0.0)
 
 
 def campaign_prediction(drives: int, at_once: int, columns: int) -> WorkPrediction:

@@ -370,8 +370,7 @@ class Design:
         """
         from excite.design.design_folder import save_design
 
-        files = save_design(self, folder, replace=replace)
-        return files
+        return save_design(self, folder, replace=replace)
 
     def stored(self) -> Design:
         """The design that is written: with what is computed from the coefficients in place of what a file states."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import math
 import re
 from collections.abc import Collection
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 
 from excite.design.design import Design
 from excite.design.kept_starts import remove_starts, remove_temporary
-from excite.design.start_results import write_start
+from excite.design.start_results import or_none, write_start
 from excite.design.task_file import task_content
 from excite.information.precision_forecast import PrecisionSearch
 from excite.storage.atomic import NEXT, replacing, write_json, writing
@@ -92,8 +91,7 @@ def write_design(design: Design, folder: Path, figures: Collection[str] | None =
     searched = (PRECISION, PRECISION_TABLE) if design.precision_search is not None else ()
     names = [*data_files(design.task), *searched]
     older = _older_files(folder)
-    run = design.provenance.get("run")
-    run = None if run is None else str(run)
+    run = None if (stated := design.provenance.get("run")) is None else str(stated)
     with replace_result(folder, KIND, run=run, older=older, folders=(STARTS,), figures=figures) as staged:
         write_trajectory(design, staged / TRAJECTORY)
         for speed in design.task.output.speed:
@@ -157,8 +155,8 @@ def design_content(design: Design) -> dict[str, Any]:
         **({"begins_with": dict(begin.trajectory)} if isinstance(begin, InitialDesign) else {}),
         **({"after": [_earlier(each) for each in after]} if after else {}),
         "trajectory": design.series,
-        "criteria": {name: _finite(value) for name, value in design.criteria.items()},
-        "minimised_value": _finite(design.minimised_value),
+        "criteria": {name: or_none(value) for name, value in design.criteria.items()},
+        "minimised_value": or_none(design.minimised_value),
         "played": _sequence(design),
     }
 
@@ -181,12 +179,9 @@ def _sequence(design: Design) -> dict[str, Any]:
 
 def _earlier(earlier: EarlierInformation) -> dict[str, Any]:
     """Information in hand with the hash of its file, so that the task can be run again without the folder."""
-    return {
-        **vars(earlier),
-        "A": _sparse(earlier.A),
-        "factors": [_sparse(F) for F in earlier.factors],
-        "values": None if earlier.values is None else [float(x) if np.isfinite(x) else None for x in earlier.values],
-    }
+    values = None if earlier.values is None else [or_none(float(x)) for x in earlier.values]
+    factors = [_sparse(F) for F in earlier.factors]
+    return {**vars(earlier), "A": _sparse(earlier.A), "factors": factors, "values": values}
 
 
 def _sparse(A: Array) -> dict[str, Any]:
@@ -199,10 +194,6 @@ def shown_content(design: Design) -> dict[str, Any]:
     """What a terminal shows of a design as JSON."""
     left_out = ("schema", "robot", "solver", "conventions")
     return {name: each for name, each in design_content(design).items() if name not in left_out}
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def write_trajectory(design: Design, path: Path, speed: float = 1.0) -> None:

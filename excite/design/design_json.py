@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from itertools import islice
 from pathlib import Path
@@ -15,6 +14,7 @@ from excite.design.approach import ApproachAndReturn
 from excite.design.design import Design
 from excite.design.design_folder import DESIGN, HASHES, KIND, TRAJECTORY, load_precision_search
 from excite.design.formulation import INSTANTS, task_motion_of
+from excite.design.start_results import or_infinite
 from excite.design.task_file import task_from_options
 from excite.registry import OwnPart, is_own
 from excite.storage.atomic import Destination, read_json
@@ -105,17 +105,13 @@ def _objects(
         "task": task,
         "trajectory": trajectory,
         "stated_series": content["trajectory"],
-        "criteria": {name: _or_infinite(value) for name, value in content["criteria"].items()},
-        "minimised_value": _or_infinite(content.get("minimised_value")),
+        "criteria": {name: float(or_infinite(value)) for name, value in content["criteria"].items()},
+        "minimised_value": float(or_infinite(content.get("minimised_value"))),
         "approach_and_return": transfers,
         "unchecked": content["unchecked"] if "unchecked" in content else _unchecked(content, task),
         "folder": folder,
         "precision_search": load_precision_search(folder),
     }
-
-
-def _or_infinite(value: Any) -> float:
-    return math.inf if value is None else float(value)
 
 
 def _unchecked(content: Mapping[str, Any], task: Task) -> list[dict[str, str]]:
@@ -266,8 +262,6 @@ def read_precision_target(path: Path) -> dict[str, Any]:
         if set(entry) != {"motion", "share"}:
             given = ", ".join(map(str, entry))
             raise InputError(f"{path}: torques: expected `motion`, a file, and `share`; given {given}")
-        content["torques"] = {
-            "share": entry["share"],
-            "motion": read_task_motion(path.parent / str(entry["motion"])),  # a folder or a table beside the file
-        }
+        motion = read_task_motion(path.parent / str(entry["motion"]))  # a folder or a table beside the file
+        content["torques"] = {"share": entry["share"], "motion": motion}
     return content

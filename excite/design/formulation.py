@@ -157,8 +157,9 @@ def _pose_to_start_from(
 ) -> Array:
     """Pose that keeps every limit; those that hold by default move it only where they leave it no room."""
     pose = roomy_pose(nonlinear, restricted, motion, centre)
-    if has_room(stated.constraints, motion, pose):
-        return pose
+    q = motion.matrix @ pose + motion.offset
+    if all(_room(limit, limit.at_rest(q)).min() >= _ROOM for limit in stated.constraints):
+        return pose  # a motion can start there
     try:
         return roomy_pose((*nonlinear, *stated.constraints), restricted, motion, centre)
     except ContradictionError as error:
@@ -169,11 +170,7 @@ def _pose_to_start_from(
 
 
 def _transfer_limits(
-    robot: Robot,
-    task: Task,
-    joints: tuple[str, ...],
-    imposed: tuple[NonlinearConstraint, ...],
-    world: StatedWorld,
+    robot: Robot, task: Task, joints: tuple[str, ...], imposed: tuple[NonlinearConstraint, ...], world: StatedWorld
 ) -> tuple[NonlinearConstraint, ...]:
     """Nonlinear limits as functions of every joint; those of the motion itself if it moves all."""
     if task.output.home is None:
@@ -237,8 +234,11 @@ def roomy_pose(
     if not nonlinear:
         return centre
     poses = _poses(linear, centre)
-    room = _linear_room(linear, poses)
-    least = np.concatenate([*_nonlinear_room(nonlinear, poses, motion), room[:, None]], axis=1).min(axis=1)
+    q = poses @ motion.matrix.T + motion.offset
+    zero = np.zeros_like(q)
+    at_rest = Samples(np.zeros(len(q)), q, zero, zero, zero)
+    room = [_room(limit, limit.values(at_rest)) for limit in nonlinear]
+    least = np.concatenate([*room, _linear_room(linear, poses)[:, None]], axis=1).min(axis=1)
     if least[0] >= _AMPLE:
         return centre
     best = np.argsort(-least)[:_STARTS]
@@ -251,20 +251,8 @@ def roomy_pose(
     return pose
 
 
-def has_room(limits: Sequence[NonlinearConstraint], motion: PartialMotion, pose: Array) -> bool:
-    """True if a motion can start from a pose: every nonlinear limit keeps some of its scale there."""  # pose (k,)
-    q = motion.matrix @ pose + motion.offset
-    return all(_room(limit, limit.at_rest(q)).min() >= _ROOM for limit in limits)
-
-
-def _nonlinear_room(limits: Sequence[NonlinearConstraint], poses: Array, motion: PartialMotion) -> list[Array]:
-    """Distance from the nearer bound as part of the scale, per limit, shape (poses, k)."""
-    q = poses @ motion.matrix.T + motion.offset
-    zero = np.zeros_like(q)
-    return [_room(limit, limit.values(Samples(np.zeros(len(q)), q, zero, zero, zero))) for limit in limits]
-
-
 def _room(limit: NonlinearConstraint, values: Array) -> Array:
+    """Distance from the nearer bound as part of the scale."""
     return np.asarray(np.minimum(limit.upper - values, values - limit.lower) / limit.scale)
 
 

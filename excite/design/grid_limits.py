@@ -10,7 +10,6 @@ rise above it, comes near the bound.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -90,19 +89,9 @@ class GridLimits:
 
     def largest_part(self, values: list[Array], step: Array, end: Array) -> float:
         """Largest fraction >= 0 of a step that stays within the linear limits; see `GridConstraint.change`."""
-        parts = (
-            limit.largest_part(value, limit.change(value, step, end))
-            for limit, value in zip(self.linear, values, strict=True)
-        )
+        pairs = zip(self.linear, values, strict=True)
+        parts = (limit.largest_part(value, limit.change(value, step, end)) for limit, value in pairs)
         return max(min(parts, default=np.inf), 0.0)
-
-    def nonlinear_hold(self, x: Array) -> bool:
-        """True if every nonlinear limit holds on the grid."""
-        return all(limit.holds(x) for limit in self.together)
-
-    def violation(self, x: Array) -> float:
-        """Largest excess over a linear limit, relative to half its range; <= 0 inside."""
-        return max((limit.excess(limit.values(x)) for limit in self.linear), default=-np.inf)
 
 
 _RESERVE = 0.005  # of a function's scale, kept in reserve for the time between the instants of the grid
@@ -118,7 +107,7 @@ class ConstraintTangent:
 
     def rows(self, function: Index, place: Index) -> Array:
         """Derivatives with respect to the flat x, one function at one of the instants per row, shape (rows, x.size)."""
-        return self.motion.rows(self.slopes(function, place), place)
+        return self.motion(self.slopes(function, place), place)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,12 +171,9 @@ class GridConstraint:
         beyond = np.maximum(values - self.upper[:, None], self.lower[:, None] - values) / self.scale[:, None]
         return float(beyond.max(initial=-np.inf))
 
-    def holds(self, x: Array) -> bool:
-        """True if every value is within the bounds, as far as a search looks, see `sampled_use`."""
-        return self._check(x)
-
     @cached_property
-    def _check(self) -> BoundsCheck:
+    def holds(self) -> BoundsCheck:
+        """Whether every value at an x is within the bounds, as far as a search looks, see `sampled_use`."""
         return BoundsCheck(self)
 
     def change(self, value: Array, step: Array, end: Array) -> Array:
@@ -272,42 +258,17 @@ def _between(use: Array, count: int) -> Index:
 Slopes = Callable[[Index, Index], Array]
 
 
-class GridFunction(ABC):
-    """k functions of the motion y of n coordinates at each of N instants."""
-
-    constraint: LinearConstraint | NonlinearConstraint  # constraint that they belong to
-    linear: bool  # whether they are linear in the motion
-
-    @property
-    @abstractmethod
-    def derivatives(self) -> tuple[int, ...]:
-        """Derivatives of y that they depend on, 0 for position to 3 for jerk."""
-
-    @property
-    @abstractmethod
-    def varies(self) -> NDArray[np.bool_]:
-        """Which of them depend on the motion at all, shape (k,)."""
-
-    @abstractmethod
-    def values(self, x: Array, instants: Index | slice | None = None) -> Array:
-        """Values at all N instants or some, shape (k, N)."""
-
-    @abstractmethod
-    def slopes(self, x: Array, instants: Index) -> Slopes:
-        """Derivatives with respect to the `derivatives` of y at some instants."""
-
-
 @dataclass(frozen=True, eq=False)
-class LinearFunction(GridFunction):
+class LinearFunction:
     """``A y^(d)`` of a constraint on the moving coordinates; its offset is part of the bounds."""
 
-    constraint: LinearConstraint
+    constraint: LinearConstraint  # k functions of the moving coordinates
     grid: GridMotion
-    linear = True
+    linear = True  # in the motion
 
     @property
     def derivatives(self) -> tuple[int, ...]:
-        """The limited derivative."""
+        """The limited derivative, 0 for position to 3 for jerk."""
         return (self.constraint.derivative,)
 
     @property
@@ -326,7 +287,7 @@ class LinearFunction(GridFunction):
 
 
 @dataclass(frozen=True, eq=False)
-class JointFunction(GridFunction):
+class JointFunction:
     """``g(q, dq, ddq)`` of torques, the tool or distances."""
 
     constraint: NonlinearConstraint  # k functions of all joints
@@ -360,6 +321,9 @@ class JointFunction(GridFunction):
 
         return slopes
 
+
+#: k functions of the motion of the moving coordinates at each of N instants.
+GridFunction = LinearFunction | JointFunction
 
 T = TypeVar("T")
 

@@ -115,11 +115,8 @@ def shrunk(problem: Problem, x: Array) -> Array:
     """The motion scaled towards the pose at rest until the nonlinear limits hold too."""
     if problem.nonlinear_hold(x):
         return x
-    for part in _PARTS:
-        smaller = problem.drawn(x, part)
-        if problem.nonlinear_hold(smaller):
-            return smaller
-    return problem.drawn(x, _PARTS[-1])
+    smaller = (problem.drawn(x, part) for part in _PARTS)
+    return next((each for each in smaller if problem.nonlinear_hold(each)), problem.drawn(x, _PARTS[-1]))
 
 
 _INSTANTS = 16  # per coefficient, where motions are combined as positions

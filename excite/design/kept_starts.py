@@ -8,7 +8,7 @@ from pathlib import Path
 
 from excite.design.formulation import Formulation
 from excite.design.problem_identity import ProblemIdentity
-from excite.design.start_results import RUNNING, Origin, PlannedStart, read_start, start_files
+from excite.design.start_results import RUNNING, Origin, Start, Starts, read_start, start_files
 from excite.storage.manifest import EditedError
 from regressors.errors import InputError
 
@@ -26,11 +26,11 @@ class KeptStarts:
     cpu: float = 0.0  # processor time that they took [s]
     notes: tuple[str, ...] = ()  # what was found, in sentences
 
-    def left(self, starts: Sequence[PlannedStart | int]) -> Sequence[PlannedStart | int]:
+    def left(self, starts: Starts) -> Starts:
         """Those of some planned starts that are still to run."""
         return [start for start in starts if not self.has(start)] if self.done else starts
 
-    def has(self, start: PlannedStart | int) -> bool:
+    def has(self, start: Start) -> bool:
         """Whether a start is finished, and descends from what is planned now."""
         index, lineage = (start, "") if isinstance(start, int) else (start.index, start.lineage)
         return self.done.get(index) == lineage
@@ -42,20 +42,18 @@ def keep_starts(
     """Find the finished starts of a problem in a folder, and remove files of starts that did not end."""
     shown = folder if shown is None else shown
     remove_temporary(folder)
-    files = start_files(folder)
     search, identity = formulation.task.search, formulation.identity
     count = None if search.adaptive else search.first
     if fresh:
         remove_starts(folder)
         return KeptStarts(folder, count)
     done: dict[int, str] = {}
-    unfinished, edited, unreadable, best, cpu = list[Path](), 0, 0, float("inf"), 0.0
-    for index, path in files:
+    unfinished, errors, best, cpu = list[Path](), list[InputError](), float("inf"), 0.0
+    for index, path in start_files(folder):
         try:
             start, origin = read_start(path)
         except InputError as error:
-            edited += isinstance(error, EditedError)
-            unreadable += not isinstance(error, EditedError)
+            errors.append(error)
             unfinished.append(path)
             continue
         _check_origin(origin, identity, shown)
@@ -65,21 +63,17 @@ def keep_starts(
             done[index] = start.lineage
             best, cpu = min(best, start.value), cpu + start.cpu
     _remove(unfinished)
-    notes = tuple(_notes(shown, count, len(done), edited, unreadable))
+    edited = sum(isinstance(error, EditedError) for error in errors)
+    notes = _notes(shown, count, len(done), edited, len(errors) - edited)
     if identity.doubt and unfinished:
-        notes = (*notes, f"the starts in {shown} are not reused: {identity.doubt}")
-    return KeptStarts(folder, count, done, best, cpu, notes)
+        notes.append(f"the starts in {shown} are not reused: {identity.doubt}")
+    return KeptStarts(folder, count, done, best, cpu, tuple(notes))
 
 
 def _notes(shown: Path, count: int | None, done: int, edited: int, unreadable: int) -> list[str]:
-    notes = []
-    if done and count is None:
-        notes.append(
-            f"{done} start{'s' if done > 1 else ''} {_are(done)} already done in {shown}; the search goes on from there"
-        )
-    elif done and count is not None:
-        left = count - done
-        notes.append(f"{done} of {count} starts {_are(done)} already done in {shown}; {left} {_are(left)} left")
+    which = f"{done} start{'s' if done > 1 else ''}" if count is None else f"{done} of {count} starts"
+    then = "the search goes on from there" if count is None else f"{count - done} {_are(count - done)} left"
+    notes = [f"{which} {_are(done)} already done in {shown}; {then}"] if done else []
     for number, one, several in (
         (edited, "was changed after it was written", "were changed after they were written"),
         (unreadable, "cannot be read", "cannot be read"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import chain, pairwise
@@ -20,7 +20,7 @@ from excite.design.interruption import deferred_interruption
 from excite.design.kept_starts import KeptStarts, keep_starts, remove_temporary
 from excite.design.search_rounds import Rounds
 from excite.design.single_start import optimise_starts
-from excite.design.start_results import RUNNING, PlannedStart, StartResult, read_start, start_files
+from excite.design.start_results import RUNNING, Progress, Starts, read_start, start_files
 from excite.design.workers import NotPreparedError, Work, Workers, environment_of_workers, optimise_job, work_on_starts
 from excite.registry import FIGURE_FORMATS, instance
 from excite.storage.atomic import read_json, replacing, shown, writing
@@ -28,8 +28,6 @@ from excite.storage.manifest import read_manifest
 from excite.tasks.search import Search
 from regressors.errors import InputError
 
-Progress = Callable[[StartResult], None]
-Starts = Sequence[PlannedStart | int]
 StartsOfRounds = Iterable[Starts]
 _TOGETHER = 4  # starts that are optimised together: what is measured of them comes when all have ended
 _log = logging.getLogger(__name__)
@@ -128,8 +126,8 @@ def _workers(formulation: Formulation) -> Iterator[Workers]:
         return partial(optimise_job, formulation.problem, instance("solver", search.solver), origin)
 
     with environment_of_workers():
-        largest = Rounds(search).largest
-        workers = Workers(content, prepared, min(search.workers or os.cpu_count() or 1, largest))
+        count = min(search.workers or os.cpu_count() or 1, Rounds(search).largest)
+        workers = Workers(content, prepared, count)
         _kept[formulation] = workers
         try:
             yield workers

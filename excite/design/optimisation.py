@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -28,7 +28,7 @@ from excite.design.formulation import Formulation, formulate
 from excite.design.interruption import current_interruption
 from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.search_rounds import Rounds, RunningRounds, design_with_harmonics
-from excite.design.start_results import BestStarts, StartResult, best_starts
+from excite.design.start_results import BestStarts, Progress as Progress, StartResult, best_starts, or_none
 from excite.design.stated_limits import remedy
 from excite.design.task_checks import suspecting, unidentifiable
 from excite.errors import NoFeasibleMotionError
@@ -43,6 +43,7 @@ from excite.registry import part
 from excite.storage.atomic import Destination
 from excite.storage.commit import locked
 from excite.storage.work_prediction import announce
+from excite.tasks.criteria import Criterion
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.objective import Objective
 from excite.tasks.robot_of_task import check_robot, first_argument, robot_and_task
@@ -50,6 +51,7 @@ from excite.tasks.search import Output, Search
 from excite.tasks.task import Task
 from excite.tasks.trajectory_choice import TrajectoryChoice
 from excite.trajectories import Trajectory
+from excite.trajectories.family import Family
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel
@@ -58,13 +60,7 @@ from regressors.robot.robot import Robot
 from regressors.robot.symbolic.vectorised import evaluation, interpreted_note
 from regressors.samples import Array
 
-if TYPE_CHECKING:
-    from excite.tasks.criteria import Criterion
-    from excite.trajectories.family import Family
-
-
 _PACKAGES = ("excite-trajectories", "casadi", "numpy", "scipy", "daqp", "ruckig")
-Progress = Callable[[StartResult], None]
 _ENDED = "Ctrl-C ends it, and the best so far is saved"
 _NONE = "no start has a result: the process of each ended unexpectedly; try fewer `workers`"
 
@@ -257,6 +253,7 @@ def certify(
 ) -> Design:
     """Evaluate the best start: its metrics, and its limits over continuous time."""
     starts = results if isinstance(results, BestStarts) else BestStarts.of(results)
+    task, target = formulation.task, formulation.target
     broken: list[LimitUse] = []
     for result in sorted(starts.best, key=lambda r: (r.value, r.index)):
         trajectory = formulation.problem.information.trajectory(result.coefficients)
@@ -269,36 +266,31 @@ def certify(
     trajectory, uses = _unwound(robot, formulation, result.coefficients, uses)
     if not np.isfinite(result.value):
         raise NoFeasibleMotionError(unidentifiable(uses))
-    samples = trajectory.samples(
-        formulation.target.model.times(formulation.task.trajectory.period, formulation.task.output.rate)
-    )
-    noise = noise_per_row(formulation.task.objective.noise, formulation.target.model)
+    samples = trajectory.samples(target.model.times(task.trajectory.period, task.output.rate))
+    noise = noise_per_row(task.objective.noise, target.model)
     ends = trajectory.samples(np.array([0.0, trajectory.duration])).q
-    transfers = approach_and_return(
-        robot, formulation.task, formulation.target.robot.joint_names, ends, formulation.transfer_limits
-    )
-    hardly = nearly_unidentifiable(formulation.target, samples, noise)
+    transfers = approach_and_return(robot, task, target.robot.joint_names, ends, formulation.transfer_limits)
+    hardly = nearly_unidentifiable(target, samples, noise)
     notes = (*formulation.notes, *(transfers.notes if transfers is not None else ()))
-    if note := hardly_excited_note(formulation.target, samples, formulation.task.objective.noise):
+    if note := hardly_excited_note(target, samples, task.objective.noise):
         notes = (note, *notes)
     if hardly:
-        what_noise = noise_text(formulation.task.objective.noise, formulation.target.model)
-        dropped = formulation.task.objective.nearly_unidentifiable == "drop"
-        notes = (nearly_unidentifiable_note(hardly, formulation.target, what_noise, dropped=dropped), *notes)
+        what_noise = noise_text(task.objective.noise, target.model)
+        dropped = task.objective.nearly_unidentifiable == "drop"
+        notes = (nearly_unidentifiable_note(hardly, target, what_noise, dropped=dropped), *notes)
     if note := starts.note(interrupted=interrupted):
         notes = (*notes, note)
-    gap = formulation.target.base.gap
     return Design(
         robot=robot,
-        task=formulation.task,
+        task=task,
         trajectory=trajectory,
         certified=uses,
-        measured=MotionMeasures.of(formulation.target, samples, noise),
+        measured=MotionMeasures.of(target, samples, noise),
         minimised_value=result.value,
         noise=tuple(noise.tolist()),
-        equations=tuple(formulation.target.model.row_labels),
-        gap=gap if np.isfinite(gap) else None,
-        prior=known_with(formulation.target, formulation.task, samples),
+        equations=tuple(target.model.row_labels),
+        gap=or_none(target.base.gap),
+        prior=known_with(target, task, samples),
         results=starts.best,
         further_starts=starts.further,
         best_start=result.index,
@@ -306,7 +298,7 @@ def certify(
         notes=notes,
         interrupted=interrupted,
         approach_and_return=transfers,
-        formulated=(formulation.target, (*formulation.nonlinear, *formulation.stated)),
+        formulated=(target, (*formulation.nonlinear, *formulation.stated)),
         unchecked=formulation.unchecked,
         nearly_unidentifiable=hardly,
         shape=formulation.blueprint.world.world,

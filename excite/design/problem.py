@@ -75,15 +75,15 @@ class Problem:
 
     def gradients(self, points: Sequence[ObjectivePoint]) -> list[Array]:
         """Gradients at several points; the same as one by one."""
-        return self.objective.gradients(points)
+        return self.information.gradients([point.evaluation for point in points], [point.G for point in points])
 
     def criterion_value(self, point: ObjectivePoint) -> float:
         """The criterion itself at a point."""
-        return self.objective.criterion_value(point)
+        return point.criterion
 
     def exact_value(self, x: Array) -> float:
         """The criterion at x as results report it."""
-        return self.objective.exact_value(x)
+        return self.criterion.value(self.objective.matrix(self.objective.exact_matrix(x)))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -105,7 +105,7 @@ class Problem:
 
     def nonlinear_hold(self, x: Array) -> bool:
         """True if every nonlinear limit holds on the grid."""
-        return self.limits.nonlinear_hold(x)
+        return all(limit.holds(x) for limit in self.limits.together)
 
     def with_broken(self, x: Array) -> Problem:
         """The problem with the limits that hold by default, but not for this x; itself if there are none."""
@@ -114,7 +114,7 @@ class Problem:
 
     def violation(self, x: Array) -> float:
         """Largest excess over a linear limit, relative to half its range; <= 0 inside."""
-        return self.limits.violation(x)
+        return max((limit.excess(limit.values(x)) for limit in self.limits.linear), default=-np.inf)
 
     def drawn(self, x: Array, part: float) -> Array:
         """The motion scaled towards the centre, to a fraction of its distance from it at every instant."""
@@ -190,23 +190,8 @@ class SmoothObjective:
         """Smooth objective at several x; the same as one by one."""
         evaluations = self.information.evaluations(xs)
         matrices = [self.matrix(self.unit**2 * at.M) for at in evaluations]
-        smooth = self.criterion.smooth_and_values(matrices, sharpness)
+        smooth, T = self.criterion.smooth_and_values(matrices, sharpness), self.transform
         return [
-            ObjectivePoint(value, self.unit**2 * self._back(G), at, criterion)
+            ObjectivePoint(value, self.unit**2 * (G if self._same_columns else T @ G @ T.T), at, criterion)
             for at, (value, G, criterion) in zip(evaluations, smooth, strict=True)
         ]
-
-    def gradients(self, points: Sequence[ObjectivePoint]) -> list[Array]:
-        """Gradients of the smooth objective at several points, each of the shape of x."""
-        return self.information.gradients([point.evaluation for point in points], [point.G for point in points])
-
-    def _back(self, G: Array) -> Array:
-        return G if self._same_columns else np.asarray(self.transform @ G @ self.transform.T)
-
-    def criterion_value(self, point: ObjectivePoint) -> float:
-        """The criterion itself at a point."""
-        return point.criterion
-
-    def exact_value(self, x: Array) -> float:
-        """The criterion at x as results report it."""
-        return self.criterion.value(self.matrix(self.exact_matrix(x)))

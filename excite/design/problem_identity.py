@@ -6,7 +6,7 @@ import hashlib
 import inspect
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -42,8 +42,7 @@ class ProblemIdentity:
     @cached_property
     def sha256(self) -> str | None:
         """Hash of the content; None where there is a doubt."""
-        text = json.dumps(self.content, sort_keys=True, separators=(",", ":"))
-        return None if self.doubt else hashlib.sha256(text.encode()).hexdigest()
+        return None if self.doubt else content_sha256(self.content)
 
     @property
     def origin(self) -> Origin:
@@ -61,18 +60,18 @@ class ProblemIdentity:
 def problem_identity(blueprint: Blueprint) -> ProblemIdentity:
     """Identity of a design problem."""
     task = blueprint.task
+    whole, moving = content_sha256(blueprint.whole), content_sha256(blueprint.robot)
     content: dict[str, Any] = {
-        "robot": {"name": task.robot_name, "sha256": _hash(blueprint.whole), "moving": _hash(blueprint.robot)},
+        "robot": {"name": task.robot_name, "sha256": whole, "moving": moving},
         "output": {"rate": task.output.rate},  # at which the criterion is evaluated
         "search": {"schema": _SEARCH},
         "versions": {name: version(name) for name in PACKAGES},
     }
     try:
-        for name in ("model", "trajectory", "objective", "limits", "search"):
-            options = plain_value(getattr(task, name))
-            kept = {key: value for key, value in options.items() if key not in ("class", *_ANYWHERE)}
-            content[name] = {**content.get(name, {}), **kept}
-        content["own"] = {name: reference(_class_of(kind, name)) for kind, name in own_parts(task)}
+        parts = ("model", "trajectory", "objective", "limits", "search")
+        for name, options in plain_options(task, parts, ("class", *_ANYWHERE)):
+            content[name] = {**content.get(name, {}), **options}
+        content["own"] = references_of_own(task)
         content["begin"] = plain_value(blueprint.initial)
         if task.objective.after:
             content["after"] = plain_value(blueprint.precision)
@@ -81,8 +80,15 @@ def problem_identity(blueprint: Blueprint) -> ProblemIdentity:
     return ProblemIdentity(content)
 
 
-def own_parts(task: Task) -> Iterator[tuple[str, str]]:
-    """Kinds and names of parts of the user's own that are given as ``module:Name``."""
+def plain_options(task: Task, parts: Iterable[str], left_out: Collection[str]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Parts of a task as plain values, see `plain_value`, without some options."""
+    for name in parts:
+        options = plain_value(getattr(task, name))
+        yield name, {key: value for key, value in options.items() if key not in left_out}
+
+
+def references_of_own(task: Task) -> dict[str, Any]:
+    """References to the classes of parts of the user's own that are given as ``module:Name``, by these names."""
     given = [
         ("model", task.model.model),
         ("trajectory", task.trajectory.trajectory),
@@ -90,16 +96,13 @@ def own_parts(task: Task) -> Iterator[tuple[str, str]]:
         ("solver", task.search.solver),
         *(("constraint", limit) for limit in task.limits.constraints),
     ]
-    return ((kind, name) for kind, name in given if isinstance(name, str) and is_own(name))
+    own = {name: part(kind, name) for kind, name in given if isinstance(name, str) and is_own(name)}
+    return {name: reference(each if hasattr(each, "__qualname__") else type(each)) for name, each in own.items()}
 
 
-def _class_of(kind: str, name: str) -> Any:
-    named = part(kind, name)
-    return named if hasattr(named, "__qualname__") else type(named)
-
-
-def _hash(description: Mapping[str, object]) -> str:
-    content = {key: value for key, value in description.items() if key != "source"}
+def content_sha256(content: Mapping[str, object]) -> str:
+    """Hash of plain values, whatever source they name."""
+    content = {key: value for key, value in content.items() if key != "source"}
     return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
@@ -204,12 +207,7 @@ def _is_own(named: Any) -> bool:
     if module != "__main__" and module.partition(".")[0] in (*_OURS, *sys.stdlib_module_names):
         return False
     file = getattr(sys.modules.get(named.__module__), "__file__", None)
-    installed = file is not None and ("site-packages" in file or "dist-packages" in file)
-    return not (installed or _is_compiled(file))
-
-
-def _is_compiled(file: str | None) -> bool:
-    return file is not None and not file.endswith(".py")
+    return file is None or (file.endswith(".py") and not ("site-packages" in file or "dist-packages" in file))
 
 
 def _sources(named: Any, seen: set[str]) -> Iterator[str]:
@@ -240,9 +238,8 @@ def _functions(named: Any) -> list[FunctionType]:
 
 
 def _globals_of(function: FunctionType) -> Iterator[tuple[str, Any]]:
-    for name in sorted(_names(function.__code__)):
-        if name in function.__globals__:
-            yield name, function.__globals__[name]
+    known = function.__globals__
+    return ((name, known[name]) for name in sorted(_names(function.__code__)) if name in known)
 
 
 def _names(code: CodeType) -> set[str]:

@@ -23,8 +23,10 @@ from excite.design.start_results import (
     HarmonicsTrial,
     Kind,
     PlannedStart,
+    Progress,
     SearchSummary,
     StartResult,
+    Starts,
     number_of,
     read_start,
     start_file,
@@ -72,7 +74,7 @@ class Rounds:
         """Number of starts in the largest round."""
         return max(self.search.first, self.sizes.combined if self.search.adaptive else 0)
 
-    def following(self, results: Sequence[StartResult], spent: float = 0.0) -> Sequence[PlannedStart | int]:
+    def following(self, results: Sequence[StartResult], spent: float = 0.0) -> Starts:
         """Starts of the next round, given the results of the last one; none at the end."""
         if self.planned == 0:
             return self._random(self.search.first)
@@ -113,7 +115,7 @@ class Rounds:
         best = self.population.best
         repeated = any(abs(best - end) <= self.sizes.gain * end for end in self.ends)
         if repeated or self._stall >= self.sizes.patience:
-            self.ends.append(self.population.best)
+            self.ends.append(best)
             self.population, self._stall = Population(), 0
 
     def _random(self, count: int) -> range:
@@ -128,12 +130,9 @@ class Rounds:
             return self.count >= self.search.rounds
         if self.search.budget is not None:
             return spent >= self.search.budget
-        return self._found_again() or self.count >= self.sizes.rounds
-
-    def _found_again(self) -> bool:
-        """Whether as many populations as are wanted have come to the same end, the best of all."""
         ends = np.sort(self.ends)[: self.sizes.repetitions]
-        return ends.size == self.sizes.repetitions and ends[-1] <= (1.0 + self.sizes.gain) * ends[0]
+        found_again = ends.size == self.sizes.repetitions and ends[-1] <= (1.0 + self.sizes.gain) * ends[0]
+        return bool(found_again) or self.count >= self.sizes.rounds
 
 
 _SAME = 3e-3  # two motions whose criteria differ by less are taken to be in one basin: mirrored and reversed ones are
@@ -149,32 +148,23 @@ class Population:
     def add(self, results: Iterable[StartResult]) -> None:
         """Add the ends of starts, by number; those without a finite criterion are left out."""
         for result in sorted(results, key=lambda result: result.index):
-            if np.isfinite(result.value):
-                self._add(result)
+            near = [member for member in self.members if abs(member.value - result.value) <= _SAME * abs(result.value)]
+            if np.isfinite(result.value) and not any(member.value <= result.value for member in near):
+                others = [member for member in self.members if member not in near]
+                by_value = sorted([*others, result], key=lambda member: (member.value, member.index))
+                self.members = tuple(by_value[:_MOST])
 
     @property
     def best(self) -> float:
         """The least criterion; infinite where there is no member."""
         return self.members[0].value if self.members else np.inf
 
-    def _add(self, result: StartResult) -> None:
-        near = [member for member in self.members if abs(member.value - result.value) <= _SAME * abs(result.value)]
-        if any(member.value <= result.value for member in near):
-            return
-        others = [member for member in self.members if member not in near]
-        self.members = tuple(sorted([*others, result], key=lambda member: (member.value, member.index))[:_MOST])
-
 
 class RunningRounds:
     """Starts that are left, round by round."""
 
     def __init__(
-        self,
-        rounds: Rounds,
-        kept: KeptStarts,
-        progress: Callable[[StartResult], None] | None = None,
-        *,
-        in_processes: bool = False,
+        self, rounds: Rounds, kept: KeptStarts, progress: Progress | None = None, *, in_processes: bool = False
     ) -> None:
         self.rounds, self._kept, self._progress = rounds, kept, progress
         self._beside = in_processes
@@ -195,7 +185,7 @@ class RunningRounds:
         if self._progress is not None:
             self._progress(result)
 
-    def __iter__(self) -> Iterator[Sequence[PlannedStart | int]]:
+    def __iter__(self) -> Iterator[Starts]:
         while starts := self.rounds.following(self._results, self.spent):
             self._results = []
             left = self._kept.left(starts)
@@ -232,20 +222,8 @@ class _Step:
 
     @property
     def trial(self) -> HarmonicsTrial:
-        return HarmonicsTrial(self.harmonics, self.value, float(str(self.design.provenance["cpu_seconds"])))
-
-    @property
-    def harmonics(self) -> int:
-        return int(self.design.task.trajectory.harmonics)
-
-    @property
-    def value(self) -> float:
-        """The criterion of the design."""
-        return self.design.minimised_value
-
-    def gain(self, before: _Step) -> float:
-        """Part of the criterion that this number brought."""
-        return (before.value - self.value) / abs(before.value)
+        cpu = float(str(self.design.provenance["cpu_seconds"]))
+        return HarmonicsTrial(int(self.design.task.trajectory.harmonics), self.design.minimised_value, cpu)
 
 
 def design_with_harmonics(robot: Robot, task: Task, prepare: Prepare, solve: Solve) -> Design:
@@ -269,7 +247,8 @@ def design_with_harmonics(robot: Robot, task: Task, prepare: Prepare, solve: Sol
             best = replace(best, design=replace(best.design, interrupted=True))
             break
         steps.append(step)
-        gain = step.gain(best)
+        before = best.design.minimised_value
+        gain = (before - step.design.minimised_value) / abs(before)  # part of the criterion
         if gain < _LEAST:
             end = f"{number} brought {100 * max(gain, 0.0):.1f} %"
             break
@@ -302,7 +281,7 @@ def _with_harmonics(task: Task, number: int) -> Task:
 
 def _continued(task: Task, best: _Step, number: int) -> Task:
     design = best.design
-    begin = InitialDesign(f"the best motion of {best.harmonics} harmonics", design.series)
+    begin = InitialDesign(f"the best motion of {best.trial.harmonics} harmonics", design.series)
     return _with_harmonics(task, number).changed(begin=begin, starts=_STARTS, rounds=None, budget=None)
 
 
@@ -314,16 +293,14 @@ def _searched(robot: Robot, task: Task, prepare: Prepare, solve: Solve, *, fresh
 
 def _keep_starts_of(best: _Step, last: _Step) -> None:
     """Leave in the folder the starts of the motion that was chosen."""
-    if best is not last and last.harmonics != best.harmonics:
+    if best.trial.harmonics != last.trial.harmonics:
         remove_starts(last.kept.folder)
         for start in best.design.starts:
             write_start(last.kept.folder, start, best.formulation.identity.origin)
 
 
 def _with_trials(design: Design, steps: list[_Step], end: str) -> Design:
-    number = int(design.task.trajectory.harmonics)
-    note = f"{number} harmonics: {'interrupted' if design.interrupted else end}"
-    cpu = sum(step.trial.cpu_seconds for step in steps)
-    provenance = {**design.provenance, "cpu_seconds": cpu}
-    harmonics_trials = tuple(step.trial for step in steps)
-    return replace(design, harmonics_trials=harmonics_trials, notes=(*design.notes, note), provenance=provenance)
+    note = f"{int(design.task.trajectory.harmonics)} harmonics: {'interrupted' if design.interrupted else end}"
+    trials = tuple(step.trial for step in steps)
+    provenance = {**design.provenance, "cpu_seconds": sum(trial.cpu_seconds for trial in trials)}
+    return replace(design, harmonics_trials=trials, notes=(*design.notes, note), provenance=provenance)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from excite.design.initial_guesses import candidates, combinations, shrunk
 from excite.design.problem import Problem
 from excite.design.solvers.solver import Attempt, Solver, SolverResult
-from excite.design.start_results import RUNNING, Origin, PlannedStart, StartResult, write_start
+from excite.design.start_results import RUNNING, Origin, PlannedStart, Start, StartResult, Starts, write_start
 from regressors.errors import NumericalError
 from regressors.samples import Array
 
@@ -21,23 +21,17 @@ _SAVE_EVERY = 1.0  # seconds between saves of an unfinished start
 
 
 def optimise_start(
-    problem: Problem,
-    method: Solver,
-    seed: int,
-    start: PlannedStart | int,
-    folder: Path | None,
-    answer: Callable[[], None] = lambda: None,
-    origin: Origin | None = None,
+    problem: Problem, method: Solver, seed: int, start: Start, folder: Path | None, origin: Origin | None = None
 ) -> StartResult:
     """Draw the initial guess of a start and optimise it, saving the best point so far every second."""
-    return optimise_starts(problem, method, seed, [start], folder, answer, origin)[0]
+    return optimise_starts(problem, method, seed, [start], folder, origin=origin)[0]
 
 
 def optimise_starts(
     problem: Problem,
     method: Solver,
     seed: int,
-    starts: Sequence[PlannedStart | int],
+    starts: Starts,
     folder: Path | None,
     answer: Callable[[], None] = lambda: None,
     origin: Origin | None = None,
@@ -57,15 +51,17 @@ def optimise_starts(
                 raise NumericalError(
                     f"start {planned[k].index} ended at a motion that is not finite; check `period` and the limits"
                 )
-            results.append(_result(planned[k], outcome, problem.exact_value(outcome.x), times.end(k)))
+            value = problem.exact_value(outcome.x)
+            end = value, outcome.status.value, outcome.history, outcome.evaluations, times.end(k)
+            results.append(_result(planned[k], outcome.x, end))
             if folder is not None:
                 write_start(folder, results[-1], origin)
     return results
 
 
-def _result(start: PlannedStart, outcome: SolverResult, value: float, cpu: float) -> StartResult:
-    so_far = outcome.x.tolist(), value, outcome.status.value, outcome.history, outcome.evaluations, cpu
-    return StartResult(start.index, *so_far, *_descent(start))
+def _result(start: PlannedStart, x: Array, so_far: tuple[float, str, list[float], int, float]) -> StartResult:
+    parents = tuple(parent.index for parent in start.parents)
+    return StartResult(start.index, x.tolist(), *so_far, parents, start.lineage)
 
 
 class _SharedTime:
@@ -104,14 +100,9 @@ class _Snapshots:
         if self.folder is not None and value == self.best and time.monotonic() - self.saved > _SAVE_EVERY:
             self.saved = time.monotonic()
             cpu, history = time.process_time() - self.began, list(self.history)
-            so_far = x.tolist(), value, RUNNING, history, len(history), cpu
-            unfinished = StartResult(self.start.index, *so_far, *_descent(self.start))
+            unfinished = _result(self.start, x, (value, RUNNING, history, len(history), cpu))
             write_start(self.folder, unfinished, self.origin)
         self.answer()
-
-
-def _descent(start: PlannedStart) -> tuple[tuple[int, ...], str]:
-    return tuple(parent.index for parent in start.parents), start.lineage
 
 
 def _attempt(problem: Problem, start: PlannedStart, seed: int, watch: _Snapshots) -> Attempt:

@@ -6,8 +6,9 @@ import hashlib
 import heapq
 import json
 import re
-from collections.abc import Iterator
-from dataclasses import MISSING, Field, asdict, dataclass, fields
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import MISSING, asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
@@ -65,7 +66,7 @@ class StartResult:
         """What ``design.json`` says of it."""
         return {
             "index": self.index,
-            "value": _or_none(self.value),
+            "value": or_none(self.value),
             "status": self.status,
             "iterations": len(self.history),
             "evaluations": self.evaluations,
@@ -73,6 +74,7 @@ class StartResult:
         }
 
 
+Progress = Callable[[StartResult], None]
 Kind = Literal["random", "combination", "refinement"]
 
 
@@ -94,8 +96,12 @@ class PlannedStart:
         return hashlib.sha256(content.encode()).hexdigest()
 
 
-def number_of(start: PlannedStart | int) -> int:
-    """Number of a start; a number alone is that of a random one."""
+Start = PlannedStart | int  # a number alone is that of a random one
+Starts = Sequence[Start]
+
+
+def number_of(start: Start) -> int:
+    """Number of a start."""
     return start if isinstance(start, int) else start.index
 
 
@@ -116,18 +122,20 @@ def start_file(folder: Path, index: int) -> Path:
 def write_start(folder: Path, result: StartResult, origin: Origin | None = None) -> None:
     """Write one start's file; infinite values, of a motion that does not identify every parameter, become null."""
     content = asdict(result)
-    content["value"] = _or_none(result.value)
-    content["history"] = [_or_none(value) for value in result.history]
+    content["value"] = or_none(result.value)
+    content["history"] = [or_none(value) for value in result.history]
     if origin is not None:
         content["origin"] = asdict(origin)
     write_hashed(start_file(folder, result.index), content)
 
 
-def _or_none(value: float) -> float | None:
+def or_none(value: float) -> float | None:
+    """A number as JSON can hold it."""
     return value if np.isfinite(value) else None
 
 
-def _or_infinite(value: float | None) -> float:
+def or_infinite(value: float | None) -> float:
+    """A criterion as JSON holds it."""
     return np.inf if value is None else value
 
 
@@ -141,18 +149,15 @@ def read_start(path: Path) -> tuple[StartResult, Origin | None]:
     """Read one start's file."""
     content = read_hashed(path)
     try:
-        values = {field.name: content[field.name] for field in fields(StartResult) if _is_stated(field, content)}
+        known = fields(StartResult)  # younger ones have defaults
+        values = {each.name: content[each.name] for each in known if each.default is MISSING or each.name in content}
         values["parents"] = tuple(values.get("parents", ()))
-        values["history"] = [_or_infinite(value) for value in values["history"]]
-        values["value"] = _or_infinite(values["value"])
+        values["history"] = [or_infinite(value) for value in values["history"]]
+        values["value"] = or_infinite(values["value"])
         origin = Origin(**content["origin"]) if "origin" in content else None
     except (AttributeError, KeyError, TypeError) as error:
         raise InputError(f"{path} is not the complete file of a start: {error}") from error
     return StartResult(**values), origin
-
-
-def _is_stated(field: Field[Any], content: dict[str, Any]) -> bool:
-    return field.default is MISSING or field.name in content  # younger fields have defaults
 
 
 @dataclass(frozen=True)
@@ -183,14 +188,9 @@ class HarmonicsTrial:
     cpu_seconds: float
 
 
-def iterate_starts(folder: Path) -> Iterator[StartResult]:
-    """All starts on disk, by number, one in memory at a time."""
-    return (read_start(path)[0] for _, path in start_files(folder))
-
-
 def read_starts(folder: Path) -> list[StartResult]:
     """Read all starts on disk, by number."""
-    return list(iterate_starts(folder))
+    return [read_start(path)[0] for _, path in start_files(folder)]
 
 
 MOST_KEPT = 1000  # starts that a design keeps
@@ -227,16 +227,14 @@ class BestStarts:
 
 def best_starts(folder: Path, count: int, most: int = MOST_KEPT) -> BestStarts:
     """Read the starts below a number, and keep the best."""
-    kept: list[tuple[float, int, StartResult]] = []  # the worst of them first
-    ended = unfinished = 0
-    for start in iterate_starts(folder):
-        if start.index >= count:
-            continue
-        ended, unfinished = ended + (start.status != RUNNING), unfinished + (start.status == RUNNING)
-        entry = (-start.value, -start.index, start)
-        if len(kept) < most:
-            heapq.heappush(kept, entry)
-        else:
-            heapq.heappushpop(kept, entry)
-    best = tuple(sorted((start for *_, start in kept), key=lambda start: start.index))
-    return BestStarts(best, ended, unfinished, count - ended - unfinished)
+    unfinished: Counter[bool] = Counter()
+
+    def counted() -> Iterator[StartResult]:
+        for _, path in start_files(folder):
+            if (start := read_start(path)[0]).index < count:
+                unfinished[start.status == RUNNING] += 1
+                yield start
+
+    best = heapq.nsmallest(most, counted(), key=lambda start: (start.value, start.index))
+    by_number = tuple(sorted(best, key=lambda start: start.index))
+    return BestStarts(by_number, unfinished[False], unfinished[True], count - unfinished.total())

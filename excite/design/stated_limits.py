@@ -56,21 +56,17 @@ class StatedWorld:
 
     def without_self_collision(self, reason: str) -> StatedWorld:
         """The same without the check of self-collision."""
-        world = None
-        if self.world is not None and self.world.obstacles:
-            world = replace(self.world, self_collision=False)
-        return replace(self, world=world, unchecked=(Unchecked("self-collision", reason), *self.unchecked))
+        world = self.world
+        kept = None if world is None or not world.obstacles else replace(world, self_collision=False)
+        return replace(self, world=kept, unchecked=(Unchecked("self-collision", reason), *self.unchecked))
 
 
 def stated_limits(robot: Robot, joints: tuple[str, ...], task: Task, world: StatedWorld | None = None) -> StatedLimits:
     """Limits of torques and of distances, where the task leaves them to the description."""
-    parts = [_torques(robot, joints, task)]
-    parts.append(_distances(robot, joints, task, stated_world(robot, task) if world is None else world))
-    return StatedLimits(
-        tuple(limit for part in parts for limit in part.constraints),
-        tuple(each for part in parts for each in part.unchecked),
-        tuple(note for part in parts for note in part.notes),
-    )
+    torques = _torques(robot, joints, task)
+    distances = _distances(robot, joints, task, stated_world(robot, task) if world is None else world)
+    unchecked = (*torques.unchecked, *distances.unchecked)
+    return StatedLimits((*torques.constraints, *distances.constraints), unchecked, (*torques.notes, *distances.notes))
 
 
 def remedy(label: str, stated: tuple[NonlinearConstraint, ...], task: Task) -> str:
@@ -93,14 +89,12 @@ def _torques(robot: Robot, joints: tuple[str, ...], task: Task) -> StatedLimits:
     limit = task.limits.stated_torque(task.known_friction)
     if limit is None:
         return StatedLimits()
-    reason = why_no_torques(robot)
-    if reason is None:
-        try:
-            constraints = limit.imposed(task.limits.applied(robot), _motion(robot, joints))
-        except InputError as error:
-            reason = str(error)
-    if reason is not None:
-        return StatedLimits(unchecked=(Unchecked("torque", reason),))
+    try:
+        if reason := why_no_torques(robot):
+            raise InputError(reason)
+        constraints = limit.imposed(task.limits.applied(robot), _motion(robot, joints))
+    except InputError as error:
+        return StatedLimits(unchecked=(Unchecked("torque", str(error)),))
     note = (
         f"the design keeps {100 * TORQUE_MARGIN:g} % of the torque limits in reserve, computed from the known "
         "masses and friction; `torque_margin` changes the reserve"
@@ -185,10 +179,9 @@ def _surface(robot: Robot, task: Task, parts: tuple[Part, ...]) -> Obstacle | Un
     if any(isinstance(shape, HalfSpace) and np.dot(shape.normal, normal) > _ALIKE for shape in shapes):
         return None
     surface = mounting_surface(name, normal, floor if isinstance(floor, float) else _lowest(task, normal))
-    reason = None if isinstance(floor, float) else why_not_mounted(robot, parts, surface)
-    return (
-        surface if reason is None else Unchecked(name, f"{reason}; `floor` states its height above the base's origin")
-    )
+    if isinstance(floor, float) or (reason := why_not_mounted(robot, parts, surface)) is None:
+        return surface
+    return Unchecked(name, f"{reason}; `floor` states its height above the base's origin")
 
 
 def _normal(robot: Robot, task: Task) -> Array:
@@ -204,9 +197,7 @@ def _normal(robot: Robot, task: Task) -> Array:
 
 def _lowest(task: Task, normal: Array) -> float:
     """Height of the lowest point of the base, at most that of its origin; of which nothing is known, its origin's."""
-    if not isinstance(task.robot, str) or task.robot in built_in_names():
-        return 0.0
-    if task.xacro:
+    if not isinstance(task.robot, str) or task.robot in built_in_names() or task.xacro:
         return 0.0
     known = urdf_lowest(task.robot, normal, task.base_link, task.tip, snap_angles=task.snap_angles)
     return 0.0 if known is None else min(known, 0.0)
@@ -263,12 +254,16 @@ def unchecked_limits(motion: PartialMotion, limits: Sequence[LinearConstraint]) 
     """Limits of joints and drives that neither the robot's description nor the task states, but for torques."""
     unchecked = []
     for derivative, quantity in enumerate(QUANTITIES):
-        bounded = spanned(tuple(limits), len(motion.labels), (derivative,))
-        free = [name for name, known in zip(motion.labels, bounded, strict=True) if not known]
-        if free:
+        if free := unbounded(motion, limits, derivative):
             of = "" if len(free) == len(motion.labels) else f" for {', '.join(free)}"
             unchecked.append(Unchecked(quantity, f"no limit is stated{of}"))
     return tuple(unchecked)
+
+
+def unbounded(motion: PartialMotion, limits: Sequence[LinearConstraint], *derivatives: int) -> list[str]:
+    """Coordinates that no limit of these derivatives bounds."""
+    bounded = spanned(limits, len(motion.labels), derivatives)
+    return [name for name, known in zip(motion.labels, bounded, strict=True) if not known]
 
 
 def checked_text(quantities: Iterable[str]) -> str:
@@ -306,6 +301,5 @@ def kept_text(unchecked: Sequence[Unchecked], quantities: Iterable[str] = ()) ->
 def nonlinear_limits(robot: Robot, joints: tuple[str, ...], task: Task) -> tuple[NonlinearConstraint, ...]:
     """Torque limits, the tool's box and its speed, and distances from obstacles, where a task asks for them."""
     robot = task.limits.applied(robot)
-    motion = of_joints(robot, [robot.joint_names.index(name) for name in joints])
-    limits = task.limits.imposed(task.known_friction)
+    limits, motion = task.limits.imposed(task.known_friction), _motion(robot, joints)
     return tuple(constraint for limit in limits for constraint in limit.imposed(robot, motion))

@@ -10,10 +10,11 @@ import numpy as np
 
 from constraints.certificate import LimitUse
 from constraints.diagnosis import ContradictionError
-from constraints.linear import LinearConstraint, spanned
+from constraints.linear import LinearConstraint
 from excite.design.blueprint import Blueprint
 from excite.design.initial_guesses import random_motion
 from excite.design.problem import Problem
+from excite.design.stated_limits import unbounded
 from excite.errors import NoFeasibleMotionError
 from excite.information.goal import SEED, STATES, named_parameter
 from excite.information.nearly_unidentifiable import left_out_by_rounding, rounded_angles
@@ -61,9 +62,7 @@ def check_model(target: IdentificationTarget, task: Task) -> None:
 
 def check_bounded(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> None:
     """Raise `InputError` where neither velocity nor acceleration of a coordinate is bounded."""
-    bounded = spanned(limits, len(motion.labels), (1, 2, 3))
-    if not all(bounded):
-        free = [name for name, ok in zip(motion.labels, bounded, strict=True) if not ok]
+    if free := unbounded(motion, limits, 1, 2, 3):
         raise InputError(
             f"no velocity or acceleration limit bounds joint {', '.join(free)}; "
             "give `velocity` and `acceleration`, or limits in the robot's file"
@@ -77,14 +76,11 @@ def check_required(target: IdentificationTarget, whole: RegressorModel, task: Ta
     required = [named_parameter(whole, name) for name in task.objective.require]
     identifiability = Identifiability(whole)
     shown = identifiability.shown([identifiability.rows(target.motion, task.model.equations)])
-    for index in required:
-        if index in shown:
-            continue
-        cure = identifying_motion(whole, index)
+    if hidden := [index for index in required if index not in shown]:
+        cure = identifying_motion(whole, hidden[0])
         where = f"move {', '.join(cure)}, which identifies it" if cure else "no motion identifies it on its own"
-        raise InputError(
-            f"{whole.names[index]} is not identifiable from motions of {', '.join(target.motion.labels)}; {where}"
-        )
+        labels = ", ".join(target.motion.labels)
+        raise InputError(f"{whole.names[hidden[0]]} is not identifiable from motions of {labels}; {where}")
 
 
 def check_excitable(blueprint: Blueprint, problem: Problem, base: Base) -> None:
@@ -175,11 +171,8 @@ def task_notes(target: IdentificationTarget, task: Task, limits: tuple[LinearCon
 
 
 def _limit_notes(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> tuple[str, ...]:
-    bounded = spanned(limits, len(motion.labels), (2,))
-    free = [name for name, ok in zip(motion.labels, bounded, strict=True) if not ok]
-    if not free:
-        return ()
-    return (f"no acceleration limit is known for {', '.join(free)}; give one with `acceleration`",)
+    free = ", ".join(unbounded(motion, limits, 2))
+    return (f"no acceleration limit is known for {free}; give one with `acceleration`",) if free else ()
 
 
 def _prior_notes(task: Task) -> tuple[str, ...]:

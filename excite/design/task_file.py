@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -31,12 +30,9 @@ _FILES = ("world", "friction_curves", "payload", "task_motion", "begin")  # opti
 _ENDS = ("base_link", "tip")  # of the chain, beside the options of the parts
 
 
-def _several(value: object) -> object:
-    return [value] if _is(value, int | float) else value
-
-
-def _folders(value: object) -> object:
-    return [value] if isinstance(value, str) else value
+def _listed(kinds: Any) -> BeforeValidator:
+    """One value stands for a list of it."""
+    return BeforeValidator(lambda value: [value] if _is(value, kinds) else value)
 
 
 def _text(value: object) -> object:
@@ -69,7 +65,7 @@ def _drives(value: object) -> object:
 
 
 _NUMBER = Annotated[float, Strict()]
-_NUMBERS = Annotated[list[_NUMBER], BeforeValidator(_several)]  # one number stands for all joints
+_NUMBERS = Annotated[list[_NUMBER], _listed(int | float)]  # one number stands for all joints
 _PAIR = Annotated[list[_NUMBER], Field(min_length=2, max_length=2)]
 _SIDE = Annotated[list[_NUMBER | None], Field(min_length=2, max_length=2)]
 _THREE = Field(min_length=3, max_length=3)
@@ -96,7 +92,7 @@ _TYPES: Mapping[Kind, Any] = {
     "prior": Annotated[Any, AfterValidator(known_beforehand)],
     "drives": Annotated[Any, AfterValidator(_drives)],
     "parameters": dict[str, _NUMBER],
-    "folders": Annotated[list[str], BeforeValidator(_folders)],
+    "folders": Annotated[list[str], _listed(str)],
     "precision": _checked(EXPECTED["precision"], lambda value: _is(value, str | int | float | dict)),
 }
 
@@ -233,10 +229,7 @@ def task_content(task: Task) -> dict[str, Any]:
         if name in options:
             options[name] = _content(options[name])
     if isinstance(task.objective.prior, tuple):
-        known = task.objective.prior
-        options["prior"] = {belief.name: dataclasses.asdict(belief) for belief in known}
-        for entry in options["prior"].values():
-            del entry["name"]
+        options["prior"] = {b.name: {"value": b.value, "deviation": b.deviation} for b in task.objective.prior}
     if isinstance(task.objective.precision, PrecisionTarget):
         options["precision"] = task.objective.precision.to_dict()
     described: dict[str, Any] = {"robot": task.robot_name, "base_link": task.base_link, "tip": task.tip}

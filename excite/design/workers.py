@@ -12,10 +12,10 @@ import sys
 import threading
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
-from itertools import chain
+from itertools import chain, islice
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from multiprocessing.resource_tracker import ensure_running
@@ -30,7 +30,7 @@ from excite.design.interruption import SIGNALS, deferred_interruption, held_sign
 from excite.design.problem import Problem
 from excite.design.single_start import optimise_starts
 from excite.design.solvers.solver import Solver
-from excite.design.start_results import Origin, PlannedStart, StartResult, number_of
+from excite.design.start_results import Origin, StartResult, Starts, number_of
 from excite.errors import LostWorkersError
 from excite.operating_system import can_fork
 from excite.registry import instance
@@ -81,24 +81,22 @@ class Worker:
 def _forked(prepared: Callable[[], Work]) -> tuple[BaseProcess, Connection]:
     """A copy of this process, which has imported and built everything."""
     ready = prepared()
-    context = multiprocessing.get_context("fork")
-    ours, theirs = context.Pipe()
-    process = context.Process(target=serve, args=(theirs, lambda: ready))
-    with held_signals():
-        process.start()
-    theirs.close()
-    return process, ours
+    return _started(multiprocessing.get_context("fork"), lambda: ready)
 
 
 def _spawned(content: bytes) -> tuple[BaseProcess, Connection]:
     """A process that imports everything anew."""
-    context = multiprocessing.get_context("spawn")
     if hasattr(os, "fork"):  # multiprocessing's own process, which lets SIGINT and SIGTERM through once it is there
         with held_signals(SIGNALS[2:]):
             ensure_running()
+    with main_not_imported():
+        return _started(multiprocessing.get_context("spawn"), partial(unpickled, content))
+
+
+def _started(context: Any, prepare: Callable[[], Work]) -> tuple[BaseProcess, Connection]:
     ours, theirs = context.Pipe()
-    process = context.Process(target=serve, args=(theirs, partial(unpickled, content)))
-    with held_signals(), main_not_imported():
+    process = context.Process(target=serve, args=(theirs, prepare))
+    with held_signals():
         process.start()
     theirs.close()
     return process, ours
@@ -141,8 +139,7 @@ class Workers:
         self._running.clear()
 
     def _run(self, left: Iterator[Job], count: int, alone: list[Job]) -> Iterator[StartResult]:
-        for job in _first(left, count):
-            self._submit(job)
+        self._submit_next(left, count)
         while self._running:
             for connection in wait(list(self._running)):
                 worker, job = self._running[connection]  # type: ignore[index]
@@ -164,16 +161,13 @@ class Workers:
             self._idle.append(Worker(self._content, self._prepared))
         answer()
 
-    def _submit_next(self, left: Iterator[Job]) -> None:
-        for job in _first(left, 1):
-            self._submit(job)
-
-    def _submit(self, job: Job) -> None:
-        if not self._idle:
-            self._add()
-        worker = self._idle.pop()
-        self._running[worker.connection] = worker, job
-        worker.submit(job)
+    def _submit_next(self, left: Iterator[Job], count: int = 1) -> None:
+        for job in islice(left, count):
+            if not self._idle:
+                self._add()
+            worker = self._idle.pop()
+            self._running[worker.connection] = worker, job
+            worker.submit(job)
 
     def _lose(self, worker: Worker, job: Job, alone: list[Job]) -> list[Job]:
         """Say that a process has ended; return the jobs that are to run again at once, one for each start."""
@@ -204,24 +198,17 @@ class Workers:
         return [job] if self._lost[index] < _TOGETHER else []
 
 
-def _first(jobs: Iterator[Job], count: int) -> Iterator[Job]:
-    for _, job in zip(range(count), jobs, strict=False):
-        yield job
-
-
 @contextmanager
 def environment_of_workers() -> Iterator[None]:
     """Let processes started in the block use one thread for linear algebra, since the pool uses all cores."""
-    before = {name: os.environ.get(name) for name in _THREAD_VARIABLES}
+    before = {name: os.environ[name] for name in _THREAD_VARIABLES if name in os.environ}
     os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        for name in _THREAD_VARIABLES:
+            os.environ.pop(name, None)
+        os.environ.update(before)
 
 
 @contextmanager
@@ -241,7 +228,7 @@ def main_not_imported() -> Iterator[None]:
             setattr(main, name, value)
 
 
-Job = tuple[int, Sequence[PlannedStart | int], Path]
+Job = tuple[int, Starts, Path]
 Work = Callable[[Any], Any]
 
 _PR_SET_PDEATHSIG = 1  # of Linux's prctl

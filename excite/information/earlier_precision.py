@@ -66,10 +66,6 @@ def check_earlier(earlier: Sequence[EarlierInformation], robot: Robot, moving: R
                 f"`after`: in {one.name} the robot carries {one.payload or 'nothing'}, in this task "
                 f"{payload or 'nothing'}; give the same `payload`"
             )
-    _check_once(earlier)
-
-
-def _check_once(earlier: Sequence[EarlierInformation]) -> None:
     results = [one for one in earlier if one.kind == RESULT]
     logs = Counter(log for one in results for log in set(one.logs))
     for one in results:
@@ -158,7 +154,8 @@ def earlier_estimate(target: IdentificationTarget, task: Task) -> Array:
 
 def _rows_of_base(target: IdentificationTarget, task: Task, given: Sequence[EarlierInformation]) -> tuple[Array, Array]:
     """Rows R and right-hand side y with ``R beta = y`` of noise 1, nuisance left out; y counts for results only."""
-    earlier, b = sorted(given, key=_content), target.base.rank  # in any order sums round alike
+    b = target.base.rank
+    earlier = sorted(given, key=lambda one: b"".join(F.tobytes() for F in one.factors))  # so that sums round alike
     if not earlier:
         return np.zeros((0, b)), np.zeros(0)
     definition, names = target.model.definition()
@@ -181,10 +178,6 @@ def _rows_of_base(target: IdentificationTarget, task: Task, given: Sequence[Earl
         X, y = X - Q @ (Q.T @ X), y - Q @ (Q.T @ y)
     R = np.asarray(np.linalg.qr(np.column_stack([X, y]), mode="r"))
     return np.ascontiguousarray(R[:b, :b]), np.ascontiguousarray(R[:b, b])
-
-
-def _content(earlier: EarlierInformation) -> bytes:
-    return b"".join(F.tobytes() for F in earlier.factors)
 
 
 def _in_union(A: Array, names: Sequence[str], union: Mapping[str, int]) -> Array:

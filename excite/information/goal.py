@@ -31,9 +31,10 @@ import numpy as np
 import scipy.linalg
 import scipy.special
 
+from excite.information.half_widths import samples_of
 from excite.information.prior import prior_of
 from excite.information.target import IdentificationTarget, model_of
-from excite.information.weighting import weighting_of
+from excite.information.weighting import base_columns, weighting_of
 from excite.registry import instance, name_of
 from excite.tasks.criteria import ConditionNumber, Criterion, TorqueCriterion
 from excite.tasks.stored_files import TaskMotion, UnopenedFile
@@ -169,16 +170,12 @@ def _states(target: IdentificationTarget, task: Task) -> Samples:
     if isinstance(motion, UnopenedFile):
         raise motion.missing()
     assert isinstance(motion, TaskMotion), "the formulation reads files"
-    missing = [name for name in names if name not in motion.joints]
-    if missing:
+    if missing := [name for name in names if name not in motion.joints]:
         raise InputError(
             f"task_motion {motion.name} has the joints {', '.join(motion.joints)}; the design needs also "
             f"{', '.join(missing)}"
         )
-    order = [motion.joints.index(name) for name in names]
-    zero = np.zeros((len(motion.q), len(names)))
-    time = np.arange(len(motion.q), dtype=float)
-    return Samples(time, motion.q[:, order], motion.dq[:, order], motion.ddq[:, order], zero)
+    return samples_of(motion, names)
 
 
 _GROUPS = ("inertial", "rotor", "friction")
@@ -201,20 +198,13 @@ def columns_of_interest(target: IdentificationTarget, task: Task) -> tuple[int, 
     return tuple(sorted(set(chosen)))
 
 
-def base_columns(target: IdentificationTarget, task: Task) -> Index:
-    """Numbers of the model's columns that the criterion's convention has, in its order, shape (b,)."""
-    T, D = target.transforms[task.objective.base], target.base.D
-    return np.array([int(np.argmin(np.linalg.norm(D - column[:, None], axis=0))) for column in T.T])
-
-
 def _columns(target: IdentificationTarget, task: Task, base: Index, name: str) -> list[int]:
     columns = [target.model.columns[k] for k in base]
     if name in GROUPS:
-        numbers = [k for k, inside in enumerate(_in_group(target, task, base, name)) if inside]
+        numbers = [k for k, inside in enumerate(_in_group(target, task, columns, name)) if inside]
         if not numbers:
-            raise InputError(
-                f"interest: no base parameter is one of the group {name}; they are {', '.join(_names(columns))}"
-            )
+            known = ", ".join(column.name for column in columns)
+            raise InputError(f"interest: no base parameter is one of the group {name}; they are {known}")
         return numbers
     number = named_parameter(target.model, name, GROUPS)
     if number in base:
@@ -222,16 +212,15 @@ def _columns(target: IdentificationTarget, task: Task, base: Index, name: str) -
     raise InputError(f"interest: {name} is not identifiable on its own{_within(target, task, base, number)}")
 
 
-def _in_group(target: IdentificationTarget, task: Task, base: Index, name: str) -> list[bool]:
-    columns = [target.model.columns[k] for k in base]
+def _in_group(target: IdentificationTarget, task: Task, columns: list[Column], name: str) -> list[bool]:
     if name not in _AT_REST:
         return [name in (c.group, c.kind.replace(" ", "-")) for c in columns]
-    acts = _act_at_rest(target, task, _names(columns))
+    acts = _act_at_rest(target, task, [c.name for c in columns])
     of_masses = (c.group in ("inertial", "rotor") for c in columns)
     return [inside and at_rest == _AT_REST[name] for inside, at_rest in zip(of_masses, acts, strict=True)]
 
 
-def _act_at_rest(target: IdentificationTarget, task: Task, names: tuple[str, ...]) -> list[bool]:
+def _act_at_rest(target: IdentificationTarget, task: Task, names: list[str]) -> list[bool]:
     """Whether the torques of a robot at rest depend on parameters."""
     model = model_of(target.robot, task).instantaneous().restricted(target.motion, task.model.equations)
     moving = target.motion.states(random_states(target.robot, few_states(model)))
@@ -245,12 +234,8 @@ def _act_at_rest(target: IdentificationTarget, task: Task, names: tuple[str, ...
 def _within(target: IdentificationTarget, task: Task, base: Index, number: int) -> str:
     """The base parameters that a parameter is part of."""
     parts = np.linalg.solve(target.transforms[task.objective.base], target.base.D[:, number])
-    names = _names([target.model.columns[k] for k in base[np.abs(parts) > _NOTHING]])
+    names = [target.model.columns[k].name for k in base[np.abs(parts) > _NOTHING]]
     return f": it is part of {', '.join(names)}; choose those" if names else ": no torque of this motion depends on it"
-
-
-def _names(columns: list[Column]) -> tuple[str, ...]:
-    return tuple(c.name for c in columns)
 
 
 OTHERS = 0.05  # part of log det^(-1/2b) of all parameters: the chosen deviations were at most 5 % larger with it
@@ -284,22 +269,15 @@ class ChosenParameters(Criterion):
 
         That of the former is ``K G_S K'``, ``K = [E; -M_NN^-1 M_NS]``; of the latter ``-(1/2b) M^-1``.
         """
-        value, G, _ = self._smooth(M, sharpness)
+        value, G, _ = self.smooth_and_value(M, sharpness)
         return value, G
 
     def smooth_and_value(self, M: Array, sharpness: float) -> tuple[float, Array, float]:
         """Both by one factor."""
-        value, G, complement = self._smooth(M, sharpness)
-        return value, G, self.value(M) if complement is None else self.criterion.value(complement)
-
-    def _smooth(self, M: Array, sharpness: float) -> tuple[float, Array, Array | None]:
-        """Smooth approximation, its gradient, and ``M_S``, None where M is singular."""
         ordered, others = self._ordered(M), len(M) - len(self.chosen)
-        L = _factor(ordered, ridge=0.0)
-        singular = L is None
-        if L is None:
-            L = _factor(ordered, ridge=_RIDGE)
-            assert L is not None
+        regular = _factor(ordered, ridge=0.0)
+        L = _factor(ordered, ridge=_RIDGE) if regular is None else regular
+        assert L is not None
         complement = self._complement(L)
         value, of_complement = self.criterion.smooth(complement, sharpness)
         # M_NN = L_NN L_NN', M_SN = L_SN L_NN': M_NN^-1 M_NS = L_NN^-T L_SN'
@@ -309,7 +287,8 @@ class ChosenParameters(Criterion):
         half = scipy.linalg.solve_triangular(L, np.eye(len(M)), lower=True)  # M^-1 = half' half
         G, order = np.empty_like(M), self._order(len(M))
         G[np.ix_(order, order)] = K @ of_complement @ K.T - 0.5 * part * half.T @ half
-        return value - part * float(np.log(np.diag(L)).sum()), G, None if singular else complement
+        exact = np.inf if regular is None else self.criterion.value(complement)
+        return value - part * float(np.log(np.diag(L)).sum()), G, exact
 
     def _order(self, size: int) -> list[int]:
         """The other columns, then the chosen ones."""

@@ -22,6 +22,7 @@ depends on. Its size stands for its value then.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +31,7 @@ import scipy.special
 from excite.information.prior import base_sizes, prior_of
 from excite.information.target import IdentificationTarget
 from excite.tasks.precision_target import PrecisionTarget, TaskTorques
+from excite.tasks.stored_files import TaskMotion
 from regressors.errors import InputError, UnknownName
 from regressors.robot.columns import COMBINATION, FIRST_MOMENT, FRICTION_KINDS, INERTIA, MASS, ROTOR, Column
 from regressors.samples import Array, Samples
@@ -143,23 +145,26 @@ def torque_precision(torques: TaskTorques, target: IdentificationTarget) -> Torq
     Described parameters state the torque that shares are taken of; friction that is not described counts as none.
     """
     motion, names = torques.motion, target.robot.joint_names
-    missing = [name for name in names if name not in motion.joints]
-    if missing:
+    if missing := [name for name in names if name not in motion.joints]:
         raise InputError(f"precision: the task motion does not state {', '.join(missing)}, which move")
     if target.model.window is not None:
         raise InputError(
             "precision: torques along a task motion need a model of single instants, `model='differential'`"
         )
-    place = [motion.joints.index(name) for name in names]
-    q, dq, ddq = (np.array(part)[:, place] for part in (motion.q, motion.dq, motion.ddq))
-    samples = Samples(np.arange(float(len(q))), q, dq, ddq, np.zeros_like(q))
-    r, base = len(target.model.row_labels), target.base
-    Y = target.model.instants(samples)[:, base.index].reshape(len(q), r, -1).transpose(1, 0, 2) / np.sqrt(len(q))
+    base, N = target.base, len(motion.q)
+    labels, units = zip(*target.model.row_labels, strict=True)
+    W = target.model.instants(samples_of(motion, names))[:, base.index]
+    Y = W.reshape(N, len(labels), -1).transpose(1, 0, 2) / np.sqrt(N)
     values = np.nan_to_num(prior_of(target.model, base, None).base_values(np.eye(base.rank)))
     size = np.linalg.norm(Y @ values, axis=1)
-    labels = [name for name, _ in target.model.row_labels]
     if not np.all(size > 0.0):
         still = ", ".join(label for label, each in zip(labels, size, strict=True) if not each > 0.0)
         raise InputError(f"precision: the described torque of {still} is zero along the task motion")
-    units = tuple(unit for _, unit in target.model.row_labels)
     return TorquePrecision(tuple(f"torque {label}" for label in labels), units, Y, torques.share * size)
+
+
+def samples_of(motion: TaskMotion, names: Sequence[str]) -> Samples:
+    """Some joints of a task motion, in their order."""
+    order = [motion.joints.index(name) for name in names]
+    q, dq, ddq = (part[:, order] for part in (motion.q, motion.dq, motion.ddq))
+    return Samples(np.arange(float(len(q))), q, dq, ddq, np.zeros_like(q))

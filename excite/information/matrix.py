@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
 from excite.information.target import IdentificationTarget
-from excite.storage.codec import OBJECT, named
+from excite.storage.codec import OBJECT, Beside, named
 from excite.trajectories.family import Family, Trajectory
 from regressors.errors import InputError
 from regressors.models.model import Combination, RegressorModel
@@ -38,28 +38,22 @@ class Information:
 
     Where columns are ordered along the chain, the equations of later joints do not depend on the first ones; products
     with W leave these zeros out.
-    """  # noise (r,)
+    """  # Y regressor of one instant, (r, b) of q, dq, ddq; noise (r,)
 
     def __init__(
-        self,
-        function: VectorisedFunction,
-        family: Family,
-        combination: Combination,
-        motion: PartialMotion,
-        noise: Array | None = None,
+        self, Y: VectorisedFunction, family: Family, combination: Combination, motion: PartialMotion, noise: Array
     ) -> None:
-        self._function = function
+        self._function = Y
         self._family, self._motion = family, motion
         self._joints = family.joints(combination.time, motion)
         self._difference, self._integral = combination.difference, combination.integral
         self._count = combination.difference.shape[0]
-        self._equations = function.shape[0] if self._integral is None else function.shape[0] // 2
-        is_state = function.row < self._equations
+        self._equations = Y.shape[0] if self._integral is None else Y.shape[0] // 2
+        is_state = Y.row < self._equations
         self._states, self._densities = np.flatnonzero(is_state), np.flatnonzero(~is_state)
-        self._place = function.column, function.row % self._equations
-        self._blocks = _blocks(*self._place, function.shape[1], self._equations, self._count)
-        divided = noise is not None and bool(np.any(noise != 1.0))
-        self._weights = 1.0 / noise[:, None] if noise is not None and divided else None
+        self._place = Y.column, Y.row % self._equations
+        self._blocks = _blocks(*self._place, Y.shape[1], self._equations, self._count)
+        self._weights = None if np.all(noise == 1.0) else 1.0 / noise[:, None]
 
     def trajectory(self, x: Array) -> Trajectory:
         """Motion of every joint, from that of the moving coordinates."""
@@ -71,7 +65,7 @@ class Information:
 
     def evaluate(self, x: Array) -> Evaluation:
         """M of the motion x of the moving coordinates."""
-        return self._evaluate([x])[0]
+        return self.evaluations([x])[0]
 
     def evaluations(self, xs: Sequence[Array]) -> list[Evaluation]:
         """M of several motions; each is the same as alone, to the last bit."""
@@ -101,15 +95,11 @@ class Information:
                 W[k, column[d], equation[d]] += (self._integral @ values[k, d].T).T
         return W if self._weights is None else W * self._weights
 
-    def gradient(self, at: Evaluation, G: Array) -> Array:
-        """Gradient of a function of M with respect to x, from its gradient G = df/dM.
+    def gradients(self, evaluations: Sequence[Evaluation], Gs: Sequence[Array]) -> list[Array]:
+        """Gradients of functions of M with respect to x, from G = df/dM; each is the same as alone, to the last bit.
 
         ``df = <G, dM> = sum_k <2/N S_k^-1 W_k G, dW_k>``: one reverse sweep with the seeds ``2/N S_k^-1 W_k G``.
         """
-        return self._gradients([(at, G)])[0]
-
-    def gradients(self, evaluations: Sequence[Evaluation], Gs: Sequence[Array]) -> list[Array]:
-        """The `gradient` at several motions; each is the same as alone, to the last bit."""
         pairs = list(zip(evaluations, Gs, strict=True))
         return [g for some in _groups(pairs, self._together) for g in self._gradients(some)]
 
@@ -167,10 +157,7 @@ def _blocks(column: Index, equation: Index, b: int, equations: int, instants: in
         block = int(column[equation == k].min(initial=b - 1)), k, k + 1
         if blocks:
             joined = min(blocks[-1][0], block[0]), blocks[-1][1], k + 1
-            apart, together = (
-                sum(_operations(one, b, instants) for one in some) for some in ((blocks[-1], block), (joined,))
-            )
-            if together <= apart:
+            if _operations(joined, b, instants) <= sum(_operations(one, b, instants) for one in (blocks[-1], block)):
                 blocks[-1] = joined
                 continue
         blocks.append(block)
@@ -220,7 +207,7 @@ class PredictedAccuracy:
         The rotor inertia that a parameter at the drive coordinate stands for.
     """
 
-    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"motor_side.standard_deviation": lambda p: p.of_motor}
+    beside: ClassVar[Beside] = {"motor_side.standard_deviation": lambda p: p.of_motor}
 
     name: str
     expression: str

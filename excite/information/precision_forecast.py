@@ -8,7 +8,7 @@ experiments with the information P; their rows also settle the estimate of the n
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
@@ -24,7 +24,7 @@ from excite.information.half_widths import (
     torque_precision,
 )
 from excite.information.target import IdentificationTarget, inverse_half
-from excite.storage.codec import INLINE, named
+from excite.storage.codec import INLINE, Beside, named
 from excite.tasks.precision_target import PrecisionTarget
 from regressors.samples import Array, Samples
 
@@ -61,10 +61,7 @@ class PrecisionForecast:
     parameters : tuple of ParameterPrecision
     """
 
-    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {
-        "met": lambda forecast: forecast.met,
-        "robot_seconds": lambda forecast: forecast.robot_seconds,
-    }
+    beside: ClassVar[Beside] = {"met": lambda each: each.met, "robot_seconds": lambda each: each.robot_seconds}
 
     runs: int
     seconds: float = field(metadata=named("seconds_per_run"))
@@ -190,22 +187,15 @@ class RunInformation:
     def forecast(self, max_time: float) -> PrecisionForecast:
         """Of the fewest runs that meet the target, or of as many as a robot time leaves room for, at least one."""
         runs = min(self.fewest_runs(), max(1, math.floor(max_time / self.seconds)))
-        given = self.precision
-        return PrecisionForecast(
-            runs,
-            self.seconds,
-            given.level,
-            given.probability,
-            tuple(
-                ParameterPrecision(name, unit, float(h), float(a) if np.isfinite(a) else None)
-                for name, unit, h, a in zip(self.names, self.units, self.half_widths(runs), self.allowed, strict=True)
-            ),
+        each = zip(self.names, self.units, self.half_widths(runs), self.allowed, strict=True)
+        parameters = tuple(
+            ParameterPrecision(name, unit, float(h), float(a) if np.isfinite(a) else None) for name, unit, h, a in each
         )
+        return PrecisionForecast(runs, self.seconds, self.precision.level, self.precision.probability, parameters)
 
     def _factor(self, runs: int) -> float:
-        f = residual_degrees_of_freedom(
-            float(runs) * self.rows, self.target.base.rank, len(self.target.model.row_labels)
-        )
+        equations = len(self.target.model.row_labels)
+        f = residual_degrees_of_freedom(float(runs) * self.rows, self.target.base.rank, equations)
         f += 0 if self.in_hand is None else self.in_hand.degrees_of_freedom
         return half_width_factor(f, level=self.precision.level, probability=self.precision.probability)
 

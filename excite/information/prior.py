@@ -129,16 +129,11 @@ def standard_sizes(model: RegressorModel) -> dict[str, float]:
 
 def base_sizes(model: RegressorModel, base: Base) -> Array:
     """Size of each base parameter, the root of the summed squares of its terms; infinite where a term has none."""
-    return _sizes(model, base.D)
+    return sizes_of(model, base.D)
 
 
-def column_sizes(model: RegressorModel) -> Array:
-    """Size of each parameter of a model, as `base_sizes`, shape (p,)."""
-    return _sizes(model, np.eye(len(model.columns)))
-
-
-def _sizes(model: RegressorModel, D: Array) -> Array:
-    """Of ``D p``."""
+def sizes_of(model: RegressorModel, D: Array) -> Array:
+    """Size of each of ``D p``, combinations of a model's parameters."""
     definition, names = model.definition()
     known = standard_sizes(model)
     sizes = np.array([known.get(name, np.inf) for name in names])

@@ -16,7 +16,7 @@ from itertools import combinations
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from excite.information.prior import base_sizes, column_sizes
+from excite.information.prior import base_sizes, sizes_of
 from excite.registry import CONVENTIONS, name_of
 from excite.tasks.model_choice import FURTHER_FRICTION, ModelChoice
 from excite.tasks.model_options import DriveChoice, numbers_of
@@ -216,10 +216,9 @@ def partial_motions(model: RegressorModel, at_once: int) -> list[tuple[tuple[str
 def identifying_motion(model: RegressorModel, parameter: int) -> tuple[str, ...] | None:
     """Fewest drives whose motion identifies a parameter individually; None if no motion does."""
     identifiability = Identifiability(model)
-    for moving, motion in partial_motions(model, len(drive_names(model.robot))):
-        if parameter in identifiability.shown([identifiability.rows(motion)]):
-            return moving
-    return None
+    motions = partial_motions(model, len(drive_names(model.robot)))
+    shown = ((moving, identifiability.shown([identifiability.rows(motion)])) for moving, motion in motions)
+    return next((moving for moving, parameters in shown if parameter in parameters), None)
 
 
 FACTOR = 100.0
@@ -251,7 +250,7 @@ def visible_bases(
     R = triangular_factor(model.instants(states))
     visible = R[:, base.index] @ _explained(R[:, base.index], kept) @ base.D
     chosen = (base_of(model, visible, choice) for choice in CHOICES)
-    values = _singular_values(R, column_sizes(model))
+    values = _singular_values(R, sizes_of(model, np.eye(len(model.columns))))
     return tuple(replace(part, singular_values=values) for part in chosen)
 
 

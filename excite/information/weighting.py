@@ -26,7 +26,7 @@ from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.base import few_states, random_states
-from regressors.samples import Array, Samples
+from regressors.samples import Array, Index, Samples
 
 _SCALES = {"value": "values", "prior": "prior deviations", "precision": "allowed half-widths"}
 _LITTLE = 1e-6  # of what is asked, added where a task motion does not show a parameter
@@ -69,9 +69,8 @@ def weighting_of(target: IdentificationTarget, task: Task) -> Weighting:
 
 def _by_noise(task: Task) -> bool:
     """Whether rows are divided by their noise: asked for, or weighed against what is known beforehand or allowed."""
-    objective = task.objective
-    weighed = objective.prior is not None or len(objective.after) > 0
-    return objective.weighted or weighed or objective.scale == "precision"
+    asked = task.objective
+    return asked.weighted or asked.prior is not None or len(asked.after) > 0 or asked.scale == "precision"
 
 
 def _scale(target: IdentificationTarget, task: Task, prior: Prior, T: Array) -> Array:
@@ -82,7 +81,7 @@ def _scale(target: IdentificationTarget, task: Task, prior: Prior, T: Array) -> 
     bad = np.flatnonzero(~(np.isfinite(scale) & (scale > 0.0)))
     if bad.size:
         what = "values are zero or not known" if by_value else "no prior deviation is known"
-        names = ", ".join(_column(target, T[:, k]) for k in bad)
+        names = ", ".join(target.model.names[k] for k in base_columns(target, task)[bad])
         raise InputError(f"scale {task.objective.scale}: {what} for {names}")
     return scale
 
@@ -95,7 +94,7 @@ def _precision_transform(target: IdentificationTarget, task: Task) -> Array:
     precision = task.objective.precision
     assert isinstance(precision, PrecisionTarget)
     if precision.torques is None:
-        return np.diag(_precision_scale(target, task))
+        return np.diag(_precision_scale(target, task, precision))
     wanted = torque_precision(precision.torques, target).information
     wanted = wanted + np.diag(allowed_half_widths(precision, target) ** -2.0)
     size = np.sqrt(np.diag(wanted) + _LITTLE * np.trace(wanted) / len(wanted) * (np.diag(wanted) == 0.0))
@@ -103,10 +102,8 @@ def _precision_transform(target: IdentificationTarget, task: Task) -> Array:
     return np.asarray(np.linalg.inv(np.linalg.cholesky(scaled).T * size))
 
 
-def _precision_scale(target: IdentificationTarget, task: Task) -> Array:
+def _precision_scale(target: IdentificationTarget, task: Task, precision: PrecisionTarget) -> Array:
     """Allowed half-widths; parameters of which nothing is asked get scales that leave them no say."""
-    precision = task.objective.precision
-    assert isinstance(precision, PrecisionTarget)
     if task.objective.base != "gautier":
         raise InputError("scale precision: a precision is that of the base parameters; leave out `base`")
     allowed = allowed_half_widths(precision, target)
@@ -119,9 +116,10 @@ def _precision_scale(target: IdentificationTarget, task: Task) -> Array:
     return np.asarray(np.where(free, _NO_SAY * typical / np.where(length > 0, length, 1.0), allowed))
 
 
-def _column(target: IdentificationTarget, column: Array) -> str:
-    """Name of the model column that a column of a transform corresponds to."""
-    return target.model.names[int(np.argmin(np.linalg.norm(target.base.D - column[:, None], axis=0)))]
+def base_columns(target: IdentificationTarget, task: Task) -> Index:
+    """Numbers of the model's columns that the criterion's convention has, in its order, shape (b,)."""
+    T, D = target.transforms[task.objective.base], target.base.D
+    return np.array([int(np.argmin(np.linalg.norm(D - column[:, None], axis=0))) for column in T.T])
 
 
 def minimised_text(task: Task) -> str:
@@ -141,8 +139,7 @@ def minimised_text(task: Task) -> str:
     if objective.after:
         parts.append(f"after {', '.join(dict.fromkeys(map(str, objective.after)))}")
     if objective.scale != "unit":
-        what = _SCALES[objective.scale]
-        parts.append(f"columns times the {what} of parameters")
+        parts.append(f"columns times the {_SCALES[objective.scale]} of parameters")
     if objective.plausible_robots is not None:
         parts.append(f"worst of {objective.plausible_robots} plausible robots and the described one")
     return ", ".join(parts)

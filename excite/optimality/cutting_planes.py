@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import clarabel
 import numpy as np
@@ -15,11 +16,13 @@ from excite.optimality.limited_states import LimitedStates, MomentConditions, St
 from regressors.samples import Array
 
 _DRAWN, _CLIMBING, _ADDED, _STEPS = 8000, 1200, 500, 30
+LOOKED_AT = _DRAWN + _CLIMBING * _STEPS  # states in a round
 _FIRST = 2000
 _UNUSED, _KEPT_EARLY, _EARLY = 1e-4, 0.2, 2
 _VIOLATED = 1.0 + 1e-4
 _NEAR = 1.01  # of the largest ratio, where more rounds gain less than half a per cent
 _FEWER = 0.85  # of the steps' lengths from one to the next
+Tell = Callable[[str], None]  # takes a sentence on the progress
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +31,6 @@ class Relaxed:
 
     multipliers: Multipliers
     factor: float  # largest ratio over all states that were looked at with these multipliers
-    looked_at: int  # number of these states
-    states: Array  # (N, 3 k) states that carry the measure, and the motion in hand
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,16 +43,10 @@ class CuttingPlanes:
     motion: Array  # (N, 3 k) states of a motion within the limits, at equal steps, which keep the relaxation feasible
 
     def run(
-        self,
-        criterion: BoundedCriterion,
-        rounds: int,
-        rng: np.random.Generator,
-        begin: Array | None = None,
-        tell: Callable[[str], None] = lambda _: None,
+        self, criterion: BoundedCriterion, rounds: int, rng: np.random.Generator, tell: Tell = lambda _: None
     ) -> Relaxed:
-        """Solve and add states, round by round."""  # begin (N, 3 k)
-        first = [self.motion, self.states.drawn(_FIRST, rng)]
-        S = np.concatenate(first if begin is None else [*first, begin])
+        """Solve and add states, round by round."""
+        S = np.concatenate([self.motion, self.states.drawn(_FIRST, rng)])
         best: Relaxed | None = None
         for number in range(rounds):
             weights, certificate = self._solved(criterion, S)
@@ -60,10 +55,9 @@ class CuttingPlanes:
                 continue
             states, ratios = self._violations(certificate, S[np.argsort(-weights)[:300]], rng)
             factor = float(ratios[0])
-            found = Relaxed(certificate.multipliers, factor, _DRAWN + _CLIMBING * _STEPS, S)
-            bound = criterion.proven(found.multipliers, factor)
+            bound = criterion.proven(certificate.multipliers, factor)
             if best is None or bound > criterion.proven(best.multipliers, best.factor):
-                best = found
+                best = Relaxed(certificate.multipliers, factor)
             tell(f"{criterion.described}: round {number + 1}, {criterion.proven(best.multipliers, best.factor):.4g}")
             if factor < _NEAR:
                 break
@@ -89,11 +83,9 @@ class CuttingPlanes:
             kept |= rng.random(weights.size) < _KEPT_EARLY
         return np.asarray(kept)
 
-    def _violations(
-        self, certificate: DualCertificate, carriers: Array, rng: np.random.Generator
-    ) -> tuple[Array, Array]:
+    def _violations(self, certificate: DualCertificate, used: Array, rng: np.random.Generator) -> tuple[Array, Array]:
         """States of large ratios, the largest first: random ones, improved by random steps."""
-        S = np.concatenate([self.states.drawn(_DRAWN, rng), self.motion, carriers])
+        S = np.concatenate([self.states.drawn(_DRAWN, rng), self.motion, used])
         ratios = certificate.ratios(S)
         chosen = np.argsort(-ratios)[:_CLIMBING]
         S, ratios = S[chosen], ratios[chosen]
@@ -140,9 +132,12 @@ def _inner(Y: Array, Z: Array) -> Array:
     return np.asarray(np.einsum("nri,nri->n", Y @ Z, Y))
 
 
-_GAP, _FEASIBILITY = 1e-5, 1e-6  # of the solver; bounds do not depend on them, see `dual_certificate`
-_ITERATIONS = 100
-_REGULARISATION = 1e-7  # Clarabel's 1e-8 ends some of these programmes at the first step
+_SETTINGS = {  # bounds do not depend on them, see `DualCertificate`
+    "max_iter": 100,
+    **dict.fromkeys(("tol_gap_rel", "tol_gap_abs"), 1e-5),
+    "tol_feas": 1e-6,
+    "static_regularization_constant": 1e-7,  # Clarabel's 1e-8 ends some of these programmes at the first step
+}
 _TOTAL = 1e-12
 _USABLE = ("Solved", "AlmostSolved", "MaxIterations", "InsufficientProgress")
 
@@ -159,38 +154,29 @@ def relaxation(
     of_cone = np.zeros((h.shape[1], p))
     of_cone[: len(B)] = B
     zeros: Callable[[int, int], sp.csc_matrix] = lambda rows, columns: sp.csc_matrix((rows, columns))  # noqa: E731
-    rows = [sp.hstack([zeros(h.shape[1], own), sp.csc_matrix((h / sizes).T), sp.csc_matrix(-of_cone / sizes[:, None])])]
-    right = [np.zeros(h.shape[1])]
-    cones = [clarabel.ZeroConeT(h.shape[1])]
+    moments = [zeros(h.shape[1], own), sp.csc_matrix((h / sizes).T), sp.csc_matrix(-of_cone / sizes[:, None])]
+    blocks = [(moments, np.zeros(h.shape[1]), [clarabel.ZeroConeT(h.shape[1])])]
     if part.total:
-        rows.append(sp.hstack([zeros(1, own), np.ones((1, N)), zeros(1, p)]))
-        right.append(np.ones(1))
-        cones.append(clarabel.ZeroConeT(1))
-    rows.append(sp.hstack([zeros(N, own), -sp.eye_array(N), zeros(N, p)]))
-    right.append(np.zeros(N))
-    cones.append(clarabel.NonnegativeConeT(N))
-    first = sum(b.size for b in right)
-    for A, b, size in part.psd:
-        rows.append(sp.hstack([A, zeros(A.shape[0], p)]))
-        right.append(b)
-        cones.append(clarabel.PSDTriangleConeT(size))
-    for A, b in part.exponential:
-        rows.append(sp.hstack([A, zeros(3, p)]))
-        right.append(b)
-        cones.append(clarabel.ExponentialConeT())
+        blocks.append(([zeros(1, own), np.ones((1, N)), zeros(1, p)], np.ones(1), [clarabel.ZeroConeT(1)]))
+    blocks.append(([zeros(N, own), -sp.eye_array(N), zeros(N, p)], np.zeros(N), [clarabel.NonnegativeConeT(N)]))
+    first = sum(b.size for _, b, _ in blocks)
+    blocks += [([A, zeros(A.shape[0], p)], b, [clarabel.PSDTriangleConeT(size)]) for A, b, size in part.psd]
+    blocks += [([A, zeros(3, p)], b, [clarabel.ExponentialConeT()]) for A, b in part.exponential]
     if p:
-        rows.append(sp.hstack([zeros(p, own + N), -sp.eye_array(p)]))
-        right.append(np.zeros(p))
-        cones += [clarabel.PSDTriangleConeT(size) for size in conditions.sizes]
-    x, z = _solved(np.concatenate([part.objective, np.zeros(N + p)]), sp.vstack(rows), np.concatenate(right), cones)
+        of_sizes = [clarabel.PSDTriangleConeT(size) for size in conditions.sizes]
+        blocks.append(([zeros(p, own + N), -sp.eye_array(p)], np.zeros(p), of_sizes))
+    rows, right, cones = zip(*blocks, strict=True)
+    A = sp.vstack([sp.hstack(row) for row in rows])
+    objective = np.concatenate([part.objective, np.zeros(N + p)])
+    x, z = _solved(objective, A, np.concatenate(right), [cone for some in cones for cone in some])
     dual = []
     for _, b, size in part.psd:
-        dual.append(matrix_of(z[first : first + b.size], size))
+        dual.append(_positive(matrix_of(z[first : first + b.size], size)))
         first += b.size
-    lower, upper, constant = criterion.multipliers([_positive(each) for each in dual], scale)
+    lower, upper, constant = criterion.multipliers(dual, scale)
     weights = np.maximum(x[own : own + N], 0.0)
-    moments = conditions.admitted(-z[: h.shape[1]] / sizes)
-    return weights / max(weights.sum(), _TOTAL), Multipliers(lower, upper, constant, moments)
+    multipliers = Multipliers(lower, upper, constant, conditions.admitted(-z[: h.shape[1]] / sizes))
+    return weights / max(weights.sum(), _TOTAL), multipliers
 
 
 def _positive(M: Array) -> Array:
@@ -199,14 +185,17 @@ def _positive(M: Array) -> Array:
     return np.asarray((V * np.maximum(values, 0.0)) @ V.T)
 
 
-def _solved(objective: Array, A: sp.spmatrix, b: Array, cones: list[object]) -> tuple[Array, Array]:
+def conic_solution(objective: Array, A: sp.spmatrix, b: Array, cones: list[object], **changed: float) -> Any:
+    """Clarabel's solution of ``min objective'x`` with ``b - A x`` in the cones, by some settings of its own."""
     settings = clarabel.DefaultSettings()
-    settings.verbose, settings.max_iter, settings.max_threads = False, _ITERATIONS, 1
-    settings.tol_gap_rel = settings.tol_gap_abs = _GAP
-    settings.tol_feas = _FEASIBILITY
-    settings.static_regularization_constant = _REGULARISATION
+    for name, value in {**changed, "verbose": False, "max_threads": 1}.items():
+        setattr(settings, name, value)
     n = objective.size
-    solution = clarabel.DefaultSolver(sp.csc_matrix((n, n)), objective, sp.csc_matrix(A), b, cones, settings).solve()
+    return clarabel.DefaultSolver(sp.csc_matrix((n, n)), objective, sp.csc_matrix(A), b, cones, settings).solve()
+
+
+def _solved(objective: Array, A: sp.spmatrix, b: Array, cones: list[object]) -> tuple[Array, Array]:
+    solution = conic_solution(objective, A, b, cones, **_SETTINGS)
     x, z = np.array(solution.x), np.array(solution.z)
     if not (np.all(np.isfinite(x)) and np.all(np.isfinite(z))) or str(solution.status) not in _USABLE:
         raise ConicSolverError(f"the relaxation was not solved: {solution.status}")
@@ -318,27 +307,21 @@ class BoundedDeterminant(BoundedCriterion):
     def part(self, F: Array, scale: float) -> ConicPart:
         """``[[sum w F, Z], [Z', diag(Z)]] >= 0`` with Z lower triangular, and ``log Z_ii >= t_i``."""
         b = F.shape[1]
-        places = [(i, j) for j in range(b) for i in range(j, b)]
-        own = b + len(places)
-        big = np.zeros((own, 2 * b, 2 * b))
-        diagonal = {}
-        for n, (i, j) in enumerate(places):
-            big[b + n, i, b + j] = big[b + n, b + j, i] = 1.0
-            if i == j:
-                big[b + n, b + i, b + i] = 1.0
-                diagonal[i] = b + n
+        columns, rows = np.triu_indices(b)  # of Z
+        own = b + rows.size
+        big, place = np.zeros((own, 2 * b, 2 * b)), np.arange(b, own)
+        big[place, rows, b + columns] = big[place, b + columns, rows] = 1.0
+        diagonal, ends = place[rows == columns], np.arange(b, 2 * b)
+        big[diagonal, ends, ends] = 1.0
         of_weights = np.zeros((len(F), 2 * b, 2 * b))
         of_weights[:, :b, :b] = F / scale
-        rows = sp.csc_matrix(-np.concatenate([triangle(big), triangle(of_weights)]).T)
-        size = own + len(F)
-        cones = []
-        for i in range(b):  # (t_i, 1, Z_ii) with exp(t_i) <= Z_ii
-            A = sp.lil_matrix((3, size))
-            A[0, i] = -1.0
-            A[2, diagonal[i]] = -1.0
-            cones.append((A.tocsc(), np.array([0.0, 1.0, 0.0])))
-        objective = np.concatenate([-np.ones(b), np.zeros(len(places))])
-        return ConicPart(objective, [(rows, np.zeros(rows.shape[0]), 2 * b)], cones, True)
+        psd = sp.csc_matrix(-np.concatenate([triangle(big), triangle(of_weights)]).T)
+        cones = [  # (t_i, 1, Z_ii) with exp(t_i) <= Z_ii
+            (sp.csc_matrix(([-1.0, -1.0], ([0, 2], [i, k])), (3, own + len(F))), np.array([0.0, 1.0, 0.0]))
+            for i, k in enumerate(diagonal)
+        ]
+        objective = np.concatenate([-np.ones(b), np.zeros(rows.size)])
+        return ConicPart(objective, [(psd, np.zeros(psd.shape[0]), 2 * b)], cones, True)
 
     def multipliers(self, dual: list[Array], scale: float) -> tuple[Array, Array, float]:
         """The dual matrix's block of M."""

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -16,16 +14,17 @@ from threadpoolctl import threadpool_limits
 from excite.design.blueprint import restricted_limits
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
-from excite.design.problem_identity import NotComparable, plain_value
+from excite.design.problem_identity import NotComparable, content_sha256, plain_options
 from excite.errors import BrokenLimitError
 from excite.information.target import target_of
 from excite.information.weighting import minimised_text, weighting_of
-from excite.optimality.cutting_planes import BOUNDED, BoundedCriterion, CuttingPlanes, DualCertificate
+from excite.optimality.cutting_planes import BOUNDED, LOOKED_AT, BoundedCriterion, CuttingPlanes, DualCertificate, Tell
 from excite.optimality.limited_states import MomentConditions, StateRows, limited_states, state_rows
 from excite.optimality.proven_factor import ProvenFactor
 from excite.optimality.sensitivity import Sensitivity, sensitivity
 from excite.registry import instance, is_own, name_of
 from excite.storage.atomic import Destination, read_json
+from excite.storage.codec import Beside
 from excite.storage.commit import read_settled
 from excite.storage.migrations import is_of_kind
 from excite.storage.records import check_replaceable, read_record, write_record
@@ -62,10 +61,7 @@ class CriterionBound:
     cpu_seconds : float
     """
 
-    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {
-        "efficiency": lambda bound: bound.efficiency,
-        "basis": lambda bound: bound.basis,
-    }
+    beside: ClassVar[Beside] = {"efficiency": lambda bound: bound.efficiency, "basis": lambda bound: bound.basis}
 
     name: str
     described: str
@@ -159,13 +155,8 @@ def stored_bound(design: Design) -> DesignBound | None:
     criterion = str(name_of(design.task.objective.criterion))
     if known.coefficients != coefficients or (changes is not None and changes.criterion != criterion):
         changes = None  # of another motion of the same problem
-    return replace(
-        known,
-        name=design.name,
-        criteria=tuple(replace(each, reached=reached_by(design, each.name)) for each in known.criteria),
-        coefficients=coefficients,
-        sensitivity=changes,
-    )
+    criteria = tuple(replace(each, reached=reached_by(design, each.name)) for each in known.criteria)
+    return replace(known, name=design.name, criteria=criteria, coefficients=coefficients, sensitivity=changes)
 
 
 @checked
@@ -214,7 +205,8 @@ def bound(
     excite.errors.ConicSolverError
         The relaxation could not be solved.
     """
-    chosen = [_criterion(name) for name in criteria]
+    if unknown := [name for name in criteria if name not in BOUNDED]:
+        raise UnknownName("criterion", unknown[0], BOUNDED)
     _check_bounded(design)
     if design.broken:
         raise BrokenLimitError(
@@ -225,7 +217,7 @@ def bound(
         formulation = formulate(design.robot, design.task)
         planes = cutting_planes(formulation, design)
         changes = sensitivity(design, progress)
-        found = tuple(_bound(each, planes, formulation, design, rounds, seed, progress) for each in chosen)
+        found = tuple(_bound(BOUNDED[name], planes, design, rounds, seed, progress) for name in criteria)
     problem, said = bounded_problem_sha256(design), _assumptions(formulation, planes)
     return DesignBound(design.name, problem, found, said, design.coefficients_sha256, changes)
 
@@ -239,12 +231,6 @@ def _check_bounded(design: Design) -> None:
             f"{design.name} minimises {minimised_text(design.task)}, of which no bound is known; "
             "bounds are for designs whose criterion is one of all parameters alike"
         )
-
-
-def _criterion(name: str) -> BoundedCriterion:
-    if name not in BOUNDED:
-        raise UnknownName("criterion", name, BOUNDED)
-    return BOUNDED[name]
 
 
 def cutting_planes(formulation: Formulation, design: Design) -> CuttingPlanes:
@@ -270,13 +256,7 @@ def _states_of(design: Design, rows: StateRows, count: int) -> Array:
 
 
 def _bound(
-    criterion: BoundedCriterion,
-    planes: CuttingPlanes,
-    formulation: Formulation,
-    design: Design,
-    rounds: int,
-    seed: int,
-    progress: Callable[[str], None],
+    criterion: BoundedCriterion, planes: CuttingPlanes, design: Design, rounds: int, seed: int, progress: Tell
 ) -> CriterionBound:
     began = time.process_time()
     relaxed = planes.run(criterion, rounds, np.random.default_rng(seed), tell=progress)
@@ -290,7 +270,7 @@ def _bound(
         value=value,
         proven=factor is not None,
         estimate=estimate,
-        states=relaxed.looked_at,
+        states=LOOKED_AT,
         reached=reached_by(design, criterion.name),
         cpu_seconds=time.process_time() - began,
     )
@@ -331,15 +311,11 @@ _LEFT_OUT = ("class", "criterion", "require", "interest", "task_motion", "plausi
 
 def bounded_problem_sha256(design: Design) -> str | None:
     """Hash of the problem that a design's bound belongs to; None where parts of one's own make it unknown."""
-    content: dict[str, object] = {"robot": design.robot.sha256(), "method": _METHOD}
+    content: dict[str, Any] = {"robot": design.robot.sha256(), "method": _METHOD, "rate": design.task.output.rate}
     try:
-        for name in _PARTS:
-            options = plain_value(getattr(design.task, name))
-            content[name] = {key: value for key, value in options.items() if key not in _LEFT_OUT}
+        content |= plain_options(design.task, _PARTS, _LEFT_OUT)
     except NotComparable:
         return None
-    text = json.dumps({**content, "rate": design.task.output.rate}, sort_keys=True, separators=(",", ":"))
     named = (design.task.model.model, design.task.trajectory.trajectory, *design.task.limits.constraints)
-    if any(isinstance(each, str) and is_own(each) for each in named):
-        return None
-    return hashlib.sha256(text.encode()).hexdigest()
+    unknown = any(isinstance(each, str) and is_own(each) for each in named)
+    return None if unknown else content_sha256(content)

@@ -59,7 +59,19 @@ class LimitedStates:
     def extent(self, order: int) -> Array:
         """Largest absolute value of each coordinate, or of a derivative, shape (k,); infinite where it has none."""
         bound = (self.radius, self.velocity, self.acceleration)[order]
-        return _extent(self.directions, bound)
+        finite = np.isfinite(bound)
+        A, b = self.directions[finite], bound[finite]
+        extent = np.full(self.n, np.inf)
+        if not A.size:
+            return extent
+        inverse = np.linalg.pinv(A)  # by a combination of all functions, or by one that is the coordinate itself
+        spanned = np.isclose(np.diag(inverse @ A), 1.0, atol=_ALIKE)
+        extent[spanned] = (np.abs(inverse) @ b)[spanned]
+        for row, limit in zip(A, b, strict=True):
+            (used,) = np.nonzero(np.abs(row) > _ALIKE)
+            if used.size == 1:
+                extent[used[0]] = min(extent[used[0]], limit / abs(row[used[0]]))
+        return extent
 
     def excess(self, S: Array) -> Array:
         """Largest relative excess over a bound of each state, shape (N,); at most zero inside."""  # S (N, 3 k)
@@ -95,11 +107,9 @@ class LimitedStates:
         u = rng.uniform(-1.0, 1.0, (count, k)) * (rng.random((count, k)) < 0.8)
         step = np.zeros_like(S)
         direction = np.sign(u) * np.abs(u) ** rng.choice([_EXTREME, 1.0], size=(count, 1))
-        order = block.start // k
-        extent = self.extent(order)
+        extent = self.extent(block.start // k)
         step[:, block] = direction * np.where(np.isfinite(extent), extent, 0.0)
-        part = self._reach(S, step)
-        part *= np.where(rng.random(count) < 0.6, 1.0, rng.random(count))
+        part = self._reach(S, step) * np.where(rng.random(count) < 0.6, 1.0, rng.random(count))
         return np.asarray(S + part[:, None] * step)
 
     def _reach(self, S: Array, step: Array) -> Array:
@@ -116,14 +126,18 @@ def limited_states(limits: Sequence[LinearConstraint], centre: Array, bandwidth:
     """States within linear limits on the moving coordinates."""  # centre (k,)
     D: list[Array] = []
     bounds: list[list[float]] = []
-    for limit in limits:
-        if limit.derivative > 2:
-            continue
+    for limit in (each for each in limits if each.derivative <= 2):
         for row, offset, lower, upper in zip(limit.matrix, limit.offset, limit.lower, limit.upper, strict=True):
             scale = float(row[np.argmax(np.abs(row))])
-            index = _place(D, bounds, row / scale)
-            ends = sorted(((lower - offset) / scale, (upper - offset) / scale))
-            _tighten(bounds[index], limit.derivative, ends)
+            same = (k for k, known in enumerate(D) if np.allclose(known, row / scale, rtol=0.0, atol=_ALIKE))
+            if (index := next(same, len(D))) == len(D):
+                D.append(row / scale)
+                bounds.append([-np.inf, np.inf, np.inf, np.inf])
+            bound, ends = bounds[index], sorted(((lower - offset) / scale, (upper - offset) / scale))
+            if limit.derivative == 0:
+                bound[0], bound[1] = max(bound[0], ends[0]), min(bound[1], ends[1])
+            else:
+                bound[limit.derivative + 1] = min(bound[limit.derivative + 1], max(abs(end) for end in ends))
     low, high, velocity, acceleration = np.array(bounds, dtype=float).T
     half, speeds = 0.5 * (high - low), np.isfinite(velocity)
     if bandwidth is not None:
@@ -137,39 +151,6 @@ def limited_states(limits: Sequence[LinearConstraint], centre: Array, bandwidth:
                 f"give `{_ORDERS[order]}`"
             )
     return states
-
-
-def _place(D: list[Array], bounds: list[list[float]], direction: Array) -> int:
-    for index, known in enumerate(D):
-        if np.allclose(known, direction, rtol=0.0, atol=_ALIKE):
-            return index
-    D.append(direction)
-    bounds.append([-np.inf, np.inf, np.inf, np.inf])
-    return len(D) - 1
-
-
-def _tighten(bound: list[float], derivative: int, ends: Sequence[float]) -> None:
-    if derivative == 0:
-        bound[0], bound[1] = max(bound[0], ends[0]), min(bound[1], ends[1])
-    else:
-        bound[derivative + 1] = min(bound[derivative + 1], max(abs(end) for end in ends))
-
-
-def _extent(D: Array, bound: Array) -> Array:
-    """Bound of each coordinate from those of functions: by the function itself, or by a combination of all."""
-    finite = np.isfinite(bound)
-    A, b = D[finite], bound[finite]
-    extent = np.full(D.shape[1], np.inf)
-    if not A.size:
-        return extent
-    inverse = np.linalg.pinv(A)
-    spanned = np.isclose(np.diag(inverse @ A), 1.0, atol=_ALIKE)
-    extent[spanned] = (np.abs(inverse) @ b)[spanned]
-    for row, limit in zip(A, b, strict=True):
-        (used,) = np.nonzero(np.abs(row) > _ALIKE)
-        if used.size == 1:
-            extent[used[0]] = min(extent[used[0]], limit / abs(row[used[0]]))
-    return extent
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,20 +191,14 @@ def state_rows(formulation: Formulation) -> StateRows:
     """Rows at single states of a design problem."""
     blueprint, task = formulation.blueprint, formulation.task
     model = model_of(formulation.target.robot, task).restricted(blueprint.motion, task.model.equations)
-    if model.window is not None or not _is_instantaneous(model):
+    if model.window is not None or type(model).assemble is not RegressorModel.assemble:
         raise InputError(
             f"{type(model).__name__} integrates over time windows: its information matrix is no mean over states, and "
             "no bound on it is known; give a design of a model of single instants, such as `differential`"
         )
-    instants = model.times(task.trajectory.period, task.output.rate).size
     T = blueprint.transform
-    return StateRows(
-        model, blueprint.motion, blueprint.index, T, blueprint.noise, T.T @ blueprint.precision @ T / instants
-    )
-
-
-def _is_instantaneous(model: RegressorModel) -> bool:
-    return type(model).assemble is RegressorModel.assemble
+    prior = T.T @ blueprint.precision @ T / model.times(task.trajectory.period, task.output.rate).size
+    return StateRows(model, blueprint.motion, blueprint.index, T, blueprint.noise, prior)
 
 
 _ROUNDING = 1e-12
@@ -254,17 +229,13 @@ class MomentConditions:
     def values(self, S: Array) -> Array:
         """``h`` at every state, shape (N, m)."""
         u = self._u(S)
-        products = self._products if self.frequencies.size else self._derivatives_of_products
-        return np.concatenate([products(u), self._derivatives_of_speeds(S)], axis=1)
+        moments = triangle(np.einsum("ni,nj->nij", u, u)) if self.frequencies.size else self._derivatives_of_products(u)
+        return np.concatenate([moments, self._derivatives_of_speeds(S)], axis=1)
 
     def _u(self, S: Array) -> Array:
         y, dy, ddy = np.split(S, 3, axis=1)
         y = (y - self.states.centre)[:, self.counted]
         return np.concatenate([np.ones((len(S), 1)), y, dy, ddy], axis=1) / self._scales
-
-    def _products(self, u: Array) -> Array:
-        """The second moments, shape (N, m)."""
-        return triangle(np.einsum("ni,nj->nij", u, u))
 
     def _derivatives_of_products(self, u: Array) -> Array:
         """``d/dt (a b)`` of all a, b among 1, y and dy, in scaled units, shape (N, m)."""
@@ -300,13 +271,12 @@ class MomentConditions:
         if not self.frequencies.size:
             return np.zeros((0, 0))
         n, p = self.states.n, int(self.counted.sum())
-        u = 1 + p + 2 * n
-        blocks = [triangle(_embedded(triangle_basis(1 + p), u) / np.outer(self._scales, self._scales))]
+        embedded = np.pad(triangle_basis(1 + p), ((0, 0), (0, 2 * n), (0, 2 * n)))
+        blocks = [triangle(embedded / np.outer(self._scales, self._scales))]
         basis = triangle_basis(2 * n)
         for w in self.frequencies:
             cosine, sine = self._harmonic(float(w))
-            G = 0.5 * (cosine @ basis @ cosine.T + sine @ basis @ sine.T)
-            blocks.append(triangle(G))
+            blocks.append(triangle(0.5 * (cosine @ basis @ cosine.T + sine @ basis @ sine.T)))
         return np.concatenate(blocks, axis=0).T
 
     def _harmonic(self, w: float) -> tuple[Array, Array]:
@@ -341,13 +311,6 @@ class MomentConditions:
     def _parts(self, p: Array) -> list[Array]:
         ends = np.cumsum([size * (size + 1) // 2 for size in self.sizes])
         return [matrix_of(part, size) for part, size in zip(np.split(p, ends[:-1]), self.sizes, strict=True)]
-
-
-def _embedded(matrices: Array, size: int) -> Array:
-    placed = np.zeros((len(matrices), size, size))
-    n = matrices.shape[1]
-    placed[:, :n, :n] = matrices
-    return placed
 
 
 def _places(size: int) -> tuple[Index, Index]:

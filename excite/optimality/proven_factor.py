@@ -6,6 +6,7 @@ In a cell of the grid ``Q(p)`` is the interpolation between the cell's corners, 
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations_with_replacement, product
@@ -15,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from excite.optimality.cutting_planes import DualCertificate
+from excite.optimality.cutting_planes import DualCertificate, conic_solution
 from excite.optimality.limited_states import LimitedStates, matrix_of, triangle, triangle_basis
 from regressors.samples import Array, Index
 
@@ -69,9 +70,8 @@ class ProvenFactor:
         k = states.n
         if k > _MOST_COORDINATES or functions.size != k or int(counted.sum()) > _MOST_POSITIONS:
             return None
-        if np.any(self.certificate.rows.positions_that_count() & ~counted):
-            return None
-        if np.linalg.matrix_rank(states.directions[functions]) < k:
+        of_others = np.any(self.certificate.rows.positions_that_count() & ~counted)
+        if of_others or np.linalg.matrix_rank(states.directions[functions]) < k:
             return None
         of_counted = ~np.any(states.directions[:, ~counted] != 0.0, axis=1) & np.isfinite(states.radius)
         positions = functions[of_counted[functions]]
@@ -115,14 +115,11 @@ class ProvenFactor:
     def _highest(self, nearest: Array, known: NDArray[np.bool_], functions: Index) -> Array:
         """``|dz| / V`` that is possible at a fraction ``nearest`` of the positions' range from its middle."""
         states = self.states
-        highest = np.ones((len(nearest), functions.size))
         if states.bandwidth is None:
-            return highest
-        for column, index in enumerate(functions):
-            if known[index]:
-                possible = states.bandwidth * states.radius[index] / states.velocity[index]
-                highest[:, column] = np.minimum(1.0, possible * np.sqrt(np.maximum(1.0 - nearest[:, index] ** 2, 0.0)))
-        return np.maximum(highest, _LOWEST)
+            return np.ones((len(nearest), functions.size))
+        possible = states.bandwidth * states.radius[functions] / states.velocity[functions]
+        inside = possible * np.sqrt(np.maximum(1.0 - nearest[:, functions] ** 2, 0.0))
+        return np.where(known[functions], np.clip(inside, _LOWEST, 1.0), 1.0)
 
 
 Polynomial = dict[tuple[int, ...], float]  # sorted indices of the variables (v, a) of each monomial
@@ -130,11 +127,9 @@ _MARGIN = 1e-6  # of the largest number of Q and D, which takes up what the solv
 
 
 def _product(a: Polynomial, b: Polynomial) -> Polynomial:
-    result: Polynomial = {}
-    for x, p in a.items():
-        for y, q in b.items():
-            key = tuple(sorted(x + y))
-            result[key] = result.get(key, 0.0) + p * q
+    result: Polynomial = defaultdict(float)
+    for (x, p), (y, q) in product(a.items(), b.items()):
+        result[tuple(sorted(x + y))] += p * q
     return result
 
 
@@ -198,17 +193,8 @@ class SumOfSquares:
         signs = sp.hstack([sp.csc_matrix((count, 1)), -sp.eye_array(count)])
         cones = [clarabel.ZeroConeT(len(A)), *(clarabel.PSDTriangleConeT(size) for size in self._sizes)]
         cones.append(clarabel.NonnegativeConeT(count - self._free))
-        settings = clarabel.DefaultSettings()
-        settings.verbose, settings.max_threads = False, 1
-        solver = clarabel.DefaultSolver(
-            sp.csc_matrix((1 + count, 1 + count)),
-            np.eye(1 + count)[0],
-            sp.csc_matrix(sp.vstack([equations, signs])),
-            np.concatenate([-of_Q, np.zeros(count)]),
-            cones,
-            settings,
-        )
-        return np.array(solver.solve().x)
+        right = np.concatenate([-of_Q, np.zeros(count)])
+        return np.array(conic_solution(np.eye(1 + count)[0], sp.vstack([equations, signs]), right, cones).x)
 
     def _lacking(self, x: Array, A: Array, of_Q: Array, of_D: Array) -> float:
         """By how much a solution may fall short of a certificate: scaled variables, and monomials, are at most 1."""
@@ -245,10 +231,10 @@ def _gram(names: list[tuple[int, ...]], size: int, factor: Polynomial) -> list[P
     """Polynomials ``m' E m`` times a factor, of the basis matrices E of the first monomials."""
     polynomials = []
     for E in triangle_basis(size):
-        total: Polynomial = {}
+        total: Polynomial = defaultdict(float)
         for i, j in zip(*np.nonzero(E), strict=True):
             for key, value in _product({tuple(sorted(names[i] + names[j])): float(E[i, j])}, factor).items():
-                total[key] = total.get(key, 0.0) + value
+                total[key] += value
         polynomials.append(total)
     return polynomials
 
@@ -362,10 +348,8 @@ class SignPattern:
         p = rng.uniform(-np.pi, np.pi, (_CHECKS, n))
         values = self.matrices(p, rng)[0 if is_lower else 1]
         orders = np.fft.fftfreq(2 * _DEGREE + 1, 1 / (2 * _DEGREE + 1))
-        expected = np.zeros(values.shape, dtype=complex)
-        for place in np.ndindex(*c.shape[:n]):
-            phase = np.exp(1j * p @ orders[list(place)])
-            expected += phase[:, None, None] * c[place]
+        places = list(np.ndindex(*c.shape[:n]))
+        expected = sum(np.exp(1j * p @ orders[list(place)])[:, None, None] * c[place] for place in places)
         if np.abs(expected - values).max() > 1e-8 * max(1.0, float(np.abs(values).max())):
             raise NotPolynomial
 

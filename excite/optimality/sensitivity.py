@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar
@@ -21,8 +21,7 @@ from excite.design.initial_guesses import shrunk
 from excite.design.problem import Problem
 from excite.design.solvers.solver import Solver
 from excite.registry import instance, name_of
-from excite.tasks.task import Task
-from excite.tasks.trajectory_choice import TrajectoryChoice
+from excite.storage.codec import Beside
 from regressors.errors import InputError
 from regressors.numerical import numerical_work
 from regressors.samples import Array
@@ -60,7 +59,7 @@ class Sensitivity:
     cpu_seconds : float
     """
 
-    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"meaning": lambda changes: changes.meaning}
+    beside: ClassVar[Beside] = {"meaning": lambda changes: changes.meaning}
 
     criterion: str
     reference: float
@@ -114,8 +113,7 @@ class ChangedProblem:
 
     def best(self, solver: Solver) -> tuple[Array, float]:
         """The best motion found, and its criterion; where nothing better is found than what is known, that."""
-        ends = (best_of(self.problem, solver, start, self.known) for start in self.starts)
-        return min(ends, key=lambda end: end[1])
+        return min((best_of(self.problem, solver, x, self.known) for x in self.starts), key=lambda end: end[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +191,7 @@ class ProblemChanges:
             return None
         stretched = same_motion(self.formulation.problem, self.x, changed)
         own_speed = (self._with_rest(changed, after) for after in (0.0, 1.0))
-        return ChangedProblem(changed, (*(() if stretched is None else (stretched,)), *own_speed))
+        return ChangedProblem(changed, (*([] if stretched is None else [stretched]), *own_speed))
 
     def _with_rest(self, longer: Problem, after: float) -> Array:
         """The motion nearest to this one at its own speed, before or after (0 or 1) a rest for the rest of the time."""
@@ -207,19 +205,14 @@ class ProblemChanges:
         """The problem with other options of the family; None where it cannot be had with them."""
         formulation = self.formulation
         try:
-            task = formulation.task.changed(trajectory=_choice(formulation.task, **options))
+            choice = formulation.task.trajectory
+            own = choice.trajectory
+            kind: Any = own if isinstance(own, str | type) else type(own)  # a family object becomes its class
+            task = formulation.task.changed(trajectory=replace(choice, trajectory=kind, **options))
             check_richness(task)
             return replace(formulation.blueprint, task=task).problem(formulation.nonlinear, formulation.stated)
         except InputError:
             return None
-
-
-def _choice(task: Task, **options: Any) -> TrajectoryChoice:
-    """The choice of family with other options; a family object becomes its class."""
-    choice = task.trajectory
-    own = choice.trajectory
-    kind: Any = own if isinstance(own, str | type) else type(own)
-    return replace(choice, trajectory=kind, **options)
 
 
 def loosened(limit: GridConstraint, label: str, factor: float) -> GridConstraint:

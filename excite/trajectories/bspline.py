@@ -50,11 +50,7 @@ class BSpline(LinearFamily):
     def __init__(self, period: float, intervals: int, order: int = 6) -> None:
         if order not in ORDERS:
             raise InputError(f"order of the spline must be one of {', '.join(map(str, ORDERS))}, given {order}")
-        if intervals < 3:
-            raise InputError(
-                f"intervals: {intervals} are too few for a motion at rest at both ends; expected 3 or more"
-            )
-        check_size(period, intervals=intervals)
+        check_size(period, 3, intervals=intervals)
         self.duration, self.intervals, self.order = float(period), int(intervals), int(order)
         self.knots = np.concatenate(
             [np.zeros(order - 1), np.linspace(0.0, self.duration, intervals + 1), np.full(order - 1, self.duration)]

@@ -7,6 +7,7 @@ Two trees of free poses grow from both ends towards random poses and towards eac
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -54,12 +55,8 @@ def detour(
 
 
 def _inside(pose: Array, linear: Sequence[LinearConstraint]) -> bool:
-    positions = (limit for limit in linear if limit.derivative == 0)
-    return all(
-        bool(np.all(limit.matrix @ pose + limit.offset <= limit.upper))
-        and bool(np.all(limit.matrix @ pose + limit.offset >= limit.lower))
-        for limit in positions
-    )
+    positions = ((limit, limit.matrix @ pose + limit.offset) for limit in linear if limit.derivative == 0)
+    return all(np.all((limit.lower <= value) & (value <= limit.upper)) for limit, value in positions)
 
 
 def _free(nonlinear: Sequence[NonlinearConstraint], range_: Array) -> Free:
@@ -120,10 +117,7 @@ class _Tree:
 
 def _shortened(path: list[Array], free: Free, rng: np.random.Generator) -> list[Array]:
     """The path without poses that can be skipped."""
-    kept = [path[0]]
-    for pose in path[1:]:
-        if not np.array_equal(pose, kept[-1]):
-            kept.append(pose)
+    kept = [path[0], *(pose for before, pose in pairwise(path) if not np.array_equal(pose, before))]
     for _ in range(_SHORTCUTS):
         if len(kept) < 3:
             break

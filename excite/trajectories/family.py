@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -18,8 +18,12 @@ from regressors.quantities import check
 from regressors.samples import Array, Index, Samples
 
 
-def check_size(duration: float, **richness: int) -> None:
-    """Raise `InputError` for an invalid duration [s], or a number of terms beyond what can be computed with."""
+def check_size(duration: float, fewest: int, **richness: int) -> None:
+    """Raise `InputError` for an invalid duration [s], or a number of terms that is too small or too large."""
+    for option, count in richness.items():
+        if count < fewest:
+            few = f"{count} are too few for a motion at rest at both ends; expected {fewest} or more"
+            raise InputError(f"{option}: {few if fewest > 1 else f'expected 1 or more, given {count}'}")
     if not (np.isfinite(duration) and duration > 0):
         raise InputError(f"period must be a positive number of seconds, given {duration}")
     for name, value in {"period": duration, **richness}.items():
@@ -220,13 +224,9 @@ class JointMotion(ABC):
         """Gradient with respect to x of a function, from its derivatives with respect to `values`."""
 
 
-class MotionTangent(ABC):
-    """Some derivatives of the k coordinates' motion at T instants of a grid, linearised about one x."""
-
-    @abstractmethod
-    def rows(self, weights: Array, place: Index) -> Array:
-        """Derivatives of weighted sums, each at one instant, with respect to the flat x."""
-        # weights (rows, derivatives, k); place (rows,)
+#: Some derivatives of the k coordinates' motion at T instants of a grid, linearised about one x: slopes of weighted
+#: sums, each at one instant, with respect to the flat x, from weights (rows, derivatives, k) and places (rows,).
+MotionTangent = Callable[[Array, Index], Array]
 
 
 class GridMotion(ABC):
@@ -240,17 +240,20 @@ class GridMotion(ABC):
 
     linear: bool
 
-    @abstractmethod
+    def __init__(self, family: Family, count: int) -> None:
+        self._family, self._count = family, count
+
     def factor(self, derivative: int) -> float:
         """Lower bound of the largest |value| on the grid over the largest |value| over continuous time."""
+        return self._family.grid_factor(self._count, derivative)
 
     @abstractmethod
     def values(self, x: Array, derivative: int, instants: Index | None = None) -> Array:
         """``y^(d)`` at all or some instants, shape (N, k)."""
 
-    @abstractmethod
     def combined(self, x: Array, matrix: Array, derivative: int) -> Array:
         """``A y^(d)`` for a matrix A of shape (m, k), shape (m, N)."""
+        return np.asarray(matrix @ self.values(x, derivative).T)
 
     @abstractmethod
     def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:

@@ -23,7 +23,6 @@ from constraints.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_
 from excite.trajectories.family import Family, check_size
 from excite.trajectories.linear import LinearFamily
 from regressors.arguments import checked
-from regressors.errors import InputError
 from regressors.samples import Array
 
 
@@ -49,13 +48,8 @@ class Fourier(LinearFamily):
     form = "q(t) = offset + sum_k cosine_k cos(2 pi k t / period) + sine_k sin(2 pi k t / period)"
 
     def __init__(self, period: float, harmonics: int) -> None:
-        if harmonics < 2:
-            raise InputError(
-                f"harmonics: {harmonics} are too few for a motion at rest at both ends; expected 2 or more"
-            )
-        check_size(period, harmonics=harmonics)
-        self.duration = float(period)
-        self.harmonics = int(harmonics)
+        check_size(period, 2, harmonics=harmonics)
+        self.duration, self.harmonics = float(period), int(harmonics)
         self.size = 2 * harmonics - 1
         self.omega = 2 * np.pi / self.duration
         self._Z = self._rest_basis()
@@ -89,8 +83,7 @@ class Fourier(LinearFamily):
 
     def _series(self, time: Array, derivative: int) -> Array:
         order = self.omega * np.arange(1, self.harmonics + 1)
-        shift = derivative * np.pi / 2
-        phase = np.outer(time, order) + shift
+        phase = np.outer(time, order) + derivative * np.pi / 2
         constant = np.full((time.size, 1), 1.0 if derivative == 0 else 0.0)
         return np.hstack([constant, order**derivative * np.cos(phase), order**derivative * np.sin(phase)])
 
@@ -171,9 +164,7 @@ class FourierQuintic(WavesAndQuintic, LinearFamily):
     )
 
     def __init__(self, period: float, harmonics: int) -> None:
-        if harmonics < 1:
-            raise InputError(f"harmonics: expected 1 or more, given {harmonics}")
-        check_size(period, harmonics=harmonics)
+        check_size(period, 1, harmonics=harmonics)
         self.duration, self.harmonics = float(period), int(harmonics)
         self.size = 2 * harmonics + 1
         self.omega = 2 * np.pi / self.duration

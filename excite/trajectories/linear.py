@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -146,17 +147,8 @@ class _BasisGrid(GridMotion):
     linear = True
 
     def __init__(self, family: LinearFamily, count: int) -> None:
-        self._family, self._count = family, count
-        self._basis: dict[int, Array] = {}
-
-    def basis(self, derivative: int) -> Array:
-        """Basis at the instants, shape (N, size)."""
-        if derivative not in self._basis:
-            self._basis[derivative] = self._family.basis(self._family.grid(self._count), derivative)
-        return self._basis[derivative]
-
-    def factor(self, derivative: int) -> float:
-        return self._family.grid_factor(self._count, derivative)
+        super().__init__(family, count)
+        self.basis = cache(lambda derivative: family.basis(family.grid(count), derivative))  # each (N, size)
 
     def values(self, x: Array, derivative: int, instants: Index | None = None) -> Array:
         B = self.basis(derivative)
@@ -166,18 +158,13 @@ class _BasisGrid(GridMotion):
         return np.asarray((matrix @ x) @ self.basis(derivative).T)
 
     def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
-        return _BasisTangent([self.basis(d) for d in derivatives], instants)
+        bases = [self.basis(d) for d in derivatives]
 
+        def rows(weights: Array, place: Index) -> Array:
+            at = instants[place]
+            first, *others = (weights[:, o, :, None] * B[at][:, None, :] for o, B in enumerate(bases))
+            for term in others:
+                first += term
+            return np.asarray(first.reshape(place.size, first.shape[1] * first.shape[2]))
 
-class _BasisTangent(MotionTangent):
-    """Tangent given by the basis itself; no Jacobian is stored."""
-
-    def __init__(self, basis: Sequence[Array], instants: Index) -> None:
-        self._basis, self._instants = basis, instants
-
-    def rows(self, weights: Array, place: Index) -> Array:
-        instants = self._instants[place]
-        first, *others = (weights[:, o, :, None] * B[instants][:, None, :] for o, B in enumerate(self._basis))
-        for term in others:
-            first += term
-        return np.asarray(first.reshape(place.size, first.shape[1] * first.shape[2]))
+        return rows  # the basis itself; no Jacobian is stored

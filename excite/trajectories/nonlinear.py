@@ -164,22 +164,20 @@ class _NodeGrid(GridMotion):
     """Motion on nodes that may depend on x."""
 
     linear = False
-
-    def __init__(self, family: NonlinearFamily, count: int) -> None:
-        self._family, self._count = family, count
-
-    def factor(self, derivative: int) -> float:
-        return self._family.grid_factor(self._count, derivative)
+    _family: NonlinearFamily
 
     def values(self, x: Array, derivative: int, instants: Index | None = None) -> Array:
         time, _ = self._family.nodes(x, self._count)
         return self._family.coordinate_motion(x, time if instants is None else time[instants], derivative)
 
-    def combined(self, x: Array, matrix: Array, derivative: int) -> Array:
-        return np.asarray(matrix @ self.values(x, derivative).T)
-
     def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
-        return _JacobianTangent([self._jacobian(x, d, instants) for d in derivatives])
+        jacobians = [self._jacobian(x, d, instants) for d in derivatives]  # each (T, k, x.size)
+
+        def rows(weights: Array, place: Index) -> Array:
+            parts = ((weights[:, order][:, None, :] @ J[place])[:, 0] for order, J in enumerate(jacobians))
+            return sum(parts, np.zeros((place.size, x.size)))
+
+        return rows
 
     def _jacobian(self, x: Array, derivative: int, instants: Index) -> Array:
         """Derivative with respect to x at some nodes, including their motion with x, shape (T, k, x.size)."""
@@ -189,16 +187,3 @@ class _NodeGrid(GridMotion):
             rate = self._family.coordinate_motion(x, time[instants], derivative + 1)
             jacobian[:, :, x.size - drift.shape[1] :] += rate[:, :, None] * drift[instants][:, None, :]
         return jacobian
-
-
-class _JacobianTangent(MotionTangent):
-    """One Jacobian for each derivative of the motion, shape (T, k, x.size)."""
-
-    def __init__(self, jacobians: Sequence[Array]) -> None:
-        self._jacobians = jacobians
-
-    def rows(self, weights: Array, place: Index) -> Array:
-        rows = np.zeros((place.size, self._jacobians[0].shape[2]))
-        for order, J in enumerate(self._jacobians):
-            rows += (weights[:, order][:, None, :] @ J[place])[:, 0]
-        return rows

@@ -15,7 +15,6 @@ from constraints.certificate import Extrema
 from constraints.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
 from excite.trajectories.family import check_size
 from excite.trajectories.linear import LinearFamily
-from regressors.errors import InputError
 from regressors.samples import Array
 
 
@@ -40,9 +39,7 @@ class Polynomial(LinearFamily):
     samples_per_term = 4
 
     def __init__(self, period: float, harmonics: int) -> None:
-        if harmonics < 1:
-            raise InputError(f"harmonics: expected 1 or more, given {harmonics}")
-        check_size(period, harmonics=harmonics)
+        check_size(period, 1, harmonics=harmonics)
         self.duration, self.harmonics = float(period), int(harmonics)
         self.degree = 4 * self.harmonics + 5
         self._Z = self._rest_basis()
@@ -116,7 +113,5 @@ def quintic_hermite(u: Array, length: Array, derivative: int) -> Array:
     ``h^(k - d) H^(d)(u)`` with k the order of the interpolated derivative: a motion is the sum of these times position,
     velocity and acceleration at the beginning and at the end.
     """  # u (N,); length (N,)
-    slopes = _SLOPES[derivative]
-    return np.asarray(
-        np.vander(u, slopes.shape[1], increasing=True) @ slopes.T * length[:, None] ** (ORDERS - derivative)
-    )
+    c = _SLOPES[derivative]
+    return np.asarray(np.vander(u, c.shape[1], increasing=True) @ c.T * length[:, None] ** (ORDERS - derivative))

@@ -143,8 +143,7 @@ class MotionSequence:
             parts.append(piece.motion.samples(local))
             segments += [piece.segment] * local.size
             first, begin = last, end
-        motion = [np.concatenate([getattr(part, name) for part in parts]) for name in ("q", "dq", "ddq", "dddq")]
-        return Samples(time, *motion), segments
+        return Samples(time, *_joined(parts)), segments
 
     def _count(self, speed: float) -> int:
         return int(np.ceil(self.steps / speed * (1.0 - 1e-12)))
@@ -181,8 +180,10 @@ class MotionSequence:
             segments += [piece.segment] * local.size
             begin = end
         speed = self.steps / count
-        motion = [
-            np.concatenate([getattr(part, name) for part in parts]) * speed**order
-            for order, name in enumerate(("q", "dq", "ddq", "dddq"))
-        ]
+        motion = [orders * speed**order for order, orders in enumerate(_joined(parts))]
         return Samples(np.linspace(0.0, self.duration / speed, count + 1), *motion), segments
+
+
+def _joined(parts: list[Samples]) -> list[Array]:
+    """Position and its derivatives, part after part."""
+    return [np.concatenate([getattr(part, name) for part in parts]) for name in ("q", "dq", "ddq", "dddq")]

@@ -46,9 +46,7 @@ class Sines(WavesAndQuintic, NonlinearFamily):
     nodes_per_instant = 2
 
     def __init__(self, period: float, harmonics: int) -> None:
-        if harmonics < 1:
-            raise InputError(f"harmonics: expected 1 or more, given {harmonics}")
-        check_size(period, harmonics=harmonics)
+        check_size(period, 1, harmonics=harmonics)
         self.duration, self.harmonics = float(period), int(harmonics)
         self.size = 2 * harmonics + 1
         unit = 2 * np.pi / self.duration
@@ -179,6 +177,5 @@ class Sines(WavesAndQuintic, NonlinearFamily):
         if np.any(np.abs(s) > 1.0 + 1e-9):
             raise InputError(f"trajectory: frequencies must be from {self.lowest:g} to {self.highest:g} rad/s")
         cosine, sine = A * np.sin(phase) / self._weight, A * np.cos(phase) / self._weight
-        return np.concatenate(
-            [np.hstack([offset[:, None], cosine, sine]).ravel(), self._turn * np.arcsin(np.clip(s, -1.0, 1.0)).ravel()]
-        )
+        shape = self._turn * np.arcsin(np.clip(s, -1.0, 1.0))
+        return np.concatenate([np.hstack([offset[:, None], cosine, sine]).ravel(), shape.ravel()])

@@ -142,11 +142,9 @@ def quickest_transfer(
     does, the acceleration limit is reached in 0.1 s or later.
     """  # poses (n,)
     assumed: dict[str, list[str]] = {"acceleration": [], "jerk": []}
-    legs = tuple(
-        Leg(start, end, _law(end - start, limits, joints, assumed))
-        for start, end in itertools.pairwise(np.asarray(pose, dtype=float) for pose in poses)
-        if np.abs(end - start).max() > _SAME
-    )
+    lines = itertools.pairwise(np.asarray(pose, dtype=float) for pose in poses)
+    moves = ((start, end) for start, end in lines if np.abs(end - start).max() > _SAME)
+    legs = tuple(Leg(start, end, _law(end - start, limits, joints, assumed)) for start, end in moves)
     if not legs:
         return None
     once = {quantity: tuple(name for name in joints if name in joints_of) for quantity, joints_of in assumed.items()}
@@ -157,9 +155,14 @@ def _law(
     line: Array, limits: Sequence[LinearConstraint], joints: Sequence[str], assumed: dict[str, list[str]]
 ) -> SCurve:
     """S-curve within the tightest bounds along a line; joints for which a bound is assumed are recorded."""
+
+    def unbounded(*derivatives: int) -> list[str]:
+        bounded = spanned(limits, line.size, derivatives)
+        return [name for name, d, ok in zip(joints, line, bounded, strict=True) if abs(d) > _SAME and not ok]
+
     velocity, acceleration, jerk = (_tightest(line, limits, derivative) for derivative in (1, 2, 3))
-    free = [_unbounded(line, limits, joints, (derivative,)) for derivative in (2, 3)]
-    if unlimited := _unbounded(line, limits, joints, (1, 2)):
+    free = [unbounded(derivative) for derivative in (2, 3)]
+    if unlimited := unbounded(1, 2):
         raise InputError(
             f"no velocity or acceleration limit bounds joint {', '.join(unlimited)}, which moves on the approach or "
             "return; give `velocity` and `acceleration`, or limits in the robot's file"
@@ -183,14 +186,6 @@ def _tightest(line: Array, limits: Sequence[LinearConstraint], derivative: int) 
             ratio = np.divide(bound, size, out=np.full_like(size, np.inf), where=size > 0.0)
             tightest = min(tightest, float(ratio.min(initial=np.inf)))
     return tightest
-
-
-def _unbounded(
-    line: Array, limits: Sequence[LinearConstraint], joints: Sequence[str], derivatives: tuple[int, ...]
-) -> list[str]:
-    """Joints that move on a line without a limit on one of these derivatives."""
-    bounded = spanned(limits, line.size, derivatives)
-    return [name for name, d, ok in zip(joints, line, bounded, strict=True) if abs(d) > _SAME and not ok]
 
 
 def check_pose(pose: Array, what: str, limits: Sequence[Constraint]) -> None:
@@ -247,7 +242,7 @@ class SCurve:
         # time (N,)
         i = np.clip(np.searchsorted(self.breaks, time, side="right") - 1, 0, self.breaks.size - 2)
         local = time - self.breaks[i]
-        orders = np.stack([_polynomial(self.derivative(order)[:, i], local) for order in range(4)])
+        orders = np.stack([np.polyval(self.derivative(order)[:, i], local) for order in range(4)])
         orders[:, time <= 0.0] = 0.0
         orders[:, time >= self.duration] = [[1.0], [0.0], [0.0], [0.0]]
         return orders
@@ -278,13 +273,6 @@ class SCurve:
         for sign, begin in ((1, 0), (-1, n2), (-1, n1), (1, n1 + n2)):
             signs += sign * ((ticks[:-1] >= begin) & (ticks[:-1] < begin + n3))
         return SCurve.of_jerks(ticks * period, signs / (n1 * n2 * n3 * period**3))
-
-
-def _polynomial(coefficients: Array, x: Array) -> Array:
-    value = np.zeros_like(x)
-    for row in coefficients:
-        value = value * x + row
-    return value
 
 
 def time_optimal(velocity: float, acceleration: float, jerk: float) -> SCurve:

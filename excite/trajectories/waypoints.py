@@ -54,7 +54,7 @@ class Waypoints(NonlinearFamily):
             raise InputError(
                 f"intervals: expected 2 or more, so that the motion can return to its start, given {intervals}"
             )
-        check_size(period, intervals=intervals)
+        check_size(period, 2, intervals=intervals)
         self.duration, self.intervals = float(period), int(intervals)
         self.size = 3 * intervals - 2
         self._least = _SHORTEST / intervals
@@ -147,15 +147,12 @@ class Waypoints(NonlinearFamily):
         linear, _ = self.split(x)
         return np.asarray((linear @ self._S.T).reshape(-1, self.intervals + 1, 3))
 
-    def _fractions(self, count: int) -> Array:
-        return chebyshev_nodes(self._count(count), 0.0, 1.0)
-
     def _count(self, count: int) -> int:
         return max(_FEWEST, -(-count // self.intervals))
 
     def nodes(self, x: Array, count: int) -> tuple[Array, Array]:
         """Zeros of a Chebyshev polynomial on every interval, with their derivatives."""
-        h, u = self.durations(x), self._fractions(count)
+        h, u = self.durations(x), chebyshev_nodes(self._count(count), 0.0, 1.0)
         lengths, begins = self._slopes(x)
         time = (np.cumsum(h) - h)[:, None] + h[:, None] * u
         drift = begins[:, None, :] + u[:, None] * lengths[:, None, :]
@@ -207,6 +204,5 @@ class Waypoints(NonlinearFamily):
                 f"trajectory: durations must add up to {self.duration:g} s, each at least "
                 f"{self._least * self.duration:.3g} s"
             )
-        return np.concatenate(
-            [(knots @ np.linalg.pinv(self._S).T).ravel(), _SLOW * (np.log(parts) - np.log(parts).mean())]
-        )
+        shape = _SLOW * (np.log(parts) - np.log(parts).mean())
+        return np.concatenate([(knots @ np.linalg.pinv(self._S).T).ravel(), shape])

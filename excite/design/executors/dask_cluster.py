@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 import warnings
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ from excite.design.multistart import StartsOfRounds, pickled
 from excite.design.problem import Problem
 from excite.design.single_start import optimise_start
 from excite.design.solvers.solver import Solver
-from excite.design.start_results import Origin, PlannedStart, StartResult, number_of, write_start
+from excite.design.start_results import Origin, Progress, Start, StartResult, number_of, write_start
 from excite.design.workers import environment_of_workers, main_not_imported
 from excite.errors import LostWorkersError
 from excite.registry import ADDRESS_FORMS, instance, is_addressed
@@ -120,20 +120,15 @@ class ConnectedCluster:
     def _next(self, done: queue.SimpleQueue[Future]) -> Future:
         """The next unit that ended; what waits in vain is said."""
         while True:
-            try:
+            with suppress(queue.Empty):
                 return done.get(timeout=_LOOK)
-            except queue.Empty:
-                self._look()
-
-    def _look(self) -> None:
-        workers = self._client.scheduler_info(n_workers=-1)["workers"]
-        if workers:
-            self._without_workers = 0.0
-        elif not self._without_workers:
-            self._without_workers = time.monotonic()
-        elif self._without_workers < time.monotonic() - _PATIENCE:
-            _log.warning("no Dask worker is connected to %s; waiting for one (Ctrl-C ends it)", self._address)
-            self._without_workers = float("inf")
+            if self._client.scheduler_info(n_workers=-1)["workers"]:
+                self._without_workers = 0.0
+            elif not self._without_workers:
+                self._without_workers = time.monotonic()
+            elif self._without_workers < time.monotonic() - _PATIENCE:
+                _log.warning("no Dask worker is connected to %s; waiting for one (Ctrl-C ends it)", self._address)
+                self._without_workers = float("inf")
 
     def _result(self, future: Future) -> Any:
         from distributed.scheduler import KilledWorker
@@ -289,13 +284,7 @@ class DaskStarts:
     def __init__(self, address: str) -> None:
         self.address = address
 
-    def __call__(
-        self,
-        formulation: Formulation,
-        rounds: StartsOfRounds,
-        folder: Path,
-        progress: Callable[[StartResult], None],
-    ) -> None:
+    def __call__(self, formulation: Formulation, rounds: StartsOfRounds, folder: Path, progress: Progress) -> None:
         """Optimise starts; those whose workers end each time are left out, which is logged."""
         origin, search = formulation.identity.origin, formulation.task.search
         needs: StartNeeds = pickled(formulation.blueprint, origin), search.seed
@@ -309,7 +298,7 @@ class DaskStarts:
                     progress(result)
 
 
-def optimise_there(needs: StartNeeds, start: PlannedStart | int) -> StartResult:
+def optimise_there(needs: StartNeeds, start: Start) -> StartResult:
     """Optimise a start where only ``needs`` is known."""
     content, seed = needs
     problem, method, origin = _prepared(content)

@@ -219,11 +219,7 @@ class FrictionPlan:
         Whether the pose was given, rather than searched for.
     """
 
-    beside: ClassVar[Beside] = {
-        "units": lambda _: UNITS,
-        "schedule": lambda plan: plan.schedule,
-        "order": lambda _: ORDER,
-    }
+    beside: ClassVar[Beside] = {"units": lambda _: UNITS, "schedule": lambda p: p.schedule, "order": lambda _: ORDER}
 
     robot: Robot
     coordinates: tuple[CoordinatePlan, ...] = field(metadata=named("trajectories"))

@@ -10,7 +10,7 @@ the gear stays about the same throughout. Ramps of the drive's torque in the sam
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -29,7 +29,7 @@ from excite.design.friction_runs.friction_plan import (
     Window,
 )
 from excite.design.friction_runs.pose import CollisionChecks, Gravity, Place, PlaceSearch
-from excite.design.friction_runs.runs import Pace, Part, Runs, certificates, pace_of, torque_uses
+from excite.design.friction_runs.runs import Part, Runs, certificates, pace_of, torque_uses
 from excite.design.friction_runs.schedule import (
     RunSequence,
     Schedule,
@@ -123,7 +123,8 @@ def plan_friction(
     gravity = Gravity(robot)
     searches = [PlaceSearch(robot, gravity, motion, kept, checks) for motion in motions]
     placed = partial(_placed, schedule=schedule, about=about, balanced=balanced, seed=seed)
-    planned = [_coordinate_plan(one, schedule, placed, torque) for one, torque in zip(searches, largest, strict=True)]
+    pairs = zip(searches, largest, strict=True)
+    planned = [_coordinate_plan(search, schedule, *placed(search), torque) for search, torque in pairs]
     passages, notes = ((), ()) if checks is None else (_passages(robot, planned, checks), checks.notes)
     return FrictionPlan(robot, tuple(planned), world, passages, notes, pose is not None)
 
@@ -148,9 +149,8 @@ def _motions(robot: Robot, joints: Sequence[str] | None, drives: Sequence[str] |
 def _checked_pose(given: Sequence[float] | Array, robot: Robot, limits: Sequence[LinearConstraint]) -> Array:
     pose = np.asarray(given, dtype=float)
     if pose.shape != (robot.n,):
-        raise InputError(
-            f"pose needs {robot.n} numbers, one per joint {', '.join(robot.joint_names)}; given {pose.size}"
-        )
+        names = ", ".join(robot.joint_names)
+        raise InputError(f"pose needs {robot.n} numbers, one per joint {names}; given {pose.size}")
     check_pose(pose, "pose", limits)
     return pose
 
@@ -161,21 +161,16 @@ def _largest_torques(given: Sequence[float] | None, labels: Sequence[str]) -> li
         return [None] * len(labels)
     check("torque_ramp", given)
     if len(given) not in (1, len(labels)):
-        raise InputError(
-            f"torque ramp: expected one torque, or one for each of {', '.join(labels)}; given {len(given)}"
-        )
+        names = ", ".join(labels)
+        raise InputError(f"torque ramp: expected one torque, or one for each of {names}; given {len(given)}")
     return [float(torque) for torque in (given if len(given) == len(labels) else [given[0]] * len(labels))]
 
 
 def _coordinate_plan(
-    search: PlaceSearch,
-    schedule: Schedule,
-    placed: Callable[[PlaceSearch, Pace], tuple[Place, RunSequence]],
-    torque: float | None,
+    search: PlaceSearch, schedule: Schedule, place: Place, sequence: RunSequence, torque: float | None
 ) -> CoordinatePlan:
     robot, gravity, motion, checks = search.robot, search.gravity, search.motion, search.checks
-    pace, line, label = pace_of(motion, search.limits), search.line, motion.labels[0]
-    place, sequence = placed(search, pace)
+    line, label = search.line, motion.labels[0]
     pose, centre = place.pose, _coordinate(robot, motion, place.pose)
     uses, unchecked = torque_uses(robot, sequence.runs, pose, motion)
     stroke = max(sequence.strokes.values())
@@ -195,7 +190,7 @@ def _coordinate_plan(
         below=place.below,
         above=place.above,
         largest_gravity=float(np.abs(g).max()),
-        pace=pace,
+        pace=sequence.runs.pace,
         schedule=schedule,
         windows=tuple(_window(part, percent, pose, line, gravity, centre) for part, percent in sequence.windowed),
         left_out=tuple(SkippedSpeed(percent, reason) for percent, reason in sequence.left_out.items()),
@@ -208,10 +203,10 @@ def _coordinate_plan(
 
 
 def _placed(
-    search: PlaceSearch, pace: Pace, schedule: Schedule, about: Array | None, balanced: bool, seed: int
+    search: PlaceSearch, schedule: Schedule, about: Array | None, balanced: bool, seed: int
 ) -> tuple[Place, RunSequence]:
     """Where a coordinate is measured, and its run sequence there."""
-    label, unit = search.motion.labels[0], search.motion.units[0]
+    label, unit, pace = search.motion.labels[0], search.motion.units[0], pace_of(search.motion, search.limits)
 
     def sequence_at(place: Place) -> RunSequence:
         because = f" (beyond it, {place.obstacle} is too near)" if place.obstacle else ""
@@ -219,10 +214,8 @@ def _placed(
 
     if about is None:
         fastest = pace.velocity * max(schedule.percent) / 100.0
-        enough, wanted = (
-            min(pace.ramp(fastest) + 0.5 * fastest * seconds, schedule.stroke)
-            for seconds in (schedule.shortest, schedule.longest)
-        )
+        ends = (pace.ramp(fastest) + 0.5 * fastest * seconds for seconds in (schedule.shortest, schedule.longest))
+        enough, wanted = (min(end, schedule.stroke) for end in ends)
         place = search.found(enough, wanted, seed)
         sequence = sequence_at(place)
     else:
@@ -240,30 +233,24 @@ def _placed(
     return place, sequence
 
 
-def _distances(
-    collision_checks: CollisionChecks, runs: Runs, pose: Array, line: Array, centre: float
-) -> tuple[Distance, ...]:
+def _distances(checks: CollisionChecks, runs: Runs, pose: Array, line: Array, centre: float) -> tuple[Distance, ...]:
     """Least distance of each pair of bodies over all positions that the runs pass."""
     positions = runs.extrema()[0]
     low, high = float(positions.low[0]), float(positions.high[0])
-    return tuple(
-        Distance(replace(use, time=runs.first_at(low + use.time)), centre + low + use.time)
-        for use in collision_checks.uses(pose, line, low, high)
-    )
+    uses = checks.uses(pose, line, low, high)
+    return tuple(Distance(replace(use, time=runs.first_at(low + use.time)), centre + low + use.time) for use in uses)
 
 
-def _passages(
-    robot: Robot, planned: Sequence[CoordinatePlan], collision_checks: CollisionChecks
-) -> tuple[Passage, ...]:
+def _passages(robot: Robot, planned: Sequence[CoordinatePlan], checks: CollisionChecks) -> tuple[Passage, ...]:
     """Straight lines from home, if there is one, to the first pose, and from each pose to the next."""
     poses = [("home", robot.home)] if robot.home is not None else []
     poses += [(c.label, c.place.pose) for c in planned]
     passages = []
     for (start, a), (end, b) in itertools.pairwise(poses):
-        stretches = collision_checks.free(a, b - a, 0.0, 1.0)
+        stretches = checks.free(a, b - a, 0.0, 1.0)
         whole = len(stretches) == 1 and not (stretches[0].below or stretches[0].above)
         named = next((name for s in stretches for name in (s.below, s.above) if name), "")
-        passages.append(Passage(start, end, "" if whole else named or collision_checks.nearest(a, b - a)))
+        passages.append(Passage(start, end, "" if whole else named or checks.nearest(a, b - a)))
     return tuple(passages)
 
 

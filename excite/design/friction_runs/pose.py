@@ -111,9 +111,9 @@ class PlaceSearch:
             if not balanced:
                 raise self._unknown_gravity()
             return replace(place, gravity=STATED)
-        if np.abs(g).max() <= _NOTHING:
-            return replace(place, gravity=NONE)
-        return replace(place, gravity=CANCELS if self._odd(place, np.abs(g).max()) else SUBTRACTED)
+        size = np.abs(g).max()
+        kind = NONE if size <= _NOTHING else CANCELS if self._odd(place, size) else SUBTRACTED
+        return replace(place, gravity=kind)
 
     def found(self, enough: float, wanted: float, seed: int = 0) -> Place:
         """Find a collision-free pose about which gravity cancels and that has room to both sides.
@@ -156,7 +156,7 @@ class PlaceSearch:
         if self.checks is None:
             return [place]
         parts = self.checks.likely(place.pose, self.line, place.low, place.high)
-        return [replace(place, low=part.low, high=part.high, below=part.below, above=part.above) for part in parts]
+        return [replace(place, **vars(part)) for part in parts]
 
     def _free(self, place: Place) -> Place | None:
         """Limit a place to the range in which provably nothing comes too near; None where bodies do in the pose."""
@@ -361,9 +361,8 @@ class CollisionChecks:
 
     def _room(self, pose: Array, line: Array, middle: Array) -> Array:
         """Margins of all distances in poses of a line, with a last column of infinity, shape (N, k)."""
-        q = pose + np.outer(middle, line)
-        still = np.zeros_like(q)
-        samples = Samples(middle, q, still, still, still)
+        still = np.zeros((middle.size, line.size))
+        samples = Samples(middle, pose + np.outer(middle, line), still, still, still)
         kept = [limit.values(samples) - limit.lower - _MARGIN * limit.scale for limit in self.limits]
         return np.hstack([*kept, np.full((middle.size, 1), np.inf)])
 

@@ -6,7 +6,7 @@ times that; the rest of the stroke is passed at exactly v.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -85,6 +85,10 @@ class Part:
         values = self.law.values(time - self.begin) * (self.end - self.start)
         values[0] += self.start
         return values
+
+    def samples(self, time: Array) -> Samples:
+        """The position alone as a motion, from the beginning of the part."""
+        return Samples(time, *(row[:, None] for row in self.values(time + self.begin)))
 
     def steady(self) -> tuple[float, float]:
         """When the speed is constant: the longest piece of the law without acceleration and jerk [s]."""
@@ -209,7 +213,7 @@ def torque_uses(robot: Robot, runs: Runs, pose: Array, motion: PartialMotion) ->
         assert part.law is not None
         jerk = np.abs(part.law.derivative(3)).max() * abs(part.end - part.start)
         for limit in limits:
-            uses = enclose(limit, _motion(part), part.law.duration, np.array([jerk])).uses(limit)
+            uses = enclose(limit, part.samples, part.law.duration, np.array([jerk])).uses(limit)
             torques_used += [replace(use, time=use.time + part.begin) for use in uses]
     return worst_of_each(torques_used), ""
 
@@ -222,10 +226,3 @@ def _different(runs: Runs) -> list[Part]:
             key = tuple(round(value, _SAME) for value in (part.start, part.end, part.law.duration))
             different.setdefault(key, part)
     return list(different.values())
-
-
-def _motion(part: Part) -> Callable[[Array], Samples]:
-    def samples(time: Array) -> Samples:
-        return Samples(time, *(row[:, None] for row in part.values(time + part.begin)))
-
-    return samples

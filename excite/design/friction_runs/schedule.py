@@ -93,9 +93,8 @@ class Schedule:
         if not self.percent:
             raise InputError("`percent` needs at least one speed, given none")
         if len(set(self.percent)) < len(self.percent):
-            raise InputError(
-                f"duplicate speeds in `percent`: {_list(self.percent)}; give `repeats` to play all speeds again"
-            )
+            speeds = ", ".join(f"{percent:g}" for percent in self.percent)
+            raise InputError(f"duplicate speeds in `percent`: {speeds}; give `repeats` to play all speeds again")
         if self.rate * self.shortest < _SAMPLES:
             raise InputError(
                 f"{self.rate:g} samples per second leave {self.rate * self.shortest:.2g} in a window of "
@@ -112,10 +111,6 @@ def alternating(percent: Sequence[float]) -> list[float]:
     """Fastest, slowest, next fastest, next slowest and so on: any two successive runs generate about the same heat."""
     left = sorted(percent)
     return [left.pop(-1 if k % 2 == 0 else 0) for k in range(len(left))]
-
-
-def _list(numbers: Sequence[float]) -> str:
-    return ", ".join(f"{number:g}" for number in numbers) or "none"
 
 
 WARM_UP, TRANSFER = "warm-up", "transfer"
@@ -247,9 +242,8 @@ def plan_prediction(robot: Robot, schedule: Schedule, coordinates: int) -> WorkP
         option = "rate"
     count = schedule.warm_up / run + 1.5 * runs + tests
     held = FLOAT * samples * numbers + coordinates * count * _RUN
-    return WorkPrediction(
-        "the plan", (MemoryPart("samples", samples, 1 + 3 * robot.n, held, option, getattr(schedule, option)),)
-    )
+    part = MemoryPart("samples", samples, 1 + 3 * robot.n, held, option, getattr(schedule, option))
+    return WorkPrediction("the plan", (part,))
 
 
 STICTION = ".stiction"  # of the file with the ramps
@@ -295,21 +289,16 @@ class TorqueRamps:
         """From start to end [s]."""
         return self.steps / self.rate
 
-    def torque(self, time: Array) -> Array:
-        """Torque of the drive at given instants, zero outside the ramps [s, Nm or N]."""
-        torques = np.zeros(time.size)
-        for ramp in self.ramps:
-            torques += np.where(_inside(ramp, time), ramp.rate * (time - ramp.start), 0.0)
-        return torques
-
     def samples(self, pose: Array) -> tuple[Samples, Array, list[str]]:
-        """The pose at every sample, the torque of the drive, and the segments."""
+        """The pose at every sample, the torque of the drive, which is zero outside the ramps, and the segments."""
         time = np.arange(self.steps + 1) / self.rate
-        still = np.zeros((time.size, pose.size))
+        still, torque = np.zeros((time.size, pose.size)), np.zeros(time.size)
         segments = np.full(time.size, REST, dtype=object)
         for ramp in self.ramps:
-            segments[_inside(ramp, time)] = ramp.segment
-        return Samples(time, still + pose, still, still, still), self.torque(time), list(segments)
+            inside = (time >= ramp.start - 1e-9) & (time <= ramp.end + 1e-9)
+            segments[inside] = ramp.segment
+            torque += np.where(inside, ramp.rate * (time - ramp.start), 0.0)
+        return Samples(time, still + pose, still, still, still), torque, list(segments)
 
 
 def torque_ramps(
@@ -329,7 +318,9 @@ def torque_ramps(
             "separated; give `drives`"
         )
     ((number, drive, slope),) = turning
-    limit, unit = _limit(robot, number), _unit(robot, line)
+    limits = robot.limits if robot.transmission is None else robot.transmission.limits
+    slides = any(d != 0.0 and j.kind == "prismatic" for j, d in zip(robot.joints, line, strict=True))
+    limit, unit = float(limits.torque[number]), "N" if slides else "Nm"
     weight = abs(gravity) if np.isfinite(gravity) else 0.0
     if given is not None and given + weight > limit:
         bearing = f" on top of the {weight:.3g} {unit} of gravity" if weight > 1e-6 else ""
@@ -357,19 +348,6 @@ def turning_drives(robot: Robot, line: Array) -> list[tuple[int, str, float]]:
     else:
         named = zip((d.name for d in robot.transmission.drives), robot.transmission.coupling @ line, strict=True)
     return [(k, name, float(v)) for k, (name, v) in enumerate(named) if abs(v) > 1e-12]
-
-
-def _inside(ramp: Ramp, time: Array) -> Array:
-    return np.asarray((time >= ramp.start - 1e-9) & (time <= ramp.end + 1e-9))
-
-
-def _limit(robot: Robot, number: int) -> float:
-    limits = robot.limits if robot.transmission is None else robot.transmission.limits
-    return float(limits.torque[number])
-
-
-def _unit(robot: Robot, line: Array) -> str:
-    return "N" if any(d != 0.0 and j.kind == "prismatic" for j, d in zip(robot.joints, line, strict=True)) else "Nm"
 
 
 def _largest(robot: Robot, number: int, limit: float, weight: float, unit: str) -> tuple[float | None, str]:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import blas
 
 from excite.design.grid_limits import GridConstraint
 from excite.design.problem import ObjectivePoint, Problem
-from excite.design.solvers.limit_rows import FREE, LeastDistance, LinearRows, NearRows, Rows, Sides, largest_part
+from excite.design.solvers.limit_rows import FREE, LeastDistance, LinearRows, NearRows, Sides, largest_part
 from excite.design.solvers.solver import SolverResult, Status, Watcher
 from regressors.samples import Array, Index
 
@@ -28,9 +28,7 @@ class SqpOptions:
     @property
     def last(self) -> SqpOptions:
         """Settings of the criterion's last stage, solved more exactly: some motions improve slowly for long."""
-        return replace(
-            self, iterations=2 * self.iterations, tolerance=0.25 * self.tolerance, patience=self.patience + 2
-        )
+        return SqpOptions(2 * self.iterations, 0.25 * self.tolerance, self.patience + 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +41,7 @@ class DescentStep:
 
     def part(self, length: float) -> DescentStep:
         """A part of the step."""
-        if length == 1.0:
-            return self
-        return DescentStep(length * self.d, length * self.w)
+        return self if length == 1.0 else DescentStep(length * self.d, length * self.w)
 
 
 class Descent:
@@ -206,13 +202,11 @@ class Programmes:
         left = programmes
         for _ in range(_ROUNDS):
             left = self._broken([programme for programme in left if programme.solve()])
-            if not left:
-                break
         return [programme.step() for programme in programmes]
 
     def _broken(self, programmes: list[_Programme]) -> list[_Programme]:
         """Those whose solutions violate limits; the rows that they violate are added."""
-        broken = {programme for programme in programmes if programme.breaks_nonlinear()}
+        broken = {each for each in programmes if each.near is not None and each.near.broken(each.d)}
         if self._linear is not None and programmes:
             ends = np.array([programme.x + programme.d for programme in programmes])
             broken.update(self._add(programmes, ends, _KEPT_INSIDE))
@@ -244,7 +238,7 @@ class _Programme:
         assert descent.H is not None
         self._descent, self._J, self._linear = descent, descent.H.J, linear
         self._programme = LeastDistance(descent.g @ self._J)
-        self._near = NearRows(nonlinear, descent.x) if nonlinear else None
+        self.near = NearRows(nonlinear, descent.x) if nonlinear else None
         self._w: Array | None = None
         self.x, self.d = descent.x.ravel(), np.zeros_like(descent.g)
         self.is_whole = True  # whether the step is inside the limits that are linear in x
@@ -264,29 +258,24 @@ class _Programme:
 
     def solve(self) -> bool:
         """Solve it on the rows so far; False if its solver fails."""
-        self._w = self._programme.solve([] if self._near is None else [_whitened(self._near.rows(), self._J)])
+        others = []
+        if self.near is not None:
+            A, lower, upper = self.near.rows()
+            others = [(A @ self._J, lower, upper)]
+        self._w = self._programme.solve(others)
         if self._w is None:
             return False
         self.d = self._J @ self._w
         return True
 
-    def breaks_nonlinear(self) -> bool:
-        """Whether the solution violates limits that are not linear in x; if so, rows are added."""
-        return self._near is not None and self._near.broken(self.d)
-
     def step(self) -> DescentStep | None:
         """The solution; rows that are active in it are expected to be active again."""
         if self._w is None:
             return None
-        if self._linear is None:
-            return DescentStep(self.d, self._w)
-        self._descent.sides[:] = FREE
-        self._descent.sides[self._chosen] = self._programme.sides
-        if self.is_whole:
-            return DescentStep(self.d, self._w)
-        return DescentStep(self.d, self._w, largest_part(self._linear.values(self.x), self._linear.changes(self.d)))
-
-
-def _whitened(rows: Rows, J: Array) -> Rows:
-    A, lower, upper = rows
-    return A @ J, lower, upper
+        length = 1.0
+        if self._linear is not None:
+            self._descent.sides[:] = FREE
+            self._descent.sides[self._chosen] = self._programme.sides
+            if not self.is_whole:
+                length = largest_part(self._linear.values(self.x), self._linear.changes(self.d))
+        return DescentStep(self.d, self._w, length)

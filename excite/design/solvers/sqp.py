@@ -121,7 +121,10 @@ def follow(problem: Problem, plans: Sequence[Plan]) -> Iterator[tuple[int, Solve
 
 def _advance(problem: Problem, programmes: Programmes, descents: Sequence[Descent]) -> None:
     """Take one step of each."""
-    _set_out(problem, [descent for descent in descents if descent.point is None])
+    new = [descent for descent in descents if descent.point is None]
+    points = problem.points([descent.x for descent in new], [descent.sharpness for descent in new])
+    for descent, point, g in zip(new, points, problem.gradients(points), strict=True):
+        descent.set_out(point, g)
     descents = [descent for descent in descents if descent.status is None]
     searches = []
     for descent, step in zip(descents, programmes.steps(descents), strict=True):
@@ -139,12 +142,6 @@ def _advance(problem: Problem, programmes: Programmes, descents: Sequence[Descen
     for search in searches:
         if search.taken is None:
             search.descent.stop(Status.NO_DESCENT)
-
-
-def _set_out(problem: Problem, descents: Sequence[Descent]) -> None:
-    points = problem.points([descent.x for descent in descents], [descent.sharpness for descent in descents])
-    for descent, point, g in zip(descents, points, problem.gradients(points), strict=True):
-        descent.set_out(point, g)
 
 
 class _LineSearch:
@@ -195,9 +192,8 @@ def _search(problem: Problem, searches: Sequence[_LineSearch]) -> None:
     for _ in range(_LENGTHS):
         trials = [(search, search.trial()) for search in left]
         inside = [(search, x) for search, x in trials if x is not None]
-        sharpness = [search.descent.sharpness for search, _ in inside]
-        points = problem.points([x for _, x in inside], sharpness)
-        taken = {id(search) for (search, _), point in zip(inside, points, strict=True) if search.take(point)}
-        left = [search for search in left if id(search) not in taken]
+        points = problem.points([x for _, x in inside], [search.descent.sharpness for search, _ in inside])
+        taken = [search for (search, _), point in zip(inside, points, strict=True) if search.take(point)]
+        left = [search for search in left if search not in taken]
         if not left:
             return

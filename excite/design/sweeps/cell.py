@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import shutil
 import string
 import tempfile
@@ -26,9 +27,8 @@ from excite.design.executors.dask_cluster import check_versions
 from excite.design.formulation import formulate
 from excite.design.multistart import resume_search
 from excite.design.optimisation import solve
-from excite.design.problem_identity import PACKAGES, NotComparable, own_parts, plain_value, reference
+from excite.design.problem_identity import PACKAGES, NotComparable, content_sha256, plain_options, references_of_own
 from excite.errors import NoFeasibleMotionError
-from excite.registry import part
 from excite.storage.atomic import Destination, read_json, replacing, write_json, writing
 from excite.storage.codec import content_of, record_of
 from excite.storage.commit import settle
@@ -81,10 +81,7 @@ def value_name(value: Any) -> str:
 
 def is_cell_name(name: str) -> bool:
     """True for a name that folders of any system may have, and that is no option and not hidden."""
-    parts = name.split(",")
-    return 0 < len(name) <= _LONGEST_NAME and all(
-        value_name(each) == each for part in parts for each in part.split("=")
-    )
+    return 0 < len(name) <= _LONGEST_NAME and all(value_name(part) == part for part in re.split("[,=]", name))
 
 
 def _plain(value: Any) -> str:
@@ -108,7 +105,7 @@ def cell_identities(cells: Iterable[Cell]) -> dict[str, str | None]:
         named = task.robot if isinstance(task.robot, str) else id(task.robot)
         key = (named, task.base_link, task.tip, task.snap_angles, task.xacro, repr(task.installation))
         if key not in robots:
-            robots[key] = _sha256(installed_robot(task).description())
+            robots[key] = content_sha256(installed_robot(task).description())
         identities[cell.name] = _identity(task, robots[key], versions)
     return identities
 
@@ -116,19 +113,11 @@ def cell_identities(cells: Iterable[Cell]) -> dict[str, str | None]:
 def _identity(task: Task, robot: str, versions: dict[str, str]) -> str | None:
     content: dict[str, Any] = {"robot": robot, "versions": versions}
     try:
-        for name in PARTS:
-            options = plain_value(getattr(task, name))
-            content[name] = {key: value for key, value in options.items() if key not in _NOWHERE}
-        own = {name: part(kind, name) for kind, name in own_parts(task)}
-        content["own"] = {name: reference(x if hasattr(x, "__qualname__") else type(x)) for name, x in own.items()}
+        content |= plain_options(task, PARTS, _NOWHERE)
+        content["own"] = references_of_own(task)
     except NotComparable:
         return None
-    return _sha256(content)
-
-
-def _sha256(content: dict[str, Any]) -> str:
-    kept = {key: value for key, value in content.items() if key != "source"}
-    return hashlib.sha256(json.dumps(kept, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+    return content_sha256(content)
 
 
 CELL, CELLS = "cell.json", "cells"
@@ -214,8 +203,8 @@ class CellWork:
     fresh: bool = False  # its folder holds starts of another problem, which leave
 
 
+#: What came of a cell, and the files of its folder, where it was designed in a temporary one.
 CellResult = tuple[CellRecord, Mapping[str, bytes]]
-"""What came of a cell, and the files of its folder, where it was designed in a temporary one."""
 
 
 def pickled_task(task: Task) -> bytes:

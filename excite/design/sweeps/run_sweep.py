@@ -245,15 +245,11 @@ def read_sweep_file(path: str | Path) -> list[Cell]:
     count = math.prod(map(len, grid.values())) * bool(grid) + len(included)
     if count > MOST_CELLS:
         raise InputError(f"{path}: {count} cells are more than the {MOST_CELLS} that a sweep may have")
-    exclude = [
-        _excluded(document, grid, number, combination) for number, combination in enumerate(content.get("exclude", []))
-    ]
+    exclude = [_excluded(document, grid, number, each) for number, each in enumerate(content.get("exclude", []))]
     chosen = [*_product(grid, exclude), *_included(_given(document, "include", []), included)]
     _check_names(document, [name for name, _, _ in chosen])
-    return [
-        Cell(name, _task(path, name, {**content.get("common", {}), **options}), labels)
-        for name, labels, options in chosen
-    ]
+    common = content.get("common", {})
+    return [Cell(name, _task(path, name, {**common, **options}), labels) for name, labels, options in chosen]
 
 
 def _schema(document: Document) -> type[BaseModel]:
@@ -339,10 +335,10 @@ def _check_names(document: Document, names: list[str]) -> None:
         raise document.error([((), "has no cell: state options in 'grid', or cells in 'include'")])
     known: set[str] = set()
     for name in names:
-        if not name or name.casefold() in known:  # some file systems do not tell the cases of letters apart
-            what = (
-                f"has two cells named {shortened(name)}; give one of them another 'name'" if name else "has no option"
-            )
+        if not name:
+            raise document.error([(("include",), "has no option")])
+        if name.casefold() in known:  # some file systems do not tell the cases of letters apart
+            what = f"has two cells named {shortened(name)}; give one of them another 'name'"
             raise document.error([(("include",), what)])
         known.add(name.casefold())
 

@@ -127,9 +127,8 @@ class SweepTable:
     def often_varied(self) -> tuple[str, ...]:
         """Options that most cells state, and not all alike."""
         stated = {name: [row.options[name] for row in self.rows if name in row.options] for name in self.varied}
-        return tuple(
-            name for name, values in stated.items() if 2 * len(values) > len(self.rows) and len(set(values)) > 1
-        )
+        many = len(self.rows) // 2
+        return tuple(name for name, values in stated.items() if len(values) > many and len(set(values)) > 1)
 
     @property
     def groups(self) -> dict[int, tuple[SweepRow, ...]]:

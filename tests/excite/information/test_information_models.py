@@ -106,7 +106,7 @@ def test_gradient_of_any_function_of_the_information(made: Formulation) -> None:
     sizes = np.sqrt(np.diag(at.M))
     A = np.random.default_rng(5).normal(size=at.M.shape)
     G = (A + A.T) / np.outer(sizes, sizes)  # each entry of M counts alike
-    along, gradient = direction(x.shape, 5), information.gradient(at, G)
+    along, gradient = direction(x.shape, 5), information.gradients([at], [G])[0]
     expected = slope(lambda t: float(np.sum(G * information.evaluate(x + t * along).M)), 2e-5)
     assert np.sum(gradient * along) == pytest.approx(expected, rel=1e-6, abs=1e-8 * np.abs(gradient).sum())
 
@@ -125,7 +125,7 @@ def information(made: Formulation, width: float, count: int) -> tuple[Informatio
     function = VectorisedFunction(symbols, model.expression(*symbols)[:, made.target.base.index.tolist()])
     family = Fourier(made.task.trajectory.period, made.task.trajectory.harmonics)
     combination = model.combination(made.task.trajectory.period, count)
-    return Information(function, family, combination, made.target.motion), family, model
+    return Information(function, family, combination, made.target.motion, np.ones(1)), family, model
 
 
 def stacked(model: RegressorModel, trajectory: Trajectory, count: int) -> Array:
