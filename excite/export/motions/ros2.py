@@ -47,8 +47,23 @@ class _JointTrajectory(MotionFormat):
             )
 
     def recorder(self, motion: SampledDesign, name: str) -> Recorder:
-        """The recorder of rosbag2."""
-        return ros2_recorder(motion, name)
+        """Parameters of rosbag2's recorder, and the mapping of ``/joint_states`` in its bag."""
+        units = {"position": "rad", "velocity": "rad/s", "effort": "Nm"}
+        forms = {what: (f"{STATES}/{{}}/{what}", unit) for what, unit in units.items()}
+        return Recorder(
+            channels((f"{STATES}/header/stamp", "ns"), motion.joints, **forms),
+            (
+                f"record: ros2 run rosbag2_transport recorder --ros-args --params-file {name}.record.yaml",
+                f"rate: that of joint_state_broadcaster; at least {2 * motion.rate:g} Hz lose nothing of the motion",
+                f"start marker: the message on {TOPIC}, or the status of {ACTION}",
+            ),
+            ".yaml",
+            _parameters(motion, name),
+            (
+                "a controller of another name, such as scaled_joint_trajectory_controller, needs its topics in the "
+                "files beside it",
+            ),
+        )
 
 
 class Ros2Yaml(_JointTrajectory):
@@ -163,26 +178,6 @@ def message_of(motion: SampledDesign) -> dict[str, Any]:
             for t, q, dq, ddq in rows
         ],
     }
-
-
-def ros2_recorder(motion: SampledDesign, name: str) -> Recorder:
-    """Parameters of rosbag2's recorder, and the mapping of ``/joint_states`` in its bag."""
-    units = {"position": "rad", "velocity": "rad/s", "effort": "Nm"}
-    forms = {what: (f"{STATES}/{{}}/{what}", unit) for what, unit in units.items()}
-    return Recorder(
-        channels((f"{STATES}/header/stamp", "ns"), motion.joints, **forms),
-        (
-            f"record: ros2 run rosbag2_transport recorder --ros-args --params-file {name}.record.yaml",
-            f"rate: that of joint_state_broadcaster; at least {2 * motion.rate:g} Hz lose nothing of the motion",
-            f"start marker: the message on {TOPIC}, or the status of {ACTION}",
-        ),
-        ".yaml",
-        _parameters(motion, name),
-        (
-            "a controller of another name, such as scaled_joint_trajectory_controller, needs its topics in the files "
-            "beside it",
-        ),
-    )
 
 
 def _parameters(motion: SampledDesign, name: str) -> str:
