@@ -176,8 +176,4 @@ class ModelFormat(ABC):
 
     def left_out(self, features: tuple[Feature, ...]) -> tuple[str, ...]:
         """One sentence for each feature of a model that the format cannot express."""
-        beyond = [feature for feature in features if feature.kind not in self.expresses]
-        shares = ["" if f.share is None else f"; {100 * f.share:.2g} % of the torques on random states" for f in beyond]
-        return tuple(
-            f"{self.name} cannot express {each.text}{share}" for each, share in zip(beyond, shares, strict=True)
-        )
+        return tuple(f"{self.name} cannot express {each.text}" for each in features if each.kind not in self.expresses)

@@ -165,8 +165,9 @@ class Feature:
 
     @property
     def text(self) -> str:
-        """What it is, with its owners."""
-        return _TEXTS[self.kind].format(", ".join(self.owners))
+        """What it is, with its owners and its share."""
+        share = "" if self.share is None else f"; {100 * self.share:.2g} % of the torques on random states"
+        return _TEXTS[self.kind].format(", ".join(self.owners)) + share
 
 
 def features_of(

@@ -134,6 +134,13 @@ class XmlDocument:
         if added:
             self._edits.append((at, at, self.bytes_of(added)))
 
+    def set_child(self, element: XmlSpan, tag: str, values: Mapping[str, str], *, first: bool = False) -> None:
+        """Set attributes of the first child of a tag; one that is not there is inserted."""
+        if (child := element.child(tag)) is not None:
+            self.set(child, values)
+        else:
+            self.insert_in(element, start(tag, values, empty=True), first=first)
+
     def insert_in(self, element: XmlSpan, text: str, *, first: bool = False) -> None:
         """Insert lines into an element, indented as its children are, before its end or behind its start tag."""
         indent = self.indent_of(element.children[0]) if element.children else self.indent_of(element) + "  "
@@ -221,9 +228,8 @@ def _distances(tree: UrdfTree, robot: Robot) -> list[float]:
     for joint in robot.joints:
         mine = by_name[joint.name]
         path = [mine] if before is None else tree.path(before, mine.child)
-        distances.append(
-            min((_distance(p, joint) for p in _paths(tree, path, open_above=before is None)), default=np.inf)
-        )
+        paths = _paths(tree, path, open_above=before is None)
+        distances.append(min((_distance(path, joint) for path in paths), default=np.inf))
         before = mine.child
     return distances
 
