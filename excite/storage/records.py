@@ -141,8 +141,6 @@ _FAULTS = (
     zipfile.BadZipFile,
 )  # fmt: skip
 
-NamedArrays = dict[str, Any]
-
 
 def every(count: int, most: int = NUMBERS) -> int:
     """The least k so that every k-th of `count` values are at most `most`."""
@@ -165,8 +163,22 @@ def write_curves(path: Path, arrays: Mapping[str, Any]) -> None:
         np.savez_compressed(stream, allow_pickle=False, **arrays)
 
 
-def read_curves(path: Path) -> NamedArrays:
-    """NamedArrays of a file."""
+_OLDEST = (1980, 1, 1, 0, 0, 0)  # of every member, so that the same arrays give the same bytes
+
+
+def zipped_arrays(arrays: Mapping[str, Any]) -> bytes:
+    """Content of an ``.npz``, uncompressed, the same for the same arrays."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
+        for name, values in arrays.items():
+            member = io.BytesIO()
+            np.lib.format.write_array(member, np.asarray(values), allow_pickle=False)
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy", _OLDEST), member.getvalue())
+    return stream.getvalue()
+
+
+def read_curves(path: Path) -> Arrays:
+    """Arrays of a file."""
     try:
         content = io.BytesIO(read_bytes(path))
         with zipfile.ZipFile(content) as archive:

@@ -93,7 +93,7 @@ def sample_posterior(
     check("samples", samples)
     check("seed", seed)
     check("prior", prior)
-    known = _result(result)
+    known = chosen_result(result)
     target = torque_target(known)
     standard, coordinates = posterior_of(known, target, prior)
     possible = coordinates_inside(standard, coordinates)
@@ -122,7 +122,8 @@ def sample_posterior(
     )
 
 
-def _result(given: Identification | str | Path) -> Identification:
+def chosen_result(given: Identification | str | Path) -> Identification:
+    """The result itself, or the one in a folder."""
     if isinstance(given, str | Path):
         return load_result(given)
     if not isinstance(given, Identification):

@@ -11,10 +11,9 @@ from excite.export.exported import Exported
 from excite.export.models.exported_model import model_of_result
 from excite.export.models.identified_model import Feature, IdentifiedModel
 from excite.identification.identification import Identification
-from excite.identification.result_json import load_result
 from excite.registry import check_name, instance, name_of
-from excite.storage.atomic import replacing
-from excite.storage.result_folder import replace_files, result_file
+from excite.storage.result_folder import check_free, write_file
+from excite.study.sample_posterior import chosen_result
 from regressors.arguments import checked
 from regressors.errors import InputError, shortened
 
@@ -65,14 +64,13 @@ def export_model(
     chosen = chosen_format(format)
     path, template = Path(out), None if robot_file is None else Path(robot_file)
     chosen.check_template(template)
-    _check_free(path, replace=replace)
+    if path.is_dir():
+        raise InputError(f"cannot write {str(path)!r}: it is a folder; name a file in it")
+    check_free(path, replace=replace)
     model = model_of_result(chosen_result(result))
     own = (*chosen.left_out(model.features), *model.notes)
     written = chosen.text(model, comment_of(model, own), template)
-    with result_file(path):
-        _check_free(path, replace=replace)
-        with replace_files(path) as staged, replacing(staged / path.name, "wb") as stream:
-            stream.write(written.encoded)
+    write_file(path, written.encoded, replace=replace)
     return Exported(name_of(format), (path,), (*own, *written.notes))
 
 
@@ -93,22 +91,6 @@ def chosen_format(given: str | ModelFormat) -> ModelFormat:
     if not isinstance(chosen, ModelFormat):
         raise InputError(f"format: expected a ModelFormat, given {shortened(repr(given))}")
     return chosen
-
-
-def chosen_result(given: Identification | str | Path) -> Identification:
-    """The result itself, or the one in a folder."""
-    if isinstance(given, str | Path):
-        return load_result(given)
-    if not isinstance(given, Identification):
-        raise InputError(f"expected a result of `identify` or its folder, given {shortened(repr(given))}")
-    return given
-
-
-def _check_free(path: Path, *, replace: bool) -> None:
-    if path.is_dir():
-        raise InputError(f"cannot write {str(path)!r}: it is a folder; name a file in it")
-    if path.exists() and not replace:
-        raise InputError(f"{str(path)!r} is there already; `replace` replaces it, or choose another name")
 
 
 @dataclass(frozen=True)
