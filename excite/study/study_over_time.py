@@ -6,7 +6,6 @@ import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,6 @@ from excite.design.design import Design
 from excite.design.design_json import load_design
 from excite.design.executors.dask_cluster import check_versions, unit_executor
 from excite.design.executors.unit_executor import SHORT, InThisProcess, LostUnit, UnitExecutor
-from excite.design.problem_identity import PACKAGES
 from excite.errors import LostWorkersError
 from excite.identification.covariance import divisors
 from excite.identification.identification import Identification
@@ -29,6 +27,7 @@ from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate
 from excite.simulation.simulation import Simulation
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
+from excite.study.repetitions import check_enough, versions_of
 from excite.study.time_study import TimeCourse, TimeStudy
 from excite.tasks.further_settings import StudySettings
 from excite.trajectories.family import Trajectory
@@ -174,7 +173,8 @@ def _of_motion(
         if done % _TOLD == 0:
             progress(f"{name}: repetition {done} of {repeats}")
 
-    values = values_again(executor, run, how, result, design.trajectory, instants(result, points), repeats, told)
+    again = MeasuredRun(run, how, result, design.trajectory, instants(result, points), versions_of(executor))
+    values = values_again(executor, again, repeats, told)
     return course.with_repetitions(values, notes), result
 
 
@@ -315,7 +315,6 @@ def growing_factors(A: Array, ends: Index) -> Iterator[Array]:
         yield R
 
 
-_FEWEST = 2  # measurements that have a scatter
 _log = logging.getLogger(__name__)
 
 
@@ -340,19 +339,8 @@ def measured_again(run: Simulation, settings: SimulationSettings, number: int) -
     return replace(log, sha256=log.identity)
 
 
-def values_again(
-    executor: UnitExecutor,
-    run: Simulation,
-    settings: SimulationSettings,
-    result: Identification,
-    commanded: Trajectory,
-    time: Array,
-    count: int,
-    progress: Callable[[int], None],
-) -> Array:
+def values_again(executor: UnitExecutor, common: MeasuredRun, count: int, progress: Callable[[int], None]) -> Array:
     """Estimates over time from further measurements of a run, shape (count, k, b)."""
-    versions = {} if executor.shares_disk else {name: version(name) for name in PACKAGES}
-    common = MeasuredRun(run, settings, result, commanded, time, versions)
     found: dict[int, Array] = {}
     try:
         with closing(executor.run(_values, common, range(1, count + 1))) as results:
@@ -365,11 +353,7 @@ def values_again(
     except LostWorkersError as error:
         remedy = "nothing of the study is kept: repeat it with fewer `workers`, or with another `executor`"
         raise LostWorkersError(error.args[0], remedy) from error
-    if len(found) < _FEWEST:
-        raise InputError(
-            f"repetitions: {len(found)} of {count} are left, since workers ended; repeat with fewer `workers`, or with "
-            "another `executor`"
-        )
+    check_enough(len(found), count)
     return np.array([found[index] for index in sorted(found)])
 
 
@@ -378,11 +362,6 @@ def _values(common: MeasuredRun, number: int) -> Array:
     log, result = measured_again(common.run, common.settings, number), common.result
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
         again = estimate_parameters(
-            result.robot,
-            result.task,
-            [log],
-            result.recipe,
-            commanded=common.commanded,
-            friction=result.friction,
+            result.robot, result.task, [log], result.recipe, commanded=common.commanded, friction=result.friction
         )
         return _solutions(again, common.time)[0]
