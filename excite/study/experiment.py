@@ -21,6 +21,7 @@ from excite.study.moments import (
     Part,
     Solved,
     has_gpu,
+    has_jax_form,
 )
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import Base, triangular_factor
@@ -176,7 +177,8 @@ class Chain:
             self.predicted = np.column_stack(
                 [beta[used] @ x for x, used in zip(self.fixed, self.columns.used, strict=True)]
             )
-        self.jax = JaxMoments.of(self.sums, self.columns) if self.fixed is None and has_gpu() else None
+        on_gpu = self.fixed is None and has_gpu() and has_jax_form(self.columns)
+        self.jax = JaxMoments(self.sums, self.columns) if on_gpu else None
 
     @property
     def batch(self) -> int:

@@ -162,6 +162,11 @@ def has_gpu() -> bool:
         return False
 
 
+def has_jax_form(columns: EquationColumns) -> bool:
+    """Whether JAX computes a model and its equations."""
+    return columns.model.jax_form is not None and columns.decimation is None
+
+
 class JaxMoments:
     """`MomentSums.of` for batches of repetitions."""
 
@@ -170,13 +175,6 @@ class JaxMoments:
 
         self._sums, self._columns = sums, columns
         self._model = JaxModel(columns.model, columns.index)
-
-    @classmethod
-    def of(cls, sums: MomentSums, columns: EquationColumns) -> JaxMoments | None:
-        """These moments; None for models and equations that JAX does not compute."""
-        if columns.model.jax_form is None or columns.decimation is not None:
-            return None
-        return cls(sums, columns)
 
     def batch(self, instants: int) -> int:
         """Repetitions whose rows fit at once."""

@@ -292,8 +292,8 @@ class MeasuredNoise(TorqueNoise):
     @property
     def deviation(self) -> Array:
         """Standard deviation of each joint's noise, shape (n,) [Nm or N]."""
-        count = 2**14
-        return np.array([np.sqrt(np.mean(_two_sided(noise.spectrum(count)))) for noise in self.joints])
+        spectra = (noise.spectrum(2**14) for noise in self.joints)
+        return np.array([np.sqrt(np.mean(np.concatenate([s, s[1:-1]]))) for s in spectra])
 
     def draw(self, time: Array, joints: int, rng: np.random.Generator) -> Array:
         """See `TorqueNoise.draw`."""
@@ -304,10 +304,6 @@ class MeasuredNoise(TorqueNoise):
                 f"joints at {rate:.4g} Hz; give noise that was measured at the same rate"
             )
         return np.column_stack([_drawn(noise, time.size, rng) for noise in self.joints])
-
-
-def _two_sided(spectrum: Array) -> Array:
-    return np.concatenate([spectrum, spectrum[1:-1]])
 
 
 def _drawn(noise: AutoregressiveNoise, count: int, rng: np.random.Generator) -> Array:

@@ -156,7 +156,8 @@ def executor_of_repetitions(
     executor = unit_executor(given, workers)
     experiment_prediction(experiment).check()
     if given == "process" and isinstance(executor, InProcesses):
-        most = fitting_workers(experiment) if workers is None else executor.count
+        fitting = int(memory_cap() / experiment_prediction(experiment).bytes) - 1  # beside this process
+        most = fitting if workers is None else executor.count
         executor = InProcesses(max(1, min(executor.count, most, count)))
         if executor.count == 1 or has_gpu() or repetition_seconds(experiment, count) < SHORT:
             return InThisProcess()
@@ -426,20 +427,11 @@ def experiment_prediction(experiment: Experiment, processes: int = 0) -> WorkPre
             MemoryPart("rows of equations", N, held / N, FLOAT * held, remedy=remedy),
         ),
     )
-    return replace(own, parts=(*own.parts, _of_workers(own, processes))) if processes else own
-
-
-def _of_workers(own: WorkPrediction, processes: int) -> MemoryPart:
-    """What the worker processes hold."""
-    part = own.largest
-    what = f"{part.what} in each of {processes} worker processes"
-    return MemoryPart(what, part.rows, part.columns, processes * own.bytes, "workers", processes)
-
-
-def fitting_workers(experiment: Experiment) -> int:
-    """Number of worker processes that fit into the cap on memory beside this one."""
-    own = experiment_prediction(experiment).bytes
-    return max(0, int(memory_cap() / own) - 1)
+    if not processes:
+        return own
+    part, what = own.largest, f"{own.largest.what} in each of {processes} worker processes"
+    of_workers = MemoryPart(what, part.rows, part.columns, processes * own.bytes, "workers", processes)
+    return replace(own, parts=(*own.parts, of_workers))
 
 
 def _at_once(experiment: Experiment, entries: list[int]) -> float:

@@ -124,30 +124,28 @@ def _certified(
 
     No rate is raised for files that no controller plays.
     """
-    known, refused, most = len(chosen.interpolation.curves) == 1, None, 0.0
-    least: tuple[SampledDesign, Certificate] | None = None
+    refusals: list[BrokenLimitError] = []
+    played: list[tuple[float, SampledDesign, Certificate]] = []
     for each in _rates(design, chosen, rate):
         chosen.check_rate(each)
         motion = chosen.sampled(design, each)
-        if least is None and refused is None:
+        if not played and not refusals:
             check_formula(motion)
         certificate = certify(motion, chosen.interpolation, chosen.given)
         try:
             chosen.check(motion)
-            if known:
+            if len(chosen.interpolation.curves) == 1:
                 check_interpolated(certificate, chosen.interpolation)
         except BrokenLimitError as error:
-            refused = error
+            refusals.append(error)
             continue
-        passed = certificate.broken[0].use if certificate.broken else 0.0
-        if least is None or passed < most:
-            least, most = (motion, certificate), passed
+        played.append((certificate.broken[0].use if certificate.broken else 0.0, motion, certificate))
         if not certificate.broken or chosen.interpolation is Interpolation.NONE:
             break
-    if least is None:
-        assert refused is not None
-        raise refused
-    return *least, _notes(*least, chosen, rate)
+    if not played:
+        raise refusals[-1]
+    _, motion, certificate = min(played, key=lambda each: each[0])
+    return motion, certificate, _notes(motion, certificate, chosen, rate)
 
 
 def _rates(design: Design, chosen: MotionFormat, rate: float | None) -> list[float]:
