@@ -340,7 +340,6 @@ def _scatter_of(between: Content | None) -> Content | None:
         known = [each.get("each", [{}] * len(logs)) for each in parameters]
         return [[unknown if row[k].get(name) is None else row[k][name] for row in known] for k in range(len(logs))]
 
-    ratios = ["nan" if each["ratio"] is None else each["ratio"] ** 2 for each in parameters]
     each_log = {
         "logs": logs,
         "names": [each["name"] for each in parameters],
@@ -354,7 +353,7 @@ def _scatter_of(between: Content | None) -> Content | None:
         "each": each_log,
         "counts": [each["logs"] for each in parameters],
         "means": ["nan"] * len(parameters),
-        "ratios": ratios,
+        "ratios": ["nan" if each["ratio"] is None else each["ratio"] ** 2 for each in parameters],
         "probabilities": [_unknown(each["probability"]) for each in parameters],
     }
 
@@ -377,22 +376,20 @@ def _coordinate_2(each: Content, schedule: Content) -> Content:
     return {
         **each,
         **{"low": -stroke, "high": stroke, "below": "", "above": "", "schedule": schedule, "torque_ramps": ramps},
-        "largest_gravity": "nan" if each["largest_gravity"] is None else each["largest_gravity"],
+        "largest_gravity": _unknown(each["largest_gravity"]),
         "windows": [_gravity_2(window) for window in each["windows"]],
     }
 
 
 def _gravity_2(each: Content) -> Content:
-    return {**each, "gravity": "nan" if each["gravity"] is None else each["gravity"]}
+    return {**each, "gravity": _unknown(each["gravity"])}
 
 
 def _posterior_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
     """Names were arrays alone where the values are, and what is not a number was null."""
-    names: Content = {
-        name: arrays[name].tolist() for name in ("names", "units", "base_names", "base_units") if name in arrays
-    }
-    numbers = {name: content[name] for name in ("prior", "distance", "effective", "split_deviation")}
-    floats = {name: "nan" if value is None else value for name, value in numbers.items()}
+    listed = ("names", "units", "base_names", "base_units")
+    names: Content = {name: arrays[name].tolist() for name in listed if name in arrays}
+    floats = {name: _unknown(content[name]) for name in ("prior", "distance", "effective", "split_deviation")}
     references = {name: {"array": name} for name in ("values", "base_matrix")}
     return {**content, **names, **floats, **references}, arrays
 

@@ -243,10 +243,6 @@ class Moments:
         """Least noise of each equation: residuals of exact data are rounding errors, shape (r,)."""
         return _FLOOR * np.where(self.sizes > 0, self.sizes, 1.0)
 
-    def without(self, front: int) -> Moments:
-        """The moments without the first columns."""
-        return Moments(self.G[:, front:, front:], self.count, self.sizes)
-
     def weighted(self, scale: Array) -> Array:
         """Moments of all rows divided by their equation's scale, shape (k, k)."""
         return np.asarray(np.tensordot(1 / scale**2, self.G, 1))
@@ -290,7 +286,7 @@ def weighted(moments: Moments) -> Solved:
 def instrumental(moments: Moments) -> Solved:
     """``(Z' Sigma^-1 W)^-1 Z' Sigma^-1 y`` with the noise-free regressor Z, as the estimator ``instrumental``."""
     b = moments.G.shape[1] // 2
-    rows = moments.without(b)
+    rows = Moments(moments.G[:, b:, b:], moments.count, moments.sizes)
     spare = np.full(len(moments.G), moments.count * (1 - b / (len(moments.G) * moments.count)))
 
     def solution_at(scale: Array) -> tuple[Array, Array]:

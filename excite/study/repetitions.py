@@ -32,11 +32,11 @@ from excite.identification.preparation import chosen_method
 from excite.identification.recipe import not_repeated, repetition_prediction
 from excite.logs.signals.filters import decimation
 from excite.logs.signals.method import delayed, resample
+from excite.logs.signals.periods import mean_rate
 from excite.storage.atomic import replacing
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
 from excite.study.experiment import Chain, Experiment, Noise
 from excite.study.moments import BLOCK, entries_of_equations, has_gpu
-from excite.study.rehearsal import rate_of
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened
 from regressors.memory_cap import memory_cap
@@ -66,7 +66,7 @@ def repetitions(
     recipe, part, model = result.recipe, result.prepared[0], result.target.model
     recipe.check_repeatable(count)
     uniform = resample(part.log).log  # what the method chooses for the log, it keeps
-    chosen = 1 if recipe.low_pass is None else decimation(rate_of(part.samples.time), recipe.low_pass)
+    chosen = 1 if recipe.low_pass is None else decimation(mean_rate(part.samples.time), recipe.low_pass)
     experiment = Experiment(
         model=model,
         base=result.target.base,

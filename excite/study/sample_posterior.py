@@ -160,8 +160,7 @@ def _notes(
     notes = []
     p = coordinates.determined
     own = float(np.linalg.norm(closest[:p]))
-    normal = np.isinf(coordinates.freedom)
-    bound = scipy.stats.chi2.ppf(LEVEL, p) if normal else p * scipy.stats.f.ppf(LEVEL, p, coordinates.freedom)
+    bound = p * scipy.stats.f.ppf(LEVEL, p, coordinates.freedom)
     if own > np.sqrt(bound):
         notes.append(
             f"no possible robot is within the 99 % region of the estimate: the nearest is {own:.3g} deviations away, "

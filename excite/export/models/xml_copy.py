@@ -150,9 +150,7 @@ class XmlDocument:
             closed = self.bytes_of(f">{lines}\n{self.indent_of(element)}</{element.tag}>")
             self._edits.append((slash, element.inner, closed))
             return
-        at = element.inner
-        if not first:
-            at = max((child.end for child in element.children), default=element.inner)
+        at = max((child.end for child in element.children if not first), default=element.inner)
         after = "" if element.children else f"\n{self.indent_of(element)}"
         stay = self.content[at : element.close].strip() or b"\n" in self.content[at : element.close]
         self._edits.append((at, at, self.bytes_of(lines + ("" if stay else after))))
