@@ -331,9 +331,7 @@ def _weights(moments: Moments) -> Array:
 
 def _fixed_point(updated: Callable[[Array], Array], scale: Array) -> Array:
     for _ in range(_ITERATIONS):
-        new = updated(scale)
-        change = float(np.abs(np.log(new / scale)).max())
-        scale = new
-        if not change > _SETTLED:
+        before, scale = scale, updated(scale)
+        if not np.abs(np.log(scale / before)).max() > _SETTLED:
             break
     return scale

@@ -209,7 +209,7 @@ def chain_in(tree: UrdfTree, robot: Robot, file: Path) -> list[TreeJoint]:
 def pose_error(trees: tuple[UrdfTree, ...], robot: Robot, file: Path) -> float:
     """Largest difference of the poses and axes of joints in the first tree from those of the robot."""
     chain = chain_in(trees[0], robot, file)
-    distances = [_distances(tree, robot) for tree in trees]
+    distances = [_distances(tree, robot, file) for tree in trees]
     for k, joint in enumerate(robot.joints):
         if kind_of(chain[k]) != joint.kind or min(d[k] for d in distances) > _ROUNDED:
             raise InputError(
@@ -219,12 +219,10 @@ def pose_error(trees: tuple[UrdfTree, ...], robot: Robot, file: Path) -> float:
     return max(distances[0])
 
 
-def _distances(tree: UrdfTree, robot: Robot) -> list[float]:
+def _distances(tree: UrdfTree, robot: Robot, file: Path) -> list[float]:
     """Largest difference of each joint's pose and axis from the robot's; infinite where no chain leads to it."""
-    by_name = {joint.name: joint for joint in tree.above.values()}
     distances, before = [], None
-    for joint in robot.joints:
-        mine = by_name[joint.name]
+    for joint, mine in zip(robot.joints, chain_in(tree, robot, file), strict=True):
         path = [mine] if before is None else tree.path(before, mine.child)
         paths = _paths(tree, path, open_above=before is None)
         distances.append(min((_distance(path, joint) for path in paths), default=np.inf))
