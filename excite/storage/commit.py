@@ -62,10 +62,7 @@ def commit(at: Destination, *, last: str, remove: Collection[str] = (), folders:
 
 
 def settle(at: Destination) -> None:
-    """Put files in place that an interrupted run has committed; to be called before files of a folder are read.
-
-    A process that is putting files in place is waited for.
-    """
+    """Put files in place that an interrupted run has committed, before a reader opens them; one that runs is awaited."""
     began = time.monotonic()
     while at.commit.exists():
         try:

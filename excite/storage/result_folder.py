@@ -95,10 +95,7 @@ def replace_result(
 
 @contextmanager
 def amend_result(folder: Path, kind: str) -> Iterator[Path]:
-    """Add files to a result, or replace some of its files, all at once.
-
-    A folder without a manifest, or without a result of the kind, gets the files alone.
-    """
+    """Add or replace files of a result, all at once; a folder without a result of the kind gets the files alone."""
     at = Destination(folder)
     with staging(at) as staged:
         yield staged

@@ -273,10 +273,7 @@ def least_squares(moments: Moments) -> Solved:
 
 
 def weighted(moments: Moments) -> Solved:
-    """Rows divided by the noise of their equation, a fixed point, with covariance ``(W' Sigma^-1 W)^-1``.
-
-    See `excite.identification.estimators.least_squares.weighted`; parameters as for `least_squares`.
-    """
+    """Rows divided by the noise of their equation, a fixed point, with covariance ``(W' Sigma^-1 W)^-1``."""
     scale = _weights(moments)
     error, half = _solution(moments.weighted(scale))
     spare = moments.count - moments.leverages(half) / scale**2

@@ -275,13 +275,7 @@ class IdentifiedModel:
         return self.target.robot.joint_names
 
     def joint_drives(self, joint: int) -> tuple[ModelDrive, ...]:
-        """Drives that move one joint of the robot and no other.
-
-        Parameters
-        ----------
-        joint : int
-            Index in the robot.
-        """
+        """Drives that move one joint of the robot, stated by its index, and no other."""
         return tuple(drive for drive in self.drives if drive.joint == joint)
 
     def armature(self, joint: int) -> float | None:

@@ -268,10 +268,7 @@ def moving_groups(
 def share_inertia(
     tree: UrdfTree, chain: list[TreeJoint], model: IdentifiedModel, write: Callable[[str, Array, float], None]
 ) -> list[str]:
-    """Write the inertia of every link whose group moved; the other links of a group keep theirs, where they can.
-
-    Else theirs is written too, with the factor on what the file says.
-    """
+    """Write the inertia of every link whose group moved; the others of a group keep theirs, or a factor of theirs."""
     notes = []
     for name, child, others in moving_groups(tree, chain, model):
         own, factor = own_part(model.composites[name], [(theta, T) for _, theta, T in others])

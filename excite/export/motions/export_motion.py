@@ -120,10 +120,7 @@ def _format(given: MotionFormat | str) -> MotionFormat:
 def _certified(
     design: Design, chosen: MotionFormat, rate: float | None
 ) -> tuple[SampledDesign, Certificate, tuple[str, ...]]:
-    """The motion at a rate at which what is interpolated keeps the limits; where it is not known, passes them least.
-
-    No rate is raised for files that no controller plays.
-    """
+    """The motion at a rate at which what is interpolated keeps the limits; where it is not known, passes them least."""
     refusals: list[BrokenLimitError] = []
     played: list[tuple[float, SampledDesign, Certificate]] = []
     for each in _rates(design, chosen, rate):
@@ -140,7 +137,7 @@ def _certified(
             refusals.append(error)
             continue
         played.append((certificate.broken[0].use if certificate.broken else 0.0, motion, certificate))
-        if not certificate.broken or chosen.interpolation is Interpolation.NONE:
+        if not certificate.broken or chosen.interpolation is Interpolation.NONE:  # played by no controller
             break
     if not played:
         raise refusals[-1]
