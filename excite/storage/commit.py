@@ -62,7 +62,7 @@ def commit(at: Destination, *, last: str, remove: Collection[str] = (), folders:
 
 
 def settle(at: Destination) -> None:
-    """Put files in place that an interrupted run has committed, before a reader opens them; one that runs is awaited."""
+    """Put files in place that an interrupted run has committed, before they are read; a run at work is waited for."""
     began = time.monotonic()
     while at.commit.exists():
         try:
