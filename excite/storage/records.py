@@ -82,27 +82,25 @@ def read_record(
     path: Path, record: type[Record], kind: str, objects: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None
 ) -> Record:
     """Read a record, also of an older schema."""
-    return read_settled(Destination(path.parent), lambda: _read(path, record, kind, objects))
 
+    def read() -> Record:
+        content = read_json(path)
+        if not is_of_kind(kind, content.get("schema")):
+            raise InputError(f"{path}: expected schema {schema_of(kind)}, given {content.get('schema')!r}")
+        curves = path.with_name(curves_file(path.stem))
+        entry = path.stem if path.stem in read_manifest(path.parent) else kind
+        check_files(path.parent, entry, (path.name, curves.name))
+        arrays: Arrays = read_curves(curves) if curves.is_file() else {}
+        what = kind.replace("-", " ")
+        with complete(path, what):
+            content, arrays = migrated(kind, content, arrays, path.parent)
+            content = content if objects is None else {**content, **objects(content)}
+        try:
+            return record_of(record, content, arrays)
+        except InputError as error:
+            raise InputError(f"{path}: not a complete {what}: {error}") from error
 
-def _read(
-    path: Path, record: type[Record], kind: str, objects: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None
-) -> Record:
-    content = read_json(path)
-    if not is_of_kind(kind, content.get("schema")):
-        raise InputError(f"{path}: expected schema {schema_of(kind)}, given {content.get('schema')!r}")
-    curves = path.with_name(curves_file(path.stem))
-    entry = path.stem if path.stem in read_manifest(path.parent) else kind
-    check_files(path.parent, entry, (path.name, curves.name))
-    arrays: Arrays = read_curves(curves) if curves.is_file() else {}
-    what = kind.replace("-", " ")
-    with complete(path, what):
-        content, arrays = migrated(kind, content, arrays, path.parent)
-        content = content if objects is None else {**content, **objects(content)}
-    try:
-        return record_of(record, content, arrays)
-    except InputError as error:
-        raise InputError(f"{path}: not a complete {what}: {error}") from error
+    return read_settled(Destination(path.parent), read)
 
 
 @contextmanager

@@ -137,7 +137,12 @@ def search_for_precision(
     run, forecast = best.run_information, best.precision
     assert run is not None
     assert forecast is not None
-    most = task.objective.max_time
+    most, obstacles = task.objective.max_time, None
+    if not search.interrupted:
+        try:
+            obstacles = out_of_reach(best, run, forecast, report)
+        except KeyboardInterrupt:
+            search.interrupted = True
     found = PrecisionSearch(
         asked=run.precision.to_dict(),
         noise=tuple(noise_per_row(task.objective.noise, best.target.model).tolist()),
@@ -146,7 +151,7 @@ def search_for_precision(
         forecast=forecast,
         trials=tuple(tried_period(trial, max(most, forecast.robot_seconds)) for trial in search.trials),
         front=pareto_front(search.trials, most),
-        out_of_reach=_obstacles(best, run, forecast, search, report),
+        out_of_reach=obstacles,
     )
     return replace(
         best,
@@ -154,19 +159,6 @@ def search_for_precision(
         provenance={**best.provenance, "cpu_seconds": search.seconds},
         precision_search=found,
     )
-
-
-def _obstacles(
-    best: Design, run: RunInformation, forecast: PrecisionForecast, search: PeriodSearch, report: Callable[[str], None]
-) -> OutOfReach | None:
-    """What keeps the target out of reach; None where it is met, or where there is no time to try."""
-    if search.interrupted:
-        return None
-    try:
-        return out_of_reach(best, run, forecast, report)
-    except KeyboardInterrupt:
-        search.interrupted = True
-        return None
 
 
 def precise_task(task: Task) -> Task:

@@ -20,13 +20,7 @@ from excite.export.models.identified_model import (
     with_curve,
     with_parameters,
 )
-from excite.export.models.nearest_bodies import (
-    NearestBodies,
-    flat_note,
-    held_note,
-    nearest_bodies,
-    own_part,
-)
+from excite.export.models.nearest_bodies import NearestBodies, flat_note, held_note, nearest_bodies, own_part
 from excite.identification.identification import Identification, stated_covariance, torque_target
 from excite.identification.result_json import RESULT
 from excite.information.target import IdentificationTarget

@@ -14,15 +14,7 @@ import numpy as np
 from excite.export.models.export_model import ModelFormat, ModelText
 from excite.export.models.exported_model import about_centre, number, numbers, rpy_of, stated
 from excite.export.models.identified_model import IdentifiedModel
-from excite.export.models.xml_copy import (
-    XmlDocument,
-    XmlSpan,
-    chain_in,
-    comment,
-    pose_error,
-    share_inertia,
-    start,
-)
+from excite.export.models.xml_copy import XmlDocument, XmlSpan, chain_in, comment, pose_error, share_inertia, start
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
 from regressors.readers.urdf_tree import parse_tree

@@ -81,12 +81,7 @@ class SampledDesign:
 
 
 def sampled_design(
-    design: Design,
-    rate: float,
-    *,
-    breaks: bool = False,
-    whole_nanoseconds: bool = False,
-    most: int = MOST_SAMPLES,
+    design: Design, rate: float, *, breaks: bool = False, whole_nanoseconds: bool = False, most: int = MOST_SAMPLES
 ) -> SampledDesign:
     """Sample a design's whole motion by the formulas of its pieces; until the last sample the robot rests there."""
     sequence = design.sequence
