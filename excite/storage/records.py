@@ -6,7 +6,7 @@ import io
 import zipfile
 import zlib
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -67,15 +67,12 @@ def curves_file(stem: str) -> str:
 def check_replaceable(folder: Path, kind: str, stem: str) -> None:
     """Raise `InputError` where a file has the name of a record, but is the user's own."""
     path = folder / f"{stem}.json"
-    if path.exists() and stem not in read_manifest(folder) and not _is_ours(path, kind):
-        raise InputError(f"{path} is already there, and is not a {kind}; choose another `folder`")
-
-
-def _is_ours(path: Path, kind: str) -> bool:
-    try:
-        return is_of_kind(kind, read_json(path).get("schema"))
-    except InputError:
-        return False
+    if not path.exists() or stem in read_manifest(folder):
+        return
+    with suppress(InputError):
+        if is_of_kind(kind, read_json(path).get("schema")):
+            return
+    raise InputError(f"{path} is already there, and is not a {kind}; choose another `folder`")
 
 
 def read_record(

@@ -228,8 +228,8 @@ class Chain:
 
     def _whole(self, samples: Samples) -> list[Array]:
         """Transposed columns of each equation, of all rows."""
-        parts = [X for _, X in self.columns.parts(samples)]
-        return [np.concatenate(pieces, axis=1) for pieces in zip(*parts, strict=True)]
+        pieces = zip(*(X for _, X in self.columns.parts(samples)), strict=True)
+        return [np.concatenate(each, axis=1) for each in pieces]
 
     def _conditioned(self, true: Samples) -> Array | None:
         """Matrix P that makes the moments of columns accurate; None where that changes little."""

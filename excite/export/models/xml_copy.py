@@ -246,35 +246,26 @@ def _distance(path: list[TreeJoint], joint: Joint) -> float:
     return float(max(np.abs(difference).max() for difference in differences))
 
 
-def moving_groups(
-    tree: UrdfTree, chain: list[TreeJoint], model: IdentifiedModel
-) -> Iterator[tuple[str, str, list[tuple[str, Array, Array]]]]:
-    """The links of a file that moved as one, for every moving body."""  # result (10,)
-    names = {joint.name for joint in chain}
+def share_inertia(
+    tree: UrdfTree, chain: list[TreeJoint], model: IdentifiedModel, write: Callable[[str, Array, float], None]
+) -> list[str]:
+    """Write the inertia of every link whose group moved; the others of a group keep theirs, or a factor of theirs."""
+    names, notes = {joint.name for joint in chain}, []
     for own, name in enumerate(link.name for link in model.described.links):
         if name not in model.composites:
             continue
         parts = [
-            (link, pose @ T)
+            (link, tree.links[link], pose @ T)  # (10,); (4, 4)
             for k, (carrier, pose) in enumerate(model.carriers[: len(chain)])
             if carrier == own
             for link, T in carried(tree, chain[k].child, names)
             if link != chain[own].child
         ]
-        known = [(link, theta, T) for link, T in parts if (theta := tree.links[link]) is not None]
-        yield name, chain[own].child, [part for part in known if np.any(part[1])]
-
-
-def share_inertia(
-    tree: UrdfTree, chain: list[TreeJoint], model: IdentifiedModel, write: Callable[[str, Array, float], None]
-) -> list[str]:
-    """Write the inertia of every link whose group moved; the others of a group keep theirs, or a factor of theirs."""
-    notes = []
-    for name, child, others in moving_groups(tree, chain, model):
-        own, factor = own_part(model.composites[name], [(theta, T) for _, theta, T in others])
-        write(child, own, 1.0)
+        others = [(link, theta, T) for link, theta, T in parts if theta is not None and np.any(theta)]
+        mine, factor = own_part(model.composites[name], [(theta, T) for _, theta, T in others])
+        write(chain[own].child, mine, 1.0)
         for other, theta, _ in others if factor != 1.0 else ():
             write(other, factor * theta, factor)
         if others:
-            notes.append(held_note(child, [other for other, _, _ in others], factor))
+            notes.append(held_note(chain[own].child, [other for other, _, _ in others], factor))
     return notes
