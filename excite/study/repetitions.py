@@ -108,12 +108,11 @@ def position_noise(result: Identification) -> Array:
 
 _UNIT = 0.1  # seconds of a unit
 
-numerical_repetition = partial(
-    numerical_work,
-    "the repetition of the experiment",
+LIKELY_CAUSE = (
     "rows that hardly move, or numbers of very different sizes are the likely cause: "
-    "check the units of the log and `rows`",
+    "check the units of the log and `rows`"
 )
+numerical_repetition = partial(numerical_work, "the repetition of the experiment", LIKELY_CAUSE)
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,7 +27,7 @@ from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate
 from excite.simulation.simulation import Simulation
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
-from excite.study.repetitions import check_enough, versions_of
+from excite.study.repetitions import LIKELY_CAUSE, check_enough, versions_of
 from excite.study.time_study import TimeCourse, TimeStudy
 from excite.tasks.further_settings import StudySettings
 from excite.trajectories.family import Trajectory
@@ -43,11 +43,7 @@ _NOISE = 0.01  # of the torques, where no noise is given
 
 
 @checked
-@numerical_work(
-    "the study",
-    "rows that hardly move, or numbers of very different sizes are the likely cause: "
-    "check the units of the log and `rows`",
-)
+@numerical_work("the study", LIKELY_CAUSE)
 def study_over_time(
     model: Any,
     logs: Sequence[LogLike] = (),
