@@ -108,7 +108,11 @@ def predict_accuracy(
     progress("identifying its log")
     result = identify(design.robot, simulation, design=design, recipe=recipe, estimator=estimator, choose=choose, **how)
     rehearsal = Rehearsal(simulation, result, _found(recipe, result.choices))
-    seed, told = settings.seed, partial(partial, _told, progress)
+    seed = settings.seed
+
+    def told(what: str) -> Callable[[int, int], None]:
+        return partial(_told, progress, what)
+
     torques = torque_errors(result, stated, count, seed, rehearsal.found, told("noise of the torques"))
     motion = np.zeros_like(torques)
     if rehearsal.moves:
