@@ -23,7 +23,6 @@ from regressors.errors import InputError
 from regressors.input_files import read_bytes
 from regressors.samples import Array, Index
 
-_CURVES = {"result": "curves.npz"}  # else CURVES after the stem of the record
 CURVES = "_curves.npz"
 Record = TypeVar("Record")
 
@@ -61,7 +60,7 @@ def write_record(
 
 def curves_file(stem: str) -> str:
     """Name of the file of arrays beside ``STEM.json``."""
-    return _CURVES.get(stem, f"{stem}{CURVES}")
+    return "curves.npz" if stem == "result" else f"{stem}{CURVES}"
 
 
 def check_replaceable(folder: Path, kind: str, stem: str) -> None:

@@ -166,16 +166,14 @@ def _notes(
             f"no possible robot is within the 99 % region of the estimate: the nearest is {own:.3g} deviations away, "
             f"where {np.sqrt(bound):.3g} are allowed for; all samples are near the bounds of what is possible"
         )
-    unseen = len(result.names) - p
-    if unseen:
+    if unseen := len(result.names) - p:
         notes.append(f"{unseen} parameters that the data do not determine are spread as the description says")
     if result.estimate.mismatch is not None:
         notes.append(
             "friction of the log differs over speed from what the model has: the samples allow for what that does to "
             "all parameters, which the intervals of the result do not count"
         )
-    without = tuple(body.name for body in target.robot.bodies if body.theta is None)
-    if without:
+    if without := [body.name for body in target.robot.bodies if body.theta is None]:
         notes.append(
             f"the description has no inertial parameters of {', '.join(without)}: what the data do not determine is "
             "spread by 100 % about a body of 1 kg with 0.02 kg m^2 about each axis"

@@ -81,8 +81,7 @@ def mjcf_notes(robot: Robot) -> tuple[str, ...]:
     bounds = robot.limits
     if np.any(np.isfinite([bounds.velocity, bounds.acceleration, bounds.jerk])):
         notes.append("an MJCF holds no limits of velocity, acceleration and jerk")
-    unknown = [link.name for link in robot.links if link.theta is None]
-    if unknown:
+    if unknown := [link.name for link in robot.links if link.theta is None]:
         notes.append(f"nothing is known of {', '.join(unknown)}: a mass of {_NO_MASS:g} kg stands for none")
     return tuple(notes)
 

@@ -159,8 +159,7 @@ def urdf_notes(robot: Robot) -> tuple[str, ...]:
             f"a URDF does not hold the magnitude of gravity, {g:g} m/s^2: give it to the program that loads it"
         )
     known = np.isfinite(robot.limits.velocity) & np.isfinite(robot.limits.torque)
-    free = [name for name, limited in zip(robot.joint_names, known, strict=True) if not limited]
-    if free:
+    if free := [name for name, limited in zip(robot.joint_names, known, strict=True) if not limited]:
         notes.append(
             f"no limit of velocity or torque is known of {', '.join(free)}: {UNLIMITED:g} stands for none, which URDF "
             "cannot express"

@@ -78,7 +78,8 @@ def export_motion(
     if chosen.suffix and out.suffix != chosen.suffix:
         raise InputError(f"{out}: the format {chosen.name} expects a name that ends in {chosen.suffix}")
     chosen.check_robot(design.robot)
-    motion, certificate, notes = _certified(design, chosen, rate)
+    motion, certificate = _certified(design, chosen, rate)
+    notes = _notes(motion, certificate, chosen, rate)
     recorder = chosen.recorder(motion, out.name)
     with result_file(out):
         file = chosen.file(motion, out.stem)
@@ -117,9 +118,7 @@ def _format(given: MotionFormat | str) -> MotionFormat:
     return chosen
 
 
-def _certified(
-    design: Design, chosen: MotionFormat, rate: float | None
-) -> tuple[SampledDesign, Certificate, tuple[str, ...]]:
+def _certified(design: Design, chosen: MotionFormat, rate: float | None) -> tuple[SampledDesign, Certificate]:
     """The motion at a rate at which what is interpolated keeps the limits; where it is not known, passes them least."""
     refusals: list[BrokenLimitError] = []
     played: list[tuple[float, SampledDesign, Certificate]] = []
@@ -141,8 +140,7 @@ def _certified(
             break
     if not played:
         raise refusals[-1]
-    _, motion, certificate = min(played, key=lambda each: each[0])
-    return motion, certificate, _notes(motion, certificate, chosen, rate)
+    return min(played, key=lambda each: each[0])[1:]
 
 
 def _rates(design: Design, chosen: MotionFormat, rate: float | None) -> list[float]:
