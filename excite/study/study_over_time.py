@@ -234,9 +234,7 @@ def estimates_over_time(result: Identification, name: str, count: int) -> TimeCo
     values, unscaled = _solutions(result, time)
     with np.errstate(invalid="ignore", divide="ignore"):
         deviation = unscaled * (estimate.deviation / unscaled[-1])
-    seen = np.isfinite(estimate.values)
-    deviation[:, ~seen] = np.inf
-    values[:, ~seen] = np.nan
+    values[:, ~np.isfinite(estimate.values)] = np.nan
     reference, growing = result.reference, growing_factors(observations.matrix, _ends(result, time))
     return TimeCourse(
         name=name,
@@ -330,8 +328,7 @@ def measured_again(run: Simulation, settings: SimulationSettings, number: int) -
     """Log of a simulated run as another measurement of it would be."""
     own = replace(settings, seed=settings.seed + number)
     log = joint_log(run.robot, run.run, own, np.random.default_rng(own.seed))
-    known = run.log.truth, run.log.saturated
-    log = replace(log, source=f"measurement {number}", truth=known[0], saturated=known[1])
+    log = replace(log, source=f"measurement {number}", truth=run.log.truth, saturated=run.log.saturated)
     return replace(log, sha256=log.identity)
 
 
