@@ -12,7 +12,8 @@ from excite.export.models.exported_model import model_of_result
 from excite.export.models.identified_model import Feature, IdentifiedModel
 from excite.identification.identification import Identification
 from excite.registry import check_name, instance, name_of
-from excite.storage.result_folder import check_free, write_file
+from excite.storage.atomic import replacing
+from excite.storage.result_folder import check_free, replace_files, result_file
 from excite.study.sample_posterior import chosen_result
 from regressors.arguments import checked
 from regressors.errors import InputError, shortened
@@ -64,13 +65,14 @@ def export_model(
     chosen = chosen_format(format)
     path, template = Path(out), None if robot_file is None else Path(robot_file)
     chosen.check_template(template)
-    if path.is_dir():
-        raise InputError(f"cannot write {str(path)!r}: it is a folder; name a file in it")
-    check_free(path, replace=replace)
+    _check_free(path, replace=replace)
     model = model_of_result(chosen_result(result))
     own = (*chosen.left_out(model.features), *model.notes)
     written = chosen.text(model, comment_of(model, own), template)
-    write_file(path, written.encoded, replace=replace)
+    with result_file(path):
+        _check_free(path, replace=replace)
+        with replace_files(path) as staged, replacing(staged / path.name, "wb") as stream:
+            stream.write(written.encoded)
     return Exported(name_of(format), (path,), (*own, *written.notes))
 
 
@@ -91,6 +93,12 @@ def chosen_format(given: str | ModelFormat) -> ModelFormat:
     if not isinstance(chosen, ModelFormat):
         raise InputError(f"format: expected a ModelFormat, given {shortened(repr(given))}")
     return chosen
+
+
+def _check_free(path: Path, *, replace: bool) -> None:
+    if path.is_dir():
+        raise InputError(f"cannot write {str(path)!r}: it is a folder; name a file in it")
+    check_free(path, replace=replace)
 
 
 @dataclass(frozen=True)
