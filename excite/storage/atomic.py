@@ -29,13 +29,11 @@ def replacing(path: Path, mode: str = "w") -> Iterator[IO[Any]]:
 
     The file is on the disk before it gets its name, and the name before this returns.
     """
-    text = "b" not in mode
+    how: dict[str, Any] = {} if "b" in mode else {"encoding": "utf-8", "newline": "\n"}
     temporary = path.parent / f".{path.name[:40]}.{uuid4().hex[:12]}"
     with writing(path):
         try:
-            with open(
-                temporary, mode.replace("w", "x"), encoding="utf-8" if text else None, newline="\n" if text else None
-            ) as stream:
+            with open(temporary, mode.replace("w", "x"), **how) as stream:
                 yield stream
                 stream.flush()
                 os.fsync(stream.fileno())

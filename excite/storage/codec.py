@@ -25,7 +25,7 @@ from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
 from types import MappingProxyType
-from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 import cattrs
 import numpy as np
@@ -193,18 +193,15 @@ def _entries(part: type) -> dict[str, str]:
     return {each.name: each.metadata.get("entry", each.name) for each in fields(part)}
 
 
-def _overrides(kind: type) -> dict[str, Any]:
+def _overrides(kind: type, *, omit: bool) -> Any:
     """What cattrs is told of fields that are objects of the reader's, or have other names in the file."""
     made: dict[str, Any] = {name: override(rename=entry) for name, entry in _entries(kind).items() if entry != name}
     objects = [each.name for each in fields(kind) if each.metadata.get("object")]
-    return made | {name: override(omit=False, struct_hook=lambda value, _: value) for name in objects}
+    return made | {name: override(omit=omit, struct_hook=lambda value, _: value) for name in objects}
 
 
 def _writer(kind: type, converter: cattrs.Converter) -> Callable[[Any], dict[str, Any]]:
-    objects = {each.name: override(omit=True) for each in fields(kind) if each.metadata.get("object")}
-    plain: Callable[[Any], dict[str, Any]] = make_dict_unstructure_fn(
-        kind, converter, **cast("Any", _overrides(kind) | objects)
-    )
+    plain: Callable[[Any], dict[str, Any]] = make_dict_unstructure_fn(kind, converter, **_overrides(kind, omit=True))
     inline, listed = _inline(kind), getattr(kind, "listed", False)
     beside: Beside = getattr(kind, "beside", {})
 
@@ -257,9 +254,8 @@ def _array(value: Any) -> Any:
 
 
 def _reader(kind: type, converter: cattrs.Converter) -> Callable[[Any, Any], Any]:
-    plain: Callable[[Any, Any], Any] = make_dict_structure_fn(kind, converter, **cast("Any", _overrides(kind)))
-    inline = _inline(kind)
-    hints = get_type_hints(kind)
+    plain: Callable[[Any, Any], Any] = make_dict_structure_fn(kind, converter, **_overrides(kind, omit=False))
+    inline, hints = _inline(kind), get_type_hints(kind)
     listed = getattr(kind, "listed", False)
     arrays = [entry for name, entry in _entries(kind).items() if listed and _may_be_array(hints[name])]
     entries = [entry for part in (kind, *inline.values()) for entry in _entries(part).values()]

@@ -62,10 +62,7 @@ def commit(at: Destination, *, last: str, remove: Collection[str] = (), folders:
 
 
 def settle(at: Destination) -> None:
-    """Put files in place that an interrupted run has committed; to be called before files of a folder are read.
-
-    A process that is putting files in place is waited for.
-    """
+    """Put files in place that an interrupted run has committed, before they are read; a run at work is waited for."""
     began = time.monotonic()
     while at.commit.exists():
         try:
@@ -75,7 +72,8 @@ def settle(at: Destination) -> None:
             waited = time.monotonic() - began > PATIENCE
             if isinstance(error, InUseError) and waited:
                 raise
-            if not isinstance(error, InUseError) and (waited or not is_noted(at)) and at.commit.exists():
+            noted = holder_text(at.hidden("writer.json")) is not None  # for those who may not write, and see no lock
+            if not isinstance(error, InUseError) and (waited or not noted) and at.commit.exists():
                 raise InputError(
                     f"{error}; an interrupted run left complete files in {at.commit} that are still to be put in "
                     f"place: read {at.path} once as a user who may write there, or read a copy of {at.folder}"
@@ -207,11 +205,6 @@ def _acquired(at: Destination) -> BaseFileLock:
             other = "another name" if at.name else "another `folder`"
             raise InUseError(f"{at.path} is being written by {who}; wait for it, or choose {other}") from error
     return lock
-
-
-def is_noted(at: Destination) -> bool:
-    """True if a process that may still run has written down that it holds the lock; for those who may not write."""
-    return holder_text(at.hidden("writer.json")) is not None
 
 
 _LONGEST = 60  # characters of a command in a message

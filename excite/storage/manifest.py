@@ -51,9 +51,6 @@ class Entry:
         return replace(self, files={name: each for name, each in self.files.items() if name not in names})
 
 
-Manifest = Mapping[str, Entry]
-
-
 def is_foreign(folder: Path) -> bool:
     """True if the folder has a ``manifest.json`` of the user's own, which is not one of results."""
     return (folder / MANIFEST).exists() and _content(folder) is None
@@ -96,7 +93,7 @@ def _entry(content: Mapping[str, Any], path: Path) -> Entry:
     )
 
 
-def write_manifest(path: Path, manifest: Manifest) -> None:
+def write_manifest(path: Path, manifest: Mapping[str, Entry]) -> None:
     """Write a manifest."""
     results = {kind: asdict(entry) for kind, entry in manifest.items()}
     for content in results.values():

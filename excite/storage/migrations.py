@@ -15,28 +15,25 @@ import numpy as np
 from excite.storage.atomic import read_json
 from regressors.errors import InputError
 
-SCHEMAS = {
-    "accuracy": 2, "bound": 2, "campaign": 2, "cell": 1, "design": 1, "friction-fit": 2, "friction-plan": 2,
-    "log": 2, "payload": 2, "posterior": 2, "precision": 2, "result": 2, "study": 2, "verification": 2,
-}  # fmt: skip
 Content = dict[str, Any]
 Migration = Callable[[Content, Content, Path], tuple[Content, Content]]
 
 
 def schema_of(kind: str) -> str:
     """Schema that is written today, such as ``excite.verification/2``."""
-    return f"excite.{kind}/{SCHEMAS[kind]}"
+    return f"excite.{kind}/{len(_MIGRATIONS[kind]) + 1}"
 
 
 def is_of_kind(kind: str, schema: object) -> bool:
     """Whether a schema is one of a kind that can be read."""
-    return schema in [f"excite.{kind}/{number}" for number in range(1, SCHEMAS[kind] + 1)]
+    return schema in [f"excite.{kind}/{number}" for number in range(1, len(_MIGRATIONS[kind]) + 2)]
 
 
 def migrated(kind: str, content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
     """Content and arrays in today's schema."""
-    for number in range(int(str(content["schema"]).rpartition("/")[2]), SCHEMAS[kind]):
-        content, arrays = _MIGRATIONS[kind, number](content, arrays, folder)
+    number = int(str(content["schema"]).rpartition("/")[2])
+    for migration in _MIGRATIONS[kind][number - 1 :]:
+        content, arrays = migration(content, arrays, folder)
     return content, arrays
 
 
@@ -216,9 +213,9 @@ _MANY = 10**9  # degrees of freedom of Student's t where it is as the normal dis
 
 def _result_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
     """Parameters were one by one, not finite numbers were null, and curves had names of their own."""
-    design, logs = content["design"], content["logs"]
     condition, arrays = content["condition_number"], dict(arrays)
     curves, history = _result_arrays(arrays)
+    design = content["design"]
     designed = None if design is None else {**design, "condition_number": _infinite(design["condition_number"])}
     return {
         **content,
@@ -227,7 +224,7 @@ def _result_2(content: Content, arrays: Content, folder: Path) -> tuple[Content,
         **({"curves": curves} if curves else {}),
         "measured_condition_number": _infinite(condition["measured"]),
         "design": designed,
-        "logs": [_log_of(log) for log in logs],
+        "logs": [_log_of(log) for log in content["logs"]],
         "base": {
             **content.get("base", {"rank": len(content["parameters"]), "columns": [], "gap": None}),
             "gap": _infinite(content.get("base", {}).get("gap")),
@@ -243,9 +240,9 @@ def _result_2(content: Content, arrays: Content, folder: Path) -> tuple[Content,
         "residuals": [_entries_infinite(each) for each in content.get("residuals", ())],
         "noise_density": content.get("noise_density"),
         "reference_values": _reference_of(content),
-        "scale": _scale_of(content.get("friction_scale")),
-        "calibration": _calibration_of(content.get("drive_gains")),
-        "scatter": _scatter_of(content.get("between_logs")),
+        "scale": _if_known(_scale_of, content.get("friction_scale")),
+        "calibration": _if_known(_calibration_of, content.get("drive_gains")),
+        "scatter": _if_known(_scatter_of, content.get("between_logs")),
         "each": any("each" in each for each in (content.get("between_logs") or {}).get("parameters", ())),
         "provenance": content.get("provenance", {}),
     }, arrays
@@ -307,19 +304,19 @@ def _reference_of(content: Content) -> Content | None:
     return None if kind is None else {"kind": kind, "values": values}
 
 
-def _scale_of(factors: Content | None) -> Content | None:
+def _if_known(convert: Callable[[Content], Content], value: Content | None) -> Content | None:
+    return None if value is None else convert(value)
+
+
+def _scale_of(factors: Content) -> Content:
     """The file had no covariance of the factors: none between them."""
-    if factors is None:
-        return None
     half = [(each["interval"][1] - each["interval"][0]) / 2 for each in factors.values()]
     covariance = np.diag((np.array(half) / _NORMAL) ** 2).tolist()
     factor = [each["factor"] for each in factors.values()]
     return {"drives": list(factors), "factor": factor, "covariance": covariance, "half_width": half}
 
 
-def _calibration_of(gains: Content | None) -> Content | None:
-    if gains is None:
-        return None
+def _calibration_of(gains: Content) -> Content:
     drives = gains["drives"].values()
     return {
         **gains,
@@ -330,17 +327,14 @@ def _calibration_of(gains: Content | None) -> Content | None:
     }
 
 
-def _scatter_of(between: Content | None) -> Content | None:
+def _scatter_of(between: Content) -> Content:
     """Estimates of each log were in the file where they were asked for."""
-    if between is None:
-        return None
     parameters, logs = between["parameters"], between["logs"]
 
     def of_logs(name: str, unknown: str) -> list[list[Any]]:
         known = [each.get("each", [{}] * len(logs)) for each in parameters]
         return [[unknown if row[k].get(name) is None else row[k][name] for row in known] for k in range(len(logs))]
 
-    ratios = ["nan" if each["ratio"] is None else each["ratio"] ** 2 for each in parameters]
     each_log = {
         "logs": logs,
         "names": [each["name"] for each in parameters],
@@ -354,7 +348,7 @@ def _scatter_of(between: Content | None) -> Content | None:
         "each": each_log,
         "counts": [each["logs"] for each in parameters],
         "means": ["nan"] * len(parameters),
-        "ratios": ratios,
+        "ratios": ["nan" if each["ratio"] is None else each["ratio"] ** 2 for each in parameters],
         "probabilities": [_unknown(each["probability"]) for each in parameters],
     }
 
@@ -377,22 +371,20 @@ def _coordinate_2(each: Content, schedule: Content) -> Content:
     return {
         **each,
         **{"low": -stroke, "high": stroke, "below": "", "above": "", "schedule": schedule, "torque_ramps": ramps},
-        "largest_gravity": "nan" if each["largest_gravity"] is None else each["largest_gravity"],
+        "largest_gravity": _unknown(each["largest_gravity"]),
         "windows": [_gravity_2(window) for window in each["windows"]],
     }
 
 
 def _gravity_2(each: Content) -> Content:
-    return {**each, "gravity": "nan" if each["gravity"] is None else each["gravity"]}
+    return {**each, "gravity": _unknown(each["gravity"])}
 
 
 def _posterior_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
     """Names were arrays alone where the values are, and what is not a number was null."""
-    names: Content = {
-        name: arrays[name].tolist() for name in ("names", "units", "base_names", "base_units") if name in arrays
-    }
-    numbers = {name: content[name] for name in ("prior", "distance", "effective", "split_deviation")}
-    floats = {name: "nan" if value is None else value for name, value in numbers.items()}
+    listed = ("names", "units", "base_names", "base_units")
+    names: Content = {name: arrays[name].tolist() for name in listed if name in arrays}
+    floats = {name: _unknown(content[name]) for name in ("prior", "distance", "effective", "split_deviation")}
     references = {name: {"array": name} for name in ("values", "base_matrix")}
     return {**content, **names, **floats, **references}, arrays
 
@@ -415,17 +407,20 @@ def _log_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Co
     return {**begun, **unknown, "settings": {}, "truth": {}, **content}, arrays
 
 
-_MIGRATIONS: dict[tuple[str, int], Migration] = {
-    ("accuracy", 1): _accuracy_2,
-    ("bound", 1): _bound_2,
-    ("campaign", 1): _campaign_2,
-    ("friction-fit", 1): _friction_fit_2,
-    ("friction-plan", 1): _friction_plan_2,
-    ("log", 1): _log_2,
-    ("payload", 1): _payload_2,
-    ("posterior", 1): _posterior_2,
-    ("precision", 1): _precision_2,
-    ("result", 1): _result_2,
-    ("study", 1): _study_2,
-    ("verification", 1): _verification_2,
+# of each kind, what makes a file of schema 1, 2, ... one of the next; today's number is one more than there are
+_MIGRATIONS: dict[str, tuple[Migration, ...]] = {
+    "accuracy": (_accuracy_2,),
+    "bound": (_bound_2,),
+    "campaign": (_campaign_2,),
+    "cell": (),
+    "design": (),
+    "friction-fit": (_friction_fit_2,),
+    "friction-plan": (_friction_plan_2,),
+    "log": (_log_2,),
+    "payload": (_payload_2,),
+    "posterior": (_posterior_2,),
+    "precision": (_precision_2,),
+    "result": (_result_2,),
+    "study": (_study_2,),
+    "verification": (_verification_2,),
 }

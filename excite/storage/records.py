@@ -6,7 +6,7 @@ import io
 import zipfile
 import zlib
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -23,7 +23,6 @@ from regressors.errors import InputError
 from regressors.input_files import read_bytes
 from regressors.samples import Array, Index
 
-_CURVES = {"result": "curves.npz"}  # else CURVES after the stem of the record
 CURVES = "_curves.npz"
 Record = TypeVar("Record")
 
@@ -61,48 +60,43 @@ def write_record(
 
 def curves_file(stem: str) -> str:
     """Name of the file of arrays beside ``STEM.json``."""
-    return _CURVES.get(stem, f"{stem}{CURVES}")
+    return "curves.npz" if stem == "result" else f"{stem}{CURVES}"
 
 
 def check_replaceable(folder: Path, kind: str, stem: str) -> None:
     """Raise `InputError` where a file has the name of a record, but is the user's own."""
     path = folder / f"{stem}.json"
-    if path.exists() and stem not in read_manifest(folder) and not _is_ours(path, kind):
-        raise InputError(f"{path} is already there, and is not a {kind}; choose another `folder`")
-
-
-def _is_ours(path: Path, kind: str) -> bool:
-    try:
-        return is_of_kind(kind, read_json(path).get("schema"))
-    except InputError:
-        return False
+    if not path.exists() or stem in read_manifest(folder):
+        return
+    with suppress(InputError):
+        if is_of_kind(kind, read_json(path).get("schema")):
+            return
+    raise InputError(f"{path} is already there, and is not a {kind}; choose another `folder`")
 
 
 def read_record(
     path: Path, record: type[Record], kind: str, objects: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None
 ) -> Record:
     """Read a record, also of an older schema."""
-    return read_settled(Destination(path.parent), lambda: _read(path, record, kind, objects))
 
+    def read() -> Record:
+        content = read_json(path)
+        if not is_of_kind(kind, content.get("schema")):
+            raise InputError(f"{path}: expected schema {schema_of(kind)}, given {content.get('schema')!r}")
+        curves = path.with_name(curves_file(path.stem))
+        entry = path.stem if path.stem in read_manifest(path.parent) else kind
+        check_files(path.parent, entry, (path.name, curves.name))
+        arrays: Arrays = read_curves(curves) if curves.is_file() else {}
+        what = kind.replace("-", " ")
+        with complete(path, what):
+            content, arrays = migrated(kind, content, arrays, path.parent)
+            content = content if objects is None else {**content, **objects(content)}
+        try:
+            return record_of(record, content, arrays)
+        except InputError as error:
+            raise InputError(f"{path}: not a complete {what}: {error}") from error
 
-def _read(
-    path: Path, record: type[Record], kind: str, objects: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None
-) -> Record:
-    content = read_json(path)
-    if not is_of_kind(kind, content.get("schema")):
-        raise InputError(f"{path}: expected schema {schema_of(kind)}, given {content.get('schema')!r}")
-    curves = path.with_name(curves_file(path.stem))
-    entry = path.stem if path.stem in read_manifest(path.parent) else kind
-    check_files(path.parent, entry, (path.name, curves.name))
-    arrays: Arrays = read_curves(curves) if curves.is_file() else {}
-    what = kind.replace("-", " ")
-    with complete(path, what):
-        content, arrays = migrated(kind, content, arrays, path.parent)
-        content = content if objects is None else {**content, **objects(content)}
-    try:
-        return record_of(record, content, arrays)
-    except InputError as error:
-        raise InputError(f"{path}: not a complete {what}: {error}") from error
+    return read_settled(Destination(path.parent), read)
 
 
 @contextmanager
@@ -141,8 +135,6 @@ _FAULTS = (
     zipfile.BadZipFile,
 )  # fmt: skip
 
-NamedArrays = dict[str, Any]
-
 
 def every(count: int, most: int = NUMBERS) -> int:
     """The least k so that every k-th of `count` values are at most `most`."""
@@ -165,8 +157,22 @@ def write_curves(path: Path, arrays: Mapping[str, Any]) -> None:
         np.savez_compressed(stream, allow_pickle=False, **arrays)
 
 
-def read_curves(path: Path) -> NamedArrays:
-    """NamedArrays of a file."""
+_OLDEST = (1980, 1, 1, 0, 0, 0)  # of every member, so that the same arrays give the same bytes
+
+
+def zipped_arrays(arrays: Mapping[str, Any]) -> bytes:
+    """Content of an ``.npz``, uncompressed, the same for the same arrays."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
+        for name, values in arrays.items():
+            member = io.BytesIO()
+            np.lib.format.write_array(member, np.asarray(values), allow_pickle=False)
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy", _OLDEST), member.getvalue())
+    return stream.getvalue()
+
+
+def read_curves(path: Path) -> Arrays:
+    """Arrays of a file."""
     try:
         content = io.BytesIO(read_bytes(path))
         with zipfile.ZipFile(content) as archive:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import replace as changed
 from functools import partial
 from pathlib import Path
 from uuid import uuid4
 
 from excite.registry import FIGURE_FORMATS
-from excite.storage.atomic import MANIFEST, NEXT, Destination, writing
+from excite.storage.atomic import MANIFEST, NEXT, Destination, replacing, writing
 from excite.storage.commit import Read, clear, commit, locked, read_settled, settle, staging
 from excite.storage.manifest import (
     Entry,
@@ -95,10 +95,7 @@ def replace_result(
 
 @contextmanager
 def amend_result(folder: Path, kind: str) -> Iterator[Path]:
-    """Add files to a result, or replace some of its files, all at once.
-
-    A folder without a manifest, or without a result of the kind, gets the files alone.
-    """
+    """Add or replace files of a result, all at once; a folder without a result of the kind gets the files alone."""
     at = Destination(folder)
     with staging(at) as staged:
         yield staged
@@ -149,11 +146,23 @@ def check_not_taken(folder: Path, mark: str, what: str, names: Collection[str] =
             raise TakenError(f"{folder / name} is already there, and is not of {what}")
 
 
-@contextmanager
-def result_file(path: Path) -> Iterator[None]:
+def result_file(path: Path) -> AbstractContextManager[None]:
     """Be the only writer of a file in the block, whose folder is made if it does not exist; see `result_folder`."""
-    with _sole_writer(Destination(path.parent, path.name)):
-        yield
+    return _sole_writer(Destination(path.parent, path.name))
+
+
+def write_file(path: Path, content: bytes, *, replace: bool) -> None:
+    """Write one file; one that is there is replaced only where that is asked for."""
+    with result_file(path):
+        check_free(path, replace=replace)
+        with replacing(path, "wb") as stream:
+            stream.write(content)
+
+
+def check_free(path: Path, *, replace: bool) -> None:
+    """Raise `InputError` where a file is there that is not to be replaced."""
+    if path.exists() and not replace:
+        raise InputError(f"{str(path)!r} is there already; `replace` replaces it, or choose another name")
 
 
 @contextmanager

@@ -25,25 +25,17 @@ def read_table(path: Path, rates: Sequence[str], text: str | None = None) -> tup
         with opened(path, LOG) as stream:
             rows = csv.reader(io.TextIOWrapper(stream, encoding="utf-8", newline=""))
             header = next(rows, [])
-            return _columns(path, header, rows, rates, text)
+            chosen = [k for k, name in enumerate(header) if name == "time" or name.rpartition(".")[2] in rates]
+            of_text = header.index(text) if text in header else None
+            values, cells = array("d"), list[str]()
+            for line, row in enumerate(rows, 2):  # each row is read and forgotten
+                if len(row) != len(header):
+                    raise InputError(f"{path}, line {line}: {len(row)} cells under {len(header)} names")
+                values.extend([_number(row[k], path, line) for k in chosen])
+                if of_text is not None:
+                    cells.append(sys.intern(row[of_text]))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error
-
-
-def _columns(
-    path: Path, header: list[str], rows: Iterable[list[str]], rates: Sequence[str], text: str | None
-) -> tuple[list[str], Array, list[str]]:
-    """Chosen columns of the rows, each row read and forgotten."""
-    chosen = [k for k, name in enumerate(header) if name == "time" or name.rpartition(".")[2] in rates]
-    of_text = header.index(text) if text in header else None
-    values, cells = array("d"), list[str]()
-    for line, row in enumerate(rows, 2):
-        if len(row) != len(header):
-            raise InputError(f"{path}, line {line}: {len(row)} cells under {len(header)} names")
-        numbers = [_number(row[k], path, line) for k in chosen]
-        values.extend(numbers)
-        if of_text is not None:
-            cells.append(sys.intern(row[of_text]))
     table = np.frombuffer(values, float) if values else np.zeros(0)
     return [header[k] for k in chosen], table.reshape(-1, len(chosen)) if chosen else np.zeros((0, 0)), cells
 

@@ -259,7 +259,7 @@ class PosteriorCoordinates:
     origin: Array  # (t,)
     slope: Array  # (t, d)
     determined: int  # number of the coordinates x, which the data determine; they are the first
-    freedom: float  # degrees of freedom nu of their distribution; infinite for a normal one
+    freedom: float  # degrees of freedom nu of their distribution
 
     @property
     def size(self) -> int:
@@ -273,16 +273,13 @@ class PosteriorCoordinates:
     def energy(self, z: Array) -> Array:
         """``-log p(z)`` without its constant, shape (...)."""
         x, y = self._squares(z)
-        if np.isinf(self.freedom):
-            return np.asarray((x + y) / 2)
         return np.asarray((self.freedom + self.determined) / 2 * np.log1p(x / self.freedom) + y / 2)
 
     def slope_of_energy(self, z: Array) -> Array:
         """Gradient of `energy`, shape (..., d)."""
         gradient = z.copy()
-        if np.isfinite(self.freedom):
-            x, _ = self._squares(z)
-            gradient[..., : self.determined] *= ((self.freedom + self.determined) / (self.freedom + x))[..., None]
+        x, _ = self._squares(z)
+        gradient[..., : self.determined] *= ((self.freedom + self.determined) / (self.freedom + x))[..., None]
         return gradient
 
     def _squares(self, z: Array) -> tuple[Array, Array]:

@@ -22,6 +22,7 @@ from excite.information.matrix import noise_per_row
 from excite.information.precision_forecast import (
     OutOfReach,
     ParameterPrecision,
+    PrecisionForecast,
     PrecisionSearch,
     RunInformation,
     SeparationTrial,
@@ -136,7 +137,12 @@ def search_for_precision(
     run, forecast = best.run_information, best.precision
     assert run is not None
     assert forecast is not None
-    most = task.objective.max_time
+    most, obstacles = task.objective.max_time, None
+    if not search.interrupted:
+        try:
+            obstacles = out_of_reach(best, run, forecast, report)
+        except KeyboardInterrupt:
+            search.interrupted = True
     found = PrecisionSearch(
         asked=run.precision.to_dict(),
         noise=tuple(noise_per_row(task.objective.noise, best.target.model).tolist()),
@@ -145,7 +151,7 @@ def search_for_precision(
         forecast=forecast,
         trials=tuple(tried_period(trial, max(most, forecast.robot_seconds)) for trial in search.trials),
         front=pareto_front(search.trials, most),
-        out_of_reach=_obstacles(best, search, report),
+        out_of_reach=obstacles,
     )
     return replace(
         best,
@@ -153,17 +159,6 @@ def search_for_precision(
         provenance={**best.provenance, "cpu_seconds": search.seconds},
         precision_search=found,
     )
-
-
-def _obstacles(best: Design, search: PeriodSearch, report: Callable[[str], None]) -> OutOfReach | None:
-    """What keeps the target out of reach; None where it is met, or where there is no time to try."""
-    if search.interrupted:
-        return None
-    try:
-        return out_of_reach(best, report)
-    except KeyboardInterrupt:
-        search.interrupted = True
-        return None
 
 
 def precise_task(task: Task) -> Task:
@@ -192,13 +187,11 @@ _TOGETHER = 0.7  # correlation from which two parameters count as moving togethe
 _PARTNERS = 3
 
 
-def out_of_reach(design: Design, report: Callable[[str], None] = lambda _: None) -> OutOfReach | None:
+def out_of_reach(
+    design: Design, run: RunInformation, forecast: PrecisionForecast, report: Callable[[str], None]
+) -> OutOfReach | None:
     """Say which parameters stay too uncertain, what they move with, and what separates them; None if none does."""
-    run, forecast = design.run_information, design.precision
-    if run is None or forecast is None or design.task.objective.scale != "precision":
-        raise InputError("the design was not made for a precision; `design_for_precision` makes one")
-    wide = forecast.too_wide
-    if not wide:
+    if not (wide := forecast.too_wide):
         return None
     needed = run.fewest_runs() * run.seconds
     with threadpool_limits(1), np.errstate(all="ignore"):

@@ -21,6 +21,7 @@ from excite.study.moments import (
     Part,
     Solved,
     has_gpu,
+    has_jax_form,
 )
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import Base, triangular_factor
@@ -176,7 +177,8 @@ class Chain:
             self.predicted = np.column_stack(
                 [beta[used] @ x for x, used in zip(self.fixed, self.columns.used, strict=True)]
             )
-        self.jax = JaxMoments.of(self.sums, self.columns) if self.fixed is None and has_gpu() else None
+        on_gpu = self.fixed is None and has_gpu() and has_jax_form(self.columns)
+        self.jax = JaxMoments(self.sums, self.columns) if on_gpu else None
 
     @property
     def batch(self) -> int:
@@ -226,8 +228,8 @@ class Chain:
 
     def _whole(self, samples: Samples) -> list[Array]:
         """Transposed columns of each equation, of all rows."""
-        parts = [X for _, X in self.columns.parts(samples)]
-        return [np.concatenate(pieces, axis=1) for pieces in zip(*parts, strict=True)]
+        pieces = zip(*(X for _, X in self.columns.parts(samples)), strict=True)
+        return [np.concatenate(each, axis=1) for each in pieces]
 
     def _conditioned(self, true: Samples) -> Array | None:
         """Matrix P that makes the moments of columns accurate; None where that changes little."""

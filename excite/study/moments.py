@@ -162,6 +162,11 @@ def has_gpu() -> bool:
         return False
 
 
+def has_jax_form(columns: EquationColumns) -> bool:
+    """Whether JAX computes a model and its equations."""
+    return columns.model.jax_form is not None and columns.decimation is None
+
+
 class JaxMoments:
     """`MomentSums.of` for batches of repetitions."""
 
@@ -170,13 +175,6 @@ class JaxMoments:
 
         self._sums, self._columns = sums, columns
         self._model = JaxModel(columns.model, columns.index)
-
-    @classmethod
-    def of(cls, sums: MomentSums, columns: EquationColumns) -> JaxMoments | None:
-        """These moments; None for models and equations that JAX does not compute."""
-        if columns.model.jax_form is None or columns.decimation is not None:
-            return None
-        return cls(sums, columns)
 
     def batch(self, instants: int) -> int:
         """Repetitions whose rows fit at once."""
@@ -245,10 +243,6 @@ class Moments:
         """Least noise of each equation: residuals of exact data are rounding errors, shape (r,)."""
         return _FLOOR * np.where(self.sizes > 0, self.sizes, 1.0)
 
-    def without(self, front: int) -> Moments:
-        """The moments without the first columns."""
-        return Moments(self.G[:, front:, front:], self.count, self.sizes)
-
     def weighted(self, scale: Array) -> Array:
         """Moments of all rows divided by their equation's scale, shape (k, k)."""
         return np.asarray(np.tensordot(1 / scale**2, self.G, 1))
@@ -279,10 +273,7 @@ def least_squares(moments: Moments) -> Solved:
 
 
 def weighted(moments: Moments) -> Solved:
-    """Rows divided by the noise of their equation, a fixed point, with covariance ``(W' Sigma^-1 W)^-1``.
-
-    See `excite.identification.estimators.least_squares.weighted`; parameters as for `least_squares`.
-    """
+    """Rows divided by the noise of their equation, a fixed point, with covariance ``(W' Sigma^-1 W)^-1``."""
     scale = _weights(moments)
     error, half = _solution(moments.weighted(scale))
     spare = moments.count - moments.leverages(half) / scale**2
@@ -292,7 +283,7 @@ def weighted(moments: Moments) -> Solved:
 def instrumental(moments: Moments) -> Solved:
     """``(Z' Sigma^-1 W)^-1 Z' Sigma^-1 y`` with the noise-free regressor Z, as the estimator ``instrumental``."""
     b = moments.G.shape[1] // 2
-    rows = moments.without(b)
+    rows = Moments(moments.G[:, b:, b:], moments.count, moments.sizes)
     spare = np.full(len(moments.G), moments.count * (1 - b / (len(moments.G) * moments.count)))
 
     def solution_at(scale: Array) -> tuple[Array, Array]:
@@ -337,9 +328,7 @@ def _weights(moments: Moments) -> Array:
 
 def _fixed_point(updated: Callable[[Array], Array], scale: Array) -> Array:
     for _ in range(_ITERATIONS):
-        new = updated(scale)
-        change = float(np.abs(np.log(new / scale)).max())
-        scale = new
-        if not change > _SETTLED:
+        before, scale = scale, updated(scale)
+        if not np.abs(np.log(scale / before)).max() > _SETTLED:
             break
     return scale

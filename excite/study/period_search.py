@@ -58,8 +58,9 @@ class PeriodSearch:
         """Try the ladder of periods, those in between that promise less robot time, and search on at the best."""
         try:
             self._climb()
-            self._refine()
-            self._finish()
+            if self.trials:
+                self._refine()
+                self._finish()
         except KeyboardInterrupt:
             if not self.trials:
                 raise
@@ -79,16 +80,12 @@ class PeriodSearch:
 
     def _refine(self) -> None:
         for _ in range(_BETWEEN):
-            if not self.trials:
-                return
             period = promising_period(self.trials, self.task.objective.max_time, self.task.output.rate)
             if period is None or self._try(period) is None:
                 return
 
     def _finish(self) -> None:
         """Search at the best period as the task says, then shorten it as far as as many runs are enough."""
-        if not self.trials:
-            return
         best = best_trial(self.trials, self.task.objective.max_time)
         self.report(f"searching on at {best.period:g} s")
         self._keep(self._solved(self.task, best.period, "last", best))
@@ -114,7 +111,8 @@ class PeriodSearch:
     def _try(self, period: float) -> PeriodTrial | None:
         """Search at one period, from random motions and from the best motion of a neighbour; None if it has none."""
         near = min(self.trials, key=lambda trial: abs(math.log(trial.period / period)), default=None)
-        random = self._keep(self._solved(_brief(self.task), period, "random", None))
+        brief = self.task.changed(starts=None, rounds=_ROUNDS, budget=None)  # a few rounds after random motions
+        random = self._keep(self._solved(brief, period, "random", None))
         warm = None if near is None else self._keep(self._solved(_single(self.task), period, "warm", near))
         trials = [trial for trial in (random, warm) if trial is not None]
         if not trials:
@@ -153,11 +151,6 @@ class PeriodSearch:
         if design.interrupted:
             raise KeyboardInterrupt
         return same[0] if same else trial
-
-
-def _brief(task: Task) -> Task:
-    """The task with a search of random motions and a few rounds."""
-    return task.changed(starts=None, rounds=_ROUNDS, budget=None)
 
 
 def _single(task: Task) -> Task:
@@ -200,14 +193,11 @@ def task_at(task: Task, period: float, begin: PeriodTrial | None) -> Task:
     option, richness = task.trajectory.richness
     changed: dict[str, Any] = {option: max(_FEWEST, math.floor(richness * period / task.trajectory.period + 1e-6))}
     task = task.changed(trajectory=replace(task.trajectory, period=period, **changed))
-    return task if begin is None else task.changed(begin=motion_of_trial(begin))
-
-
-def motion_of_trial(trial: PeriodTrial) -> InitialDesign:
-    """The motion of a trial, for a search to begin with."""
-    design = trial.design
+    if begin is None:
+        return task
+    design = begin.design
     series = {"joints": list(design.moving.joint_names), **design.trajectory.family.to_dict(design.trajectory.x)}
-    return InitialDesign(f"the best motion of {trial.period:g} s", series)
+    return task.changed(begin=InitialDesign(f"the best motion of {begin.period:g} s", series))
 
 
 def promising_period(trials: Sequence[PeriodTrial], max_time: float, rate: float) -> float | None:

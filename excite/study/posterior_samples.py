@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from excite.storage.atomic import replacing
 from excite.storage.codec import Arrays, content_of, record_of
 from excite.storage.migrations import is_of_kind, migrated, schema_of
-from excite.storage.result_folder import result_file
+from excite.storage.records import zipped_arrays
+from excite.storage.result_folder import write_file
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened, read_text
@@ -29,7 +29,6 @@ from regressors.samples import Array
 KIND = "posterior"
 NPZ, CSV = ".npz", ".csv"
 _NAMES = ("names", "units", "base_names", "base_units")  # arrays of their own too, for programs that read the file
-_OLDEST = (1980, 1, 1, 0, 0, 0)  # of every member, so that the same samples give the same bytes
 LEVEL = 0.99
 _TAIL = 5  # samples beyond each end of a range, below which it is not stated
 
@@ -173,12 +172,7 @@ class PosteriorSamples:
             Another suffix, or a file that is there already or cannot be written.
         """
         path = Path(path)
-        content = self.file_content(_suffix(path))
-        with result_file(path):
-            if path.exists() and not replace:
-                raise InputError(f"{str(path)!r} is there already; `replace` replaces it, or choose another name")
-            with replacing(path, "wb") as stream:
-                stream.write(content)
+        write_file(path, self.file_content(_suffix(path)), replace=replace)
         return path
 
     def file_content(self, suffix: str) -> bytes:
@@ -186,7 +180,8 @@ class PosteriorSamples:
         content, arrays = content_of(self)
         facts = {"schema": schema_of(KIND), **content}
         if suffix == NPZ:
-            return _zipped({**{name: np.array(content[name]) for name in _NAMES}, "facts": json.dumps(facts), **arrays})
+            names = {name: content[name] for name in _NAMES}
+            return zipped_arrays({**names, "facts": json.dumps(facts), **arrays})
         del facts["values"]
         facts["base_matrix"] = self.base_matrix.tolist()
         stream = io.StringIO()
@@ -202,16 +197,6 @@ class PosteriorSamples:
             f"<PosteriorSamples of {self.robot}: {len(self)} possible robots of {len(self.names)} parameters, about "
             f"{self.effective:.0f} of them independent>"
         )
-
-
-def _zipped(arrays: dict[str, Any]) -> bytes:
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
-        for name, values in arrays.items():
-            member = io.BytesIO()
-            np.lib.format.write_array(member, np.asarray(values), allow_pickle=False)
-            archive.writestr(zipfile.ZipInfo(f"{name}.npy", _OLDEST), member.getvalue())
-    return stream.getvalue()
 
 
 @checked

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -107,12 +108,16 @@ def predict_accuracy(
     progress("identifying its log")
     result = identify(design.robot, simulation, design=design, recipe=recipe, estimator=estimator, choose=choose, **how)
     rehearsal = Rehearsal(simulation, result, _found(recipe, result.choices))
-    steps, seed = _steps(progress), settings.seed
-    torques = torque_errors(result, stated, count, seed, rehearsal.found, steps("noise of the torques"))
+    seed = settings.seed
+
+    def told(what: str) -> Callable[[int, int], None]:
+        return partial(_told, progress, what)
+
+    torques = torque_errors(result, stated, count, seed, rehearsal.found, told("noise of the torques"))
     motion = np.zeros_like(torques)
     if rehearsal.moves:
-        motion = motion_errors(rehearsal, count, seed, steps("noise of the motion"))
-    parameters = _parameters(rehearsal, torques, motion, steps)
+        motion = motion_errors(rehearsal, count, seed, told("noise of the motion"))
+    parameters = _parameters(rehearsal, torques, motion, told("bounds"))
     return AccuracyPrediction(
         design.name,
         design.robot.name,
@@ -136,20 +141,10 @@ def _check_noise(noise: TorqueNoise, settings: SimulationSettings) -> None:
         )
 
 
-Steps = Callable[[str], Callable[[int, int], None]]
-
-
-def _steps(progress: Callable[[str], None]) -> Steps:
-    """Descriptions of the steps, with how much of each is done."""
-
-    def step(what: str) -> Callable[[int, int], None]:
-        def report(done: int, total: int) -> None:
-            if done == total or done % max(1, total // _STEPS) == 0:
-                progress(f"{what}: {done} of {total} samples")
-
-        return report
-
-    return step
+def _told(progress: Callable[[str], None], what: str, done: int, total: int) -> None:
+    """Tell how much of a step is done, a few times."""
+    if done == total or done % max(1, total // _STEPS) == 0:
+        progress(f"{what}: {done} of {total} samples")
 
 
 def _found(recipe: Recipe, choices: tuple[Choice, ...]) -> frozenset[str]:
@@ -160,7 +155,9 @@ def _found(recipe: Recipe, choices: tuple[Choice, ...]) -> frozenset[str]:
     return frozenset(found)
 
 
-def _parameters(rehearsal: Rehearsal, torques: Array, motion: Array, steps: Steps) -> tuple[ParameterAccuracy, ...]:
+def _parameters(
+    rehearsal: Rehearsal, torques: Array, motion: Array, progress: Callable[[int, int], None]
+) -> tuple[ParameterAccuracy, ...]:
     """What the errors by noise of the torques and of the motion, each of shape (k, p), make of each parameter."""
     result, exact = rehearsal.result, rehearsal.exact
     values = exact.solution.values[: exact.count]
@@ -168,7 +165,7 @@ def _parameters(rehearsal: Rehearsal, torques: Array, motion: Array, steps: Step
     deviation, mean = np.hypot(by_torques, by_motion), values + motion.mean(axis=0)
     if result.estimate.method not in FREE:
         free = values + torques + motion
-        bounded = bounded_estimates(result, exact, free, steps("bounds"))
+        bounded = bounded_estimates(result, exact, free, progress)
         deviation, mean = np.std(bounded, axis=0, ddof=1), mean + (bounded - free).mean(axis=0)
     # true parameters, NaN where the simulated robot has none, as of friction of another form
     truth = parameter_values(result.target.model, result.target.base, dict(rehearsal.simulation.truth))

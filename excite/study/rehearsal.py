@@ -21,6 +21,7 @@ from excite.identification.observations import GroupFactors, Observations, rows_
 from excite.identification.prediction import without_friction
 from excite.identification.preparation import PreparedLog, prepare
 from excite.logs.log import Log
+from excite.logs.signals.periods import mean_rate
 from excite.simulation.sensors import first_order_noise, joint_log
 from excite.simulation.settings import SimulationSettings, one_each
 from excite.simulation.simulation import Simulation
@@ -87,8 +88,7 @@ def motion_settings(settings: SimulationSettings) -> SimulationSettings:
 
 def exact_settings(settings: SimulationSettings) -> SimulationSettings:
     """The settings of exact sensors; gains and drifts stay."""
-    none = (0.0,)
-    quiet = motion_settings(settings)
+    quiet, none = motion_settings(settings), (0.0,)
     return replace(quiet, encoder=None, position_noise=none, velocity_noise=none, position_step=none)
 
 
@@ -180,8 +180,6 @@ def bounded_estimates(
 
     The rows are condensed to p equations ``R beta = R values`` with ``R'R = W' V W``, of noise one.
     """  # values (k, p)
-    if result.estimate.method in FREE:
-        return values
     estimator, target = result.recipe.chosen_estimator(), result.target
     context = Context(target, result.prepared, result.recipe, standard_values(target.robot))
     p, root, rows = linear.count, linear.root, linear.rows
@@ -292,22 +290,18 @@ class MeasuredNoise(TorqueNoise):
     @property
     def deviation(self) -> Array:
         """Standard deviation of each joint's noise, shape (n,) [Nm or N]."""
-        count = 2**14
-        return np.array([np.sqrt(np.mean(_two_sided(noise.spectrum(count)))) for noise in self.joints])
+        spectra = (noise.spectrum(2**14) for noise in self.joints)
+        return np.array([np.sqrt(np.mean(np.concatenate([s, s[1:-1]]))) for s in spectra])
 
     def draw(self, time: Array, joints: int, rng: np.random.Generator) -> Array:
         """See `TorqueNoise.draw`."""
-        rate = rate_of(time)
+        rate = mean_rate(time)
         if abs(rate / self.rate - 1) > _SAME_RATE or joints != len(self.joints):
             raise InputError(
                 f"noise was measured of {len(self.joints)} joints at {self.rate:.4g} Hz, and the motion has {joints} "
                 f"joints at {rate:.4g} Hz; give noise that was measured at the same rate"
             )
         return np.column_stack([_drawn(noise, time.size, rng) for noise in self.joints])
-
-
-def _two_sided(spectrum: Array) -> Array:
-    return np.concatenate([spectrum, spectrum[1:-1]])
 
 
 def _drawn(noise: AutoregressiveNoise, count: int, rng: np.random.Generator) -> Array:
@@ -351,9 +345,4 @@ def measured_noise(result: Identification, log: int = 0) -> MeasuredNoise:
             e = residual[own]
             fitted = float(np.sqrt(np.mean(e**2)))  # less than the noise by what the parameters take up
             joints.append(noise_of_residuals(e * deviation[group % r] / fitted if fitted > 0 else e))
-    return MeasuredNoise(rate_of(result.prepared[log].samples.time), tuple(joints))
-
-
-def rate_of(time: Array) -> float:
-    """Samples per second [Hz]."""
-    return (time.size - 1) / float(time[-1] - time[0])
+    return MeasuredNoise(mean_rate(result.prepared[log].samples.time), tuple(joints))

@@ -20,7 +20,7 @@ import scipy.stats
 from threadpoolctl import threadpool_limits
 
 from excite.design.executors.dask_cluster import DaskCluster, check_versions, unit_executor
-from excite.design.executors.unit_executor import SHORT, InProcesses, InThisProcess, LostUnit, UnitExecutor, Work
+from excite.design.executors.unit_executor import SHORT, InProcesses, InThisProcess, LostUnit, UnitExecutor
 from excite.design.interruption import current_interruption
 from excite.design.problem_identity import PACKAGES, NotComparable, plain_value
 from excite.errors import LostWorkersError
@@ -32,11 +32,11 @@ from excite.identification.preparation import chosen_method
 from excite.identification.recipe import not_repeated, repetition_prediction
 from excite.logs.signals.filters import decimation
 from excite.logs.signals.method import delayed, resample
+from excite.logs.signals.periods import mean_rate
 from excite.storage.atomic import replacing
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
 from excite.study.experiment import Chain, Experiment, Noise
 from excite.study.moments import BLOCK, entries_of_equations, has_gpu
-from excite.study.rehearsal import rate_of
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened
 from regressors.memory_cap import memory_cap
@@ -66,7 +66,7 @@ def repetitions(
     recipe, part, model = result.recipe, result.prepared[0], result.target.model
     recipe.check_repeatable(count)
     uniform = resample(part.log).log  # what the method chooses for the log, it keeps
-    chosen = 1 if recipe.low_pass is None else decimation(rate_of(part.samples.time), recipe.low_pass)
+    chosen = 1 if recipe.low_pass is None else decimation(mean_rate(part.samples.time), recipe.low_pass)
     experiment = Experiment(
         model=model,
         base=result.target.base,
@@ -89,13 +89,8 @@ def effort_noise(result: Identification) -> Array:
     """
     target = instantaneous_target(result.robot, result.task, result.recipe)
     part, model = result.prepared[0], target.model
-    predicted = predicted_rows(
-        target,
-        part.samples,
-        result.recipe.breakaway or 0.0,
-        result.recipe.sign_width or 0.0,
-        result.estimate.coefficients,
-    )
+    widths = result.recipe.breakaway or 0.0, result.recipe.sign_width or 0.0
+    predicted = predicted_rows(target, part.samples, *widths, result.estimate.coefficients)
     left = model.right_side(part.samples, part.measured).reshape(predicted.shape) - predicted
     magnitude = np.median(np.abs(left), axis=0)
     return np.asarray(magnitude / scipy.stats.norm.ppf(0.75))
@@ -113,12 +108,11 @@ def position_noise(result: Identification) -> Array:
 
 _UNIT = 0.1  # seconds of a unit
 
-numerical_repetition = partial(
-    numerical_work,
-    "the repetition of the experiment",
+LIKELY_CAUSE = (
     "rows that hardly move, or numbers of very different sizes are the likely cause: "
-    "check the units of the log and `rows`",
+    "check the units of the log and `rows`"
 )
+numerical_repetition = partial(numerical_work, "the repetition of the experiment", LIKELY_CAUSE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +155,8 @@ def executor_of_repetitions(
     executor = unit_executor(given, workers)
     experiment_prediction(experiment).check()
     if given == "process" and isinstance(executor, InProcesses):
-        most = fitting_workers(experiment) if workers is None else executor.count
+        fitting = int(memory_cap() / experiment_prediction(experiment).bytes) - 1  # beside this process
+        most = fitting if workers is None else executor.count
         executor = InProcesses(max(1, min(executor.count, most, count)))
         if executor.count == 1 or has_gpu() or repetition_seconds(experiment, count) < SHORT:
             return InThisProcess()
@@ -176,10 +171,9 @@ def processes_here(executor: UnitExecutor) -> int:
     return executor.count if isinstance(executor, InProcesses) else 0
 
 
-def common_of(executor: UnitExecutor, experiment: Experiment, seed: int) -> SeededExperiment:
-    """What an executor's processes need; those elsewhere must have this one's versions."""
-    versions = {} if executor.shares_disk else {name: version(name) for name in PACKAGES}
-    return SeededExperiment(experiment, seed, versions)
+def versions_of(executor: UnitExecutor) -> dict[str, str]:
+    """Packages that an executor's processes elsewhere must have in this one's versions."""
+    return {} if executor.shares_disk else {name: version(name) for name in PACKAGES}
 
 
 def units_of(executor: UnitExecutor, common: SeededExperiment, numbers: Sequence[int]) -> list[range]:
@@ -196,7 +190,7 @@ def units_of(executor: UnitExecutor, common: SeededExperiment, numbers: Sequence
 
 
 _ENDED = "Ctrl-C ends them, and what was identified is saved"
-_FEWEST = 2  # repetitions that have a scatter
+FEWEST = 2  # repetitions that have a scatter
 _log = logging.getLogger(__name__)
 
 
@@ -214,69 +208,73 @@ def repeat_experiment(
     """Estimates from repetitions with different noise."""
     check("repeats", count)
     check("seed", seed)
-    if count < _FEWEST:
-        raise InputError(f"repetitions: expected {_FEWEST} or more, given {count}")
+    if count < FEWEST:
+        raise InputError(f"repetitions: expected {FEWEST} or more, given {count}")
     units = executor_of_repetitions(executor, workers, experiment, count)
     repetition_prediction(count, experiment.base.rank).check()
     announce("the repetitions", repetition_seconds(experiment, count) / max(1, processes_here(units)), _ENDED)
-    common = common_of(units, experiment, seed)
-    here = isinstance(units, InThisProcess)  # a process that limits its threads could not be forked
-    with threadpool_limits(1) if here else nullcontext():
-        running = _Running(count, KeptRepetitions(None if kept is None else Path(kept), common), progress)
-        running.run(units, repeat_numbers if here else repeat_in_one_thread, common)
-    base, beta, found = experiment.base, np.asarray(experiment.beta, dtype=float), running.found
+    common = SeededExperiment(experiment, seed, versions_of(units))
+    # a process that limits its threads could not be forked
+    with threadpool_limits(1) if isinstance(units, InThisProcess) else nullcontext():
+        file = KeptRepetitions(None if kept is None else Path(kept), common)
+        found, interrupted = _repeated(units, common, count, file, progress or (lambda *_: None))
+    base, beta = experiment.base, np.asarray(experiment.beta, dtype=float)
     error, deviation, noise = (np.array(part) for part in zip(*(found[k] for k in sorted(found)), strict=True))
     freedom = common.chain.rows - base.rank
-    return Repetitions(base.names, base.units, beta, beta + error, deviation, noise, freedom, seed, running.interrupted)
+    return Repetitions(base.names, base.units, beta, beta + error, deviation, noise, freedom, seed, interrupted)
 
 
-class _Running:
-    """Repetitions that are there, and those that are to come."""
+def _repeated(
+    executor: UnitExecutor,
+    common: SeededExperiment,
+    count: int,
+    kept: KeptRepetitions,
+    progress: Callable[[int, int], None],
+) -> tuple[dict[int, Repetition], bool]:
+    """Repetitions by number, those that are kept and those that are computed until Ctrl-C; and whether that came."""
+    found, interrupted = kept.read(count), False
+    left = [number for number in range(count) if number not in found]
+    units = units_of(executor, common, left) if left else []
+    work = repeat_numbers if isinstance(executor, InThisProcess) else repeat_in_one_thread
+    try:
+        with closing(executor.run(work, common, units)) as results:
+            for index, result in results:
+                if isinstance(result, LostUnit):
+                    _log.warning("%s left out: %s", _named(units[index]), result.reason)
+                    continue
+                found.update(zip(units[index], result, strict=True))
+                kept.save(found)
+                progress(len(found), count)
+    except KeyboardInterrupt:
+        kept.save(found, now=True)
+        if len(found) < FEWEST:
+            raise
+        interrupted = True
+        if (answered := current_interruption()) is not None:
+            answered.caught()
+    except LostWorkersError as error:
+        remedy = "repeat with fewer `workers`, or with another `executor`"
+        if kept.save(found, now=True):
+            done = f"{len(found)} of {count} repetitions"
+            remedy = f"{done} are kept in {kept.path}, and the same call computes the rest"
+        raise LostWorkersError(error.args[0], remedy) from error
+    check_enough(len(found), count)
+    if not interrupted:
+        kept.remove()
+    return found, interrupted
 
-    def __init__(self, count: int, kept: KeptRepetitions, progress: Callable[[int, int], None] | None) -> None:
-        self.count, self._kept, self._progress = count, kept, progress or (lambda *_: None)
-        self.found, self.interrupted = kept.read(count), False
 
-    def run(self, executor: UnitExecutor, work: Work, common: SeededExperiment) -> None:
-        """Compute what is left, until Ctrl-C."""
-        left = [number for number in range(self.count) if number not in self.found]
-        units = units_of(executor, common, left) if left else []
-        try:
-            with closing(executor.run(work, common, units)) as results:
-                for index, result in results:
-                    self._take(units[index], result)
-        except KeyboardInterrupt:
-            self._kept.save(self.found, now=True)
-            if len(self.found) < _FEWEST:
-                raise
-            self.interrupted = True
-            if (answered := current_interruption()) is not None:
-                answered.caught()
-        except LostWorkersError as error:
-            raise LostWorkersError(error.args[0], self._remedy()) from error
-        if len(self.found) < _FEWEST:
-            raise InputError(
-                f"repetitions: {len(self.found)} of {self.count} are left, since workers ended; repeat with fewer "
-                "`workers`, or with another `executor`"
-            )
-        if not self.interrupted:
-            self._kept.remove()
+def _named(numbers: range) -> str:
+    return f"repetitions {numbers[0]} to {numbers[-1]} are" if len(numbers) > 1 else f"repetition {numbers[0]} is"
 
-    def _take(self, numbers: range, result: list[Repetition] | LostUnit) -> None:
-        if isinstance(result, LostUnit):
-            several = len(numbers) > 1
-            which = f"repetitions {numbers[0]} to {numbers[-1]} are" if several else f"repetition {numbers[0]} is"
-            _log.warning("%s left out: %s", which, result.reason)
-            return
-        self.found.update(zip(numbers, result, strict=True))
-        self._kept.save(self.found)
-        self._progress(len(self.found), self.count)
 
-    def _remedy(self) -> str:
-        if self._kept.save(self.found, now=True):
-            done = f"{len(self.found)} of {self.count} repetitions"
-            return f"{done} are kept in {self._kept.path}, and the same call computes the rest"
-        return "repeat with fewer `workers`, or with another `executor`"
+def check_enough(left: int, count: int) -> None:
+    """Raise `InputError` where too few repetitions are left to scatter."""
+    if left < FEWEST:
+        raise InputError(
+            f"repetitions: {left} of {count} are left, since workers ended; repeat with fewer `workers`, or with "
+            "another `executor`"
+        )
 
 
 _EVERY = 5.0  # seconds between two writes
@@ -428,20 +426,11 @@ def experiment_prediction(experiment: Experiment, processes: int = 0) -> WorkPre
             MemoryPart("rows of equations", N, held / N, FLOAT * held, remedy=remedy),
         ),
     )
-    return replace(own, parts=(*own.parts, _of_workers(own, processes))) if processes else own
-
-
-def _of_workers(own: WorkPrediction, processes: int) -> MemoryPart:
-    """What the worker processes hold."""
-    part = own.largest
-    what = f"{part.what} in each of {processes} worker processes"
-    return MemoryPart(what, part.rows, part.columns, processes * own.bytes, "workers", processes)
-
-
-def fitting_workers(experiment: Experiment) -> int:
-    """Number of worker processes that fit into the cap on memory beside this one."""
-    own = experiment_prediction(experiment).bytes
-    return max(0, int(memory_cap() / own) - 1)
+    if not processes:
+        return own
+    part, what = own.largest, f"{own.largest.what} in each of {processes} worker processes"
+    of_workers = MemoryPart(what, part.rows, part.columns, processes * own.bytes, "workers", processes)
+    return replace(own, parts=(*own.parts, of_workers))
 
 
 def _at_once(experiment: Experiment, entries: list[int]) -> float:

@@ -93,7 +93,7 @@ def sample_posterior(
     check("samples", samples)
     check("seed", seed)
     check("prior", prior)
-    known = _result(result)
+    known = chosen_result(result)
     target = torque_target(known)
     standard, coordinates = posterior_of(known, target, prior)
     possible = coordinates_inside(standard, coordinates)
@@ -122,7 +122,8 @@ def sample_posterior(
     )
 
 
-def _result(given: Identification | str | Path) -> Identification:
+def chosen_result(given: Identification | str | Path) -> Identification:
+    """The result itself, or the one in a folder."""
     if isinstance(given, str | Path):
         return load_result(given)
     if not isinstance(given, Identification):
@@ -159,23 +160,20 @@ def _notes(
     notes = []
     p = coordinates.determined
     own = float(np.linalg.norm(closest[:p]))
-    normal = np.isinf(coordinates.freedom)
-    bound = scipy.stats.chi2.ppf(LEVEL, p) if normal else p * scipy.stats.f.ppf(LEVEL, p, coordinates.freedom)
+    bound = p * scipy.stats.f.ppf(LEVEL, p, coordinates.freedom)
     if own > np.sqrt(bound):
         notes.append(
             f"no possible robot is within the 99 % region of the estimate: the nearest is {own:.3g} deviations away, "
             f"where {np.sqrt(bound):.3g} are allowed for; all samples are near the bounds of what is possible"
         )
-    unseen = len(result.names) - p
-    if unseen:
+    if unseen := len(result.names) - p:
         notes.append(f"{unseen} parameters that the data do not determine are spread as the description says")
     if result.estimate.mismatch is not None:
         notes.append(
             "friction of the log differs over speed from what the model has: the samples allow for what that does to "
             "all parameters, which the intervals of the result do not count"
         )
-    without = tuple(body.name for body in target.robot.bodies if body.theta is None)
-    if without:
+    if without := [body.name for body in target.robot.bodies if body.theta is None]:
         notes.append(
             f"the description has no inertial parameters of {', '.join(without)}: what the data do not determine is "
             "spread by 100 % about a body of 1 kg with 0.02 kg m^2 about each axis"

@@ -6,7 +6,6 @@ import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,6 @@ from excite.design.design import Design
 from excite.design.design_json import load_design
 from excite.design.executors.dask_cluster import check_versions, unit_executor
 from excite.design.executors.unit_executor import SHORT, InThisProcess, LostUnit, UnitExecutor
-from excite.design.problem_identity import PACKAGES
 from excite.errors import LostWorkersError
 from excite.identification.covariance import divisors
 from excite.identification.identification import Identification
@@ -29,6 +27,7 @@ from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate
 from excite.simulation.simulation import Simulation
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
+from excite.study.repetitions import LIKELY_CAUSE, check_enough, versions_of
 from excite.study.time_study import TimeCourse, TimeStudy
 from excite.tasks.further_settings import StudySettings
 from excite.trajectories.family import Trajectory
@@ -44,11 +43,7 @@ _NOISE = 0.01  # of the torques, where no noise is given
 
 
 @checked
-@numerical_work(
-    "the study",
-    "rows that hardly move, or numbers of very different sizes are the likely cause: "
-    "check the units of the log and `rows`",
-)
+@numerical_work("the study", LIKELY_CAUSE)
 def study_over_time(
     model: Any,
     logs: Sequence[LogLike] = (),
@@ -174,7 +169,8 @@ def _of_motion(
         if done % _TOLD == 0:
             progress(f"{name}: repetition {done} of {repeats}")
 
-    values = values_again(executor, run, how, result, design.trajectory, instants(result, points), repeats, told)
+    again = MeasuredRun(run, how, result, design.trajectory, instants(result, points), versions_of(executor))
+    values = values_again(executor, again, repeats, told)
     return course.with_repetitions(values, notes), result
 
 
@@ -238,9 +234,7 @@ def estimates_over_time(result: Identification, name: str, count: int) -> TimeCo
     values, unscaled = _solutions(result, time)
     with np.errstate(invalid="ignore", divide="ignore"):
         deviation = unscaled * (estimate.deviation / unscaled[-1])
-    seen = np.isfinite(estimate.values)
-    deviation[:, ~seen] = np.inf
-    values[:, ~seen] = np.nan
+    values[:, ~np.isfinite(estimate.values)] = np.nan
     reference, growing = result.reference, growing_factors(observations.matrix, _ends(result, time))
     return TimeCourse(
         name=name,
@@ -315,7 +309,6 @@ def growing_factors(A: Array, ends: Index) -> Iterator[Array]:
         yield R
 
 
-_FEWEST = 2  # measurements that have a scatter
 _log = logging.getLogger(__name__)
 
 
@@ -335,24 +328,12 @@ def measured_again(run: Simulation, settings: SimulationSettings, number: int) -
     """Log of a simulated run as another measurement of it would be."""
     own = replace(settings, seed=settings.seed + number)
     log = joint_log(run.robot, run.run, own, np.random.default_rng(own.seed))
-    known = run.log.truth, run.log.saturated
-    log = replace(log, source=f"measurement {number}", truth=known[0], saturated=known[1])
+    log = replace(log, source=f"measurement {number}", truth=run.log.truth, saturated=run.log.saturated)
     return replace(log, sha256=log.identity)
 
 
-def values_again(
-    executor: UnitExecutor,
-    run: Simulation,
-    settings: SimulationSettings,
-    result: Identification,
-    commanded: Trajectory,
-    time: Array,
-    count: int,
-    progress: Callable[[int], None],
-) -> Array:
+def values_again(executor: UnitExecutor, common: MeasuredRun, count: int, progress: Callable[[int], None]) -> Array:
     """Estimates over time from further measurements of a run, shape (count, k, b)."""
-    versions = {} if executor.shares_disk else {name: version(name) for name in PACKAGES}
-    common = MeasuredRun(run, settings, result, commanded, time, versions)
     found: dict[int, Array] = {}
     try:
         with closing(executor.run(_values, common, range(1, count + 1))) as results:
@@ -365,11 +346,7 @@ def values_again(
     except LostWorkersError as error:
         remedy = "nothing of the study is kept: repeat it with fewer `workers`, or with another `executor`"
         raise LostWorkersError(error.args[0], remedy) from error
-    if len(found) < _FEWEST:
-        raise InputError(
-            f"repetitions: {len(found)} of {count} are left, since workers ended; repeat with fewer `workers`, or with "
-            "another `executor`"
-        )
+    check_enough(len(found), count)
     return np.array([found[index] for index in sorted(found)])
 
 
@@ -378,11 +355,6 @@ def _values(common: MeasuredRun, number: int) -> Array:
     log, result = measured_again(common.run, common.settings, number), common.result
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
         again = estimate_parameters(
-            result.robot,
-            result.task,
-            [log],
-            result.recipe,
-            commanded=common.commanded,
-            friction=result.friction,
+            result.robot, result.task, [log], result.recipe, commanded=common.commanded, friction=result.friction
         )
         return _solutions(again, common.time)[0]

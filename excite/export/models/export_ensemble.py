@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from excite.export.exported import Exported
-from excite.export.models.export_model import ModelFormat, chosen_format, chosen_result, comment_of
+from excite.export.models.export_model import ModelFormat, chosen_format, comment_of
 from excite.export.models.exported_model import model_of_result, model_of_sample
 from excite.export.models.identified_model import IdentifiedModel
 from excite.export.models.robot_yaml import ranges_text
@@ -20,7 +20,7 @@ from excite.storage.atomic import read_json, replacing, write_json
 from excite.storage.result_folder import result_folder
 from excite.study.chains import path_count
 from excite.study.posterior_samples import LEVEL, NPZ, PosteriorSamples
-from excite.study.sample_posterior import PRIOR, sample_posterior
+from excite.study.sample_posterior import PRIOR, chosen_result, sample_posterior
 from regressors.arguments import checked
 from regressors.errors import InputError, TakenError
 from regressors.quantities import check

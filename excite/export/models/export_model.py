@@ -11,10 +11,10 @@ from excite.export.exported import Exported
 from excite.export.models.exported_model import model_of_result
 from excite.export.models.identified_model import Feature, IdentifiedModel
 from excite.identification.identification import Identification
-from excite.identification.result_json import load_result
 from excite.registry import check_name, instance, name_of
 from excite.storage.atomic import replacing
-from excite.storage.result_folder import replace_files, result_file
+from excite.storage.result_folder import check_free, replace_files, result_file
+from excite.study.sample_posterior import chosen_result
 from regressors.arguments import checked
 from regressors.errors import InputError, shortened
 
@@ -95,20 +95,10 @@ def chosen_format(given: str | ModelFormat) -> ModelFormat:
     return chosen
 
 
-def chosen_result(given: Identification | str | Path) -> Identification:
-    """The result itself, or the one in a folder."""
-    if isinstance(given, str | Path):
-        return load_result(given)
-    if not isinstance(given, Identification):
-        raise InputError(f"expected a result of `identify` or its folder, given {shortened(repr(given))}")
-    return given
-
-
 def _check_free(path: Path, *, replace: bool) -> None:
     if path.is_dir():
         raise InputError(f"cannot write {str(path)!r}: it is a folder; name a file in it")
-    if path.exists() and not replace:
-        raise InputError(f"{str(path)!r} is there already; `replace` replaces it, or choose another name")
+    check_free(path, replace=replace)
 
 
 @dataclass(frozen=True)
@@ -176,8 +166,4 @@ class ModelFormat(ABC):
 
     def left_out(self, features: tuple[Feature, ...]) -> tuple[str, ...]:
         """One sentence for each feature of a model that the format cannot express."""
-        beyond = [feature for feature in features if feature.kind not in self.expresses]
-        shares = ["" if f.share is None else f"; {100 * f.share:.2g} % of the torques on random states" for f in beyond]
-        return tuple(
-            f"{self.name} cannot express {each.text}{share}" for each, share in zip(beyond, shares, strict=True)
-        )
+        return tuple(f"{self.name} cannot express {each.text}" for each in features if each.kind not in self.expresses)

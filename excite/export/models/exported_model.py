@@ -20,13 +20,7 @@ from excite.export.models.identified_model import (
     with_curve,
     with_parameters,
 )
-from excite.export.models.nearest_bodies import (
-    NearestBodies,
-    flat_note,
-    held_note,
-    nearest_bodies,
-    own_part,
-)
+from excite.export.models.nearest_bodies import NearestBodies, flat_note, held_note, nearest_bodies, own_part
 from excite.identification.identification import Identification, stated_covariance, torque_target
 from excite.identification.result_json import RESULT
 from excite.information.target import IdentificationTarget
@@ -253,8 +247,7 @@ def rpy_of(R: Array) -> tuple[float, float, float]:
 
 def quaternion_of(R: Array) -> Array:
     """Unit quaternion of a rotation, its real part first, shape (4,)."""
-    x, y, z, w = Rotation.from_matrix(R).as_quat()
-    return np.array([w, x, y, z])
+    return np.asarray(Rotation.from_matrix(R).as_quat(scalar_first=True))
 
 
 def about_centre(theta: Array) -> tuple[float, Array, Array]:
@@ -265,9 +258,3 @@ def about_centre(theta: Array) -> tuple[float, Array, Array]:
     mass = float(theta[0])
     c = np.asarray(theta[1:4]) / mass if mass else np.zeros(3)
     return mass, c, np.asarray(inertia_tensor(theta) + mass * skew(c) @ skew(c))
-
-
-def upper(I: Array) -> dict[str, float]:
-    """Six elements of a symmetric tensor by the names that URDF gives them."""
-    places = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-    return {name: float(I[place]) for name, place in places.items()}

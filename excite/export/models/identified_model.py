@@ -165,8 +165,9 @@ class Feature:
 
     @property
     def text(self) -> str:
-        """What it is, with its owners."""
-        return _TEXTS[self.kind].format(", ".join(self.owners))
+        """What it is, with its owners and its share."""
+        share = "" if self.share is None else f"; {100 * self.share:.2g} % of the torques on random states"
+        return _TEXTS[self.kind].format(", ".join(self.owners)) + share
 
 
 def features_of(
@@ -274,13 +275,7 @@ class IdentifiedModel:
         return self.target.robot.joint_names
 
     def joint_drives(self, joint: int) -> tuple[ModelDrive, ...]:
-        """Drives that move one joint of the robot and no other.
-
-        Parameters
-        ----------
-        joint : int
-            Index in the robot.
-        """
+        """Drives that move one joint of the robot, stated by its index, and no other."""
         return tuple(drive for drive in self.drives if drive.joint == joint)
 
     def armature(self, joint: int) -> float | None:

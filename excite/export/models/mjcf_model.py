@@ -16,15 +16,7 @@ import numpy as np
 from excite.export.models.export_model import ModelFormat, ModelText
 from excite.export.models.exported_model import about_centre, number, numbers, quaternion_of, stated
 from excite.export.models.identified_model import COUPLED, IdentifiedModel
-from excite.export.models.xml_copy import (
-    XmlDocument,
-    XmlSpan,
-    chain_in,
-    comment,
-    pose_error,
-    share_inertia,
-    start,
-)
+from excite.export.models.xml_copy import XmlDocument, XmlSpan, chain_in, comment, pose_error, share_inertia, start
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
 from regressors.readers.mjcf import tree_of_mjcf
@@ -89,8 +81,7 @@ def mjcf_notes(robot: Robot) -> tuple[str, ...]:
     bounds = robot.limits
     if np.any(np.isfinite([bounds.velocity, bounds.acceleration, bounds.jerk])):
         notes.append("an MJCF holds no limits of velocity, acceleration and jerk")
-    unknown = [link.name for link in robot.links if link.theta is None]
-    if unknown:
+    if unknown := [link.name for link in robot.links if link.theta is None]:
         notes.append(f"nothing is known of {', '.join(unknown)}: a mass of {_NO_MASS:g} kg stands for none")
     return tuple(notes)
 

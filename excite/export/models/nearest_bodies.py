@@ -22,7 +22,6 @@ from excite.identification.estimators.physical import nearest_possible
 from excite.identification.estimators.possible_set import StandardProblem, problem_of_factor
 from excite.information.target import IdentificationTarget
 from regressors.models.base import random_states, triangular_factor
-from regressors.robot.columns import BODY_KINDS, ROTOR
 from regressors.robot.inertia import from_pseudo_inertia, pseudo_inertia
 from regressors.robot.robot import Structure
 from regressors.samples import Array, Samples
@@ -41,7 +40,6 @@ class NearestBodies:
     values: dict[str, float]  # standard parameters of bodies and drives
     # ``||W theta - W_b beta|| / ||W_b beta||`` over random states: what the bodies change of the predicted torques
     change: float
-    rigid_change: float  # the same of bodies and rotors alone
     shares: dict[str, float]  # of every standard parameter: torque on the random states over that of the whole model
     # True if they are those that the estimator found, which alone reproduce the base parameters
     estimated: bool = False
@@ -64,20 +62,15 @@ def nearest_bodies(
     bare = target.model.on(target.robot.replace(structure=Structure()))  # a column for every standard parameter
     samples = states_of(target)
     W_b = target.model.instants(samples)[:, target.base.index]
-    W = bare.instants(samples) @ bare.definition()[0]
-    names = bare.definition()[1]
-    R = triangular_factor(W_b)
-    theta = _standard(target, beta, R, covariance, known)
+    definition, names = bare.definition()
+    W = bare.instants(samples) @ definition
+    theta = _standard(target, beta, triangular_factor(W_b), covariance, known)
     estimated = bool(known) and all(theta[name] == known.get(name) for name in theta)
     whole = np.array([theta.get(name, 0.0) for name in names])
-    rigid = np.array([column.kind in (*BODY_KINDS, ROTOR) for column in bare.standard_columns])
-    of_base = np.array([target.base.columns[k].group in ("inertial", "rotor") for k in target.base.index])
     size = float(np.linalg.norm(W_b @ beta)) or 1.0
-    rigid_size = float(np.linalg.norm(W_b[:, of_base] @ beta[of_base])) or 1.0
     return NearestBodies(
         theta,
         float(np.linalg.norm(W @ whole - W_b @ beta)) / size,
-        float(np.linalg.norm(W[:, rigid] @ whole[rigid] - W_b[:, of_base] @ beta[of_base])) / rigid_size,
         dict(zip(names, (np.linalg.norm(W, axis=0) * np.abs(whole) / size).tolist(), strict=True)),
         estimated,
     )
@@ -96,8 +89,7 @@ def _standard(
     elif np.all(np.isfinite(given)) and _possible(plain, given) and _misfit(plain, given) <= _SAME:
         theta = given
     else:
-        theta = _nearest_in_noise(target, beta, R, covariance)
-        theta = _with_own_friction(target, plain, theta, beta)
+        theta = _with_own_friction(target, plain, _nearest_in_noise(target, beta, R, covariance), beta)
     return dict(zip(plain.names, theta.tolist(), strict=True))
 
 
@@ -118,8 +110,7 @@ def _with_own_friction(target: IdentificationTarget, problem: StandardProblem, t
     for row, value in zip(problem.A, beta, strict=True):
         used = np.flatnonzero(row)
         if used.size == 1 and target.model.standard_columns[used[0]].group == "friction":
-            k = used[0]
-            own = value / row[k]
+            own = value / row[k := used[0]]
             theta[k] = max(own, 0.0) if k in problem.positive else own
     return theta
 

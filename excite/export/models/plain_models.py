@@ -16,7 +16,6 @@ import io
 import json
 import math
 import re
-import zipfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -35,6 +34,7 @@ from excite.export.models.identified_model import (
     IdentifiedModel,
 )
 from excite.export.models.robot_yaml import robot_text
+from excite.storage.records import zipped_arrays
 from regressors.models.reduction import inertial_columns
 from regressors.readers.documents import yaml_float
 from regressors.robot.columns import COULOMB, ROTOR, VISCOUS, drive_column
@@ -93,7 +93,6 @@ class IsaacFormat(ModelFormat):
 
 
 _PINOCCHIO = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]  # its order of the ten parameters
-_OLDEST = (1980, 1, 1, 0, 0, 0)  # of every member, so that the same model gives the same bytes
 
 
 class NpzFormat(ModelFormat):
@@ -105,13 +104,7 @@ class NpzFormat(ModelFormat):
 
     def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:
         """See `excite.export.models.export_model.ModelFormat.text`."""
-        stream = io.BytesIO()
-        with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
-            for name, values in arrays(model, comment).items():
-                member = io.BytesIO()
-                np.lib.format.write_array(member, np.asarray(values), allow_pickle=False)
-                archive.writestr(zipfile.ZipInfo(f"{name}.npy", _OLDEST), member.getvalue())
-        return ModelText(stream.getvalue())
+        return ModelText(zipped_arrays(arrays(model, comment)))
 
 
 def arrays(model: IdentifiedModel, comment: tuple[str, ...]) -> dict[str, Any]:
@@ -276,6 +269,4 @@ def _markdown_row(cells: Iterable[str]) -> str:
 
 
 def _markdown_escaped(text: str) -> str:
-    for letter in "\\`*_[]<>|":
-        text = text.replace(letter, f"\\{letter}")
-    return text
+    return re.sub(r"([\\`*_\[\]<>|])", r"\\\1", text)

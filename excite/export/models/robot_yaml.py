@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
-from excite.storage.atomic import replacing
-from excite.storage.result_folder import result_file
+from excite.storage.result_folder import write_file
 from excite.study.posterior_samples import ParameterRange, PosteriorSamples
 from regressors.errors import InputError
 from regressors.readers.description import parse_description
@@ -26,12 +25,7 @@ def write_robot(robot: Robot, path: str | Path, *, replace: bool = False) -> Non
     path = Path(path)
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{str(path)!r}: a robot YAML ends in .yaml or .yml")
-    with result_file(path):
-        if path.exists() and not replace:
-            raise InputError(f"{str(path)!r} is there already; `replace` replaces it, or choose another name")
-        text = robot_text(robot)
-        with replacing(path) as stream:
-            stream.write(text)
+    write_file(path, robot_text(robot).encode("utf-8"), replace=replace)
 
 
 def robot_text(robot: Robot) -> str:

@@ -12,17 +12,9 @@ from typing import ClassVar
 import numpy as np
 
 from excite.export.models.export_model import ModelFormat, ModelText
-from excite.export.models.exported_model import about_centre, number, numbers, rpy_of, stated, upper
+from excite.export.models.exported_model import about_centre, number, numbers, rpy_of, stated
 from excite.export.models.identified_model import IdentifiedModel
-from excite.export.models.xml_copy import (
-    XmlDocument,
-    XmlSpan,
-    chain_in,
-    comment,
-    pose_error,
-    share_inertia,
-    start,
-)
+from excite.export.models.xml_copy import XmlDocument, XmlSpan, chain_in, comment, pose_error, share_inertia, start
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
 from regressors.readers.urdf_tree import parse_tree
@@ -95,11 +87,7 @@ class DrakeFormat(UrdfFormat):
                 document.insert_in(document.root, _transmission(model, k))
                 continue
             for tag, value in rotor.items():
-                element = actuator.child(tag)
-                if element is None:
-                    document.insert_in(actuator, start(tag, {"value": value}, empty=True))
-                else:
-                    document.set(element, {"value": value})
+                document.set_child(actuator, tag, {"value": value})
 
 
 def _transmission(model: IdentifiedModel, joint: int) -> str:
@@ -171,8 +159,7 @@ def urdf_notes(robot: Robot) -> tuple[str, ...]:
             f"a URDF does not hold the magnitude of gravity, {g:g} m/s^2: give it to the program that loads it"
         )
     known = np.isfinite(robot.limits.velocity) & np.isfinite(robot.limits.torque)
-    free = [name for name, limited in zip(robot.joint_names, known, strict=True) if not limited]
-    if free:
+    if free := [name for name, limited in zip(robot.joint_names, known, strict=True) if not limited]:
         notes.append(
             f"no limit of velocity or torque is known of {', '.join(free)}: {UNLIMITED:g} stands for none, which URDF "
             "cannot express"
@@ -217,13 +204,16 @@ def _ends(parent: str, child: str) -> Iterator[str]:
     yield "  " + start("child", {"link": child}, empty=True)
 
 
+_INERTIA = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+
+
 def inertial_attributes(theta: Array) -> dict[str, dict[str, str]]:
     """Attributes of the elements of ``<inertial>`` of a body."""
     mass, centre, inertia = about_centre(theta)
     return {
         "origin": {"xyz": numbers(centre), "rpy": "0 0 0"},
         "mass": {"value": number(mass)},
-        "inertia": {name: number(value) for name, value in upper(inertia).items()},
+        "inertia": {name: number(inertia[place]) for name, place in _INERTIA.items()},
     }
 
 
@@ -291,11 +281,7 @@ def urdf_copy(model: IdentifiedModel, file: Path) -> tuple[XmlDocument, tuple[st
     joints = {element.attributes.get("name"): element for element in document.root.below("joint")}
     for k, joint in enumerate(chain):
         if attributes := dynamics_attributes(model, k):
-            dynamics = joints[joint.name].child("dynamics")
-            if dynamics is not None:
-                document.set(dynamics, attributes)
-            else:
-                document.insert_in(joints[joint.name], start("dynamics", attributes, empty=True))
+            document.set_child(joints[joint.name], "dynamics", attributes)
     return document, tuple(notes)
 
 
@@ -308,12 +294,9 @@ def _set_inertial(document: XmlDocument, link: XmlSpan, theta: Array) -> None:
         return
     for tag, attributes in wanted.items():
         element = inertial.child(tag)
-        if element is None:
-            document.insert_in(inertial, start(tag, attributes, empty=True), first=True)
-            continue
-        if tag == "origin" and not any(map(float, element.attributes.get("rpy", "0").split())):
+        if tag == "origin" and element and not any(map(float, element.attributes.get("rpy", "0").split())):
             attributes = {"xyz": attributes["xyz"]}
-        document.set(element, attributes)
+        document.set_child(inertial, tag, attributes, first=True)
 
 
 def _scale_inertial(document: XmlDocument, link: XmlSpan, factor: float) -> None:
@@ -322,6 +305,5 @@ def _scale_inertial(document: XmlDocument, link: XmlSpan, factor: float) -> None
     for tag in ("mass", "inertia"):
         element = inertial.child(tag)
         assert element is not None
-        names = [name for name in element.attributes if name == "value" or name.startswith("i")]
-        scaled = {name: number(factor * float(element.attributes[name])) for name in names}
-        document.set(element, scaled)
+        known = {name: value for name, value in element.attributes.items() if name == "value" or name.startswith("i")}
+        document.set(element, {name: number(factor * float(value)) for name, value in known.items()})

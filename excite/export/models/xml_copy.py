@@ -134,6 +134,13 @@ class XmlDocument:
         if added:
             self._edits.append((at, at, self.bytes_of(added)))
 
+    def set_child(self, element: XmlSpan, tag: str, values: Mapping[str, str], *, first: bool = False) -> None:
+        """Set attributes of the first child of a tag; one that is not there is inserted."""
+        if (child := element.child(tag)) is not None:
+            self.set(child, values)
+        else:
+            self.insert_in(element, start(tag, values, empty=True), first=first)
+
     def insert_in(self, element: XmlSpan, text: str, *, first: bool = False) -> None:
         """Insert lines into an element, indented as its children are, before its end or behind its start tag."""
         indent = self.indent_of(element.children[0]) if element.children else self.indent_of(element) + "  "
@@ -143,9 +150,7 @@ class XmlDocument:
             closed = self.bytes_of(f">{lines}\n{self.indent_of(element)}</{element.tag}>")
             self._edits.append((slash, element.inner, closed))
             return
-        at = element.inner
-        if not first:
-            at = max((child.end for child in element.children), default=element.inner)
+        at = max((child.end for child in element.children if not first), default=element.inner)
         after = "" if element.children else f"\n{self.indent_of(element)}"
         stay = self.content[at : element.close].strip() or b"\n" in self.content[at : element.close]
         self._edits.append((at, at, self.bytes_of(lines + ("" if stay else after))))
@@ -204,7 +209,7 @@ def chain_in(tree: UrdfTree, robot: Robot, file: Path) -> list[TreeJoint]:
 def pose_error(trees: tuple[UrdfTree, ...], robot: Robot, file: Path) -> float:
     """Largest difference of the poses and axes of joints in the first tree from those of the robot."""
     chain = chain_in(trees[0], robot, file)
-    distances = [_distances(tree, robot) for tree in trees]
+    distances = [_distances(tree, robot, file) for tree in trees]
     for k, joint in enumerate(robot.joints):
         if kind_of(chain[k]) != joint.kind or min(d[k] for d in distances) > _ROUNDED:
             raise InputError(
@@ -214,16 +219,13 @@ def pose_error(trees: tuple[UrdfTree, ...], robot: Robot, file: Path) -> float:
     return max(distances[0])
 
 
-def _distances(tree: UrdfTree, robot: Robot) -> list[float]:
+def _distances(tree: UrdfTree, robot: Robot, file: Path) -> list[float]:
     """Largest difference of each joint's pose and axis from the robot's; infinite where no chain leads to it."""
-    by_name = {joint.name: joint for joint in tree.above.values()}
     distances, before = [], None
-    for joint in robot.joints:
-        mine = by_name[joint.name]
+    for joint, mine in zip(robot.joints, chain_in(tree, robot, file), strict=True):
         path = [mine] if before is None else tree.path(before, mine.child)
-        distances.append(
-            min((_distance(p, joint) for p in _paths(tree, path, open_above=before is None)), default=np.inf)
-        )
+        paths = _paths(tree, path, open_above=before is None)
+        distances.append(min((_distance(path, joint) for path in paths), default=np.inf))
         before = mine.child
     return distances
 
@@ -244,38 +246,26 @@ def _distance(path: list[TreeJoint], joint: Joint) -> float:
     return float(max(np.abs(difference).max() for difference in differences))
 
 
-def moving_groups(
-    tree: UrdfTree, chain: list[TreeJoint], model: IdentifiedModel
-) -> Iterator[tuple[str, str, list[tuple[str, Array, Array]]]]:
-    """The links of a file that moved as one, for every moving body."""  # result (10,)
-    names = {joint.name for joint in chain}
+def share_inertia(
+    tree: UrdfTree, chain: list[TreeJoint], model: IdentifiedModel, write: Callable[[str, Array, float], None]
+) -> list[str]:
+    """Write the inertia of every link whose group moved; the others of a group keep theirs, or a factor of theirs."""
+    names, notes = {joint.name for joint in chain}, []
     for own, name in enumerate(link.name for link in model.described.links):
         if name not in model.composites:
             continue
         parts = [
-            (link, pose @ T)
+            (link, tree.links[link], pose @ T)  # (10,); (4, 4)
             for k, (carrier, pose) in enumerate(model.carriers[: len(chain)])
             if carrier == own
             for link, T in carried(tree, chain[k].child, names)
             if link != chain[own].child
         ]
-        known = [(link, theta, T) for link, T in parts if (theta := tree.links[link]) is not None]
-        yield name, chain[own].child, [part for part in known if np.any(part[1])]
-
-
-def share_inertia(
-    tree: UrdfTree, chain: list[TreeJoint], model: IdentifiedModel, write: Callable[[str, Array, float], None]
-) -> list[str]:
-    """Write the inertia of every link whose group moved; the other links of a group keep theirs, where they can.
-
-    Else theirs is written too, with the factor on what the file says.
-    """
-    notes = []
-    for name, child, others in moving_groups(tree, chain, model):
-        own, factor = own_part(model.composites[name], [(theta, T) for _, theta, T in others])
-        write(child, own, 1.0)
+        others = [(link, theta, T) for link, theta, T in parts if theta is not None and np.any(theta)]
+        mine, factor = own_part(model.composites[name], [(theta, T) for _, theta, T in others])
+        write(chain[own].child, mine, 1.0)
         for other, theta, _ in others if factor != 1.0 else ():
             write(other, factor * theta, factor)
         if others:
-            notes.append(held_note(child, [other for other, _, _ in others], factor))
+            notes.append(held_note(chain[own].child, [other for other, _, _ in others], factor))
     return notes

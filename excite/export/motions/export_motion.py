@@ -78,7 +78,8 @@ def export_motion(
     if chosen.suffix and out.suffix != chosen.suffix:
         raise InputError(f"{out}: the format {chosen.name} expects a name that ends in {chosen.suffix}")
     chosen.check_robot(design.robot)
-    motion, certificate, notes = _certified(design, chosen, rate)
+    motion, certificate = _certified(design, chosen, rate)
+    notes = _notes(motion, certificate, chosen, rate)
     recorder = chosen.recorder(motion, out.name)
     with result_file(out):
         file = chosen.file(motion, out.stem)
@@ -117,37 +118,29 @@ def _format(given: MotionFormat | str) -> MotionFormat:
     return chosen
 
 
-def _certified(
-    design: Design, chosen: MotionFormat, rate: float | None
-) -> tuple[SampledDesign, Certificate, tuple[str, ...]]:
-    """The motion at a rate at which what is interpolated keeps the limits; where it is not known, passes them least.
-
-    No rate is raised for files that no controller plays.
-    """
-    known, refused, most = len(chosen.interpolation.curves) == 1, None, 0.0
-    least: tuple[SampledDesign, Certificate] | None = None
+def _certified(design: Design, chosen: MotionFormat, rate: float | None) -> tuple[SampledDesign, Certificate]:
+    """The motion at a rate at which what is interpolated keeps the limits; where it is not known, passes them least."""
+    refusals: list[BrokenLimitError] = []
+    played: list[tuple[float, SampledDesign, Certificate]] = []
     for each in _rates(design, chosen, rate):
         chosen.check_rate(each)
         motion = chosen.sampled(design, each)
-        if least is None and refused is None:
+        if not played and not refusals:
             check_formula(motion)
         certificate = certify(motion, chosen.interpolation, chosen.given)
         try:
             chosen.check(motion)
-            if known:
+            if len(chosen.interpolation.curves) == 1:
                 check_interpolated(certificate, chosen.interpolation)
         except BrokenLimitError as error:
-            refused = error
+            refusals.append(error)
             continue
-        passed = certificate.broken[0].use if certificate.broken else 0.0
-        if least is None or passed < most:
-            least, most = (motion, certificate), passed
-        if not certificate.broken or chosen.interpolation is Interpolation.NONE:
+        played.append((certificate.broken[0].use if certificate.broken else 0.0, motion, certificate))
+        if not certificate.broken or chosen.interpolation is Interpolation.NONE:  # played by no controller
             break
-    if least is None:
-        assert refused is not None
-        raise refused
-    return *least, _notes(*least, chosen, rate)
+    if not played:
+        raise refusals[-1]
+    return min(played, key=lambda each: each[0])[1:]
 
 
 def _rates(design: Design, chosen: MotionFormat, rate: float | None) -> list[float]:

@@ -28,7 +28,17 @@ _AXES = range(1, 7)
 _SLOW = 10  # percent of the largest velocity, to the first pose
 
 
-class KrlSpline(MotionFormat):
+class _Kuka(MotionFormat):
+    """A motion for a controller of KUKA."""
+
+    whole_nanoseconds = True
+
+    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
+        """A client of KUKA RSI; of FRI for seven joints."""
+        return fri_recorder(motion) if motion.robot.n == 7 else rsi_recorder(motion)
+
+
+class KrlSpline(_Kuka):
     """Slow PTP to the first pose, then ``PTP_SPLINE`` through axis positions A1 to A6 [deg] with TIME_BLOCK."""
 
     name = "krl"
@@ -38,7 +48,6 @@ class KrlSpline(MotionFormat):
     most = 5000
     interpolation = Interpolation.NOT_DOCUMENTED
     given, decimals, degrees = 0, 9, True
-    whole_nanoseconds = True
     checked = (
         "when excite is tested, such programs are checked against the grammar of KRL; none was played on a robot, and "
         "the spline that the controller lays through the positions is not documented"
@@ -58,10 +67,6 @@ class KrlSpline(MotionFormat):
         lines += [f"  TIME_BLOCK END = {motion.time[-1]:.9f}", "ENDSPLINE", "END"]
         return MotionFile(("\r\n".join(lines) + "\r\n").encode("ascii", "replace"))
 
-    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
-        """A client of KUKA RSI."""
-        return rsi_recorder(motion)
-
 
 def _speeds(percent: int) -> list[str]:
     """Velocities and accelerations of the axes, of their largest; those of the spline follow from its times."""
@@ -72,7 +77,7 @@ def _axes(degrees: list[float]) -> str:
     return "{" + ", ".join(f"A{k} {value + 0.0:.9f}" for k, value in enumerate(degrees, 1)) + "}"
 
 
-class RsiCsv(MotionFormat):
+class RsiCsv(_Kuka):
     """One row in a cycle, with a header.
 
     RSI, six axes: ``time`` [s], positions ``A1`` to ``A6`` and the corrections ``AK.A1`` to ``AK.A6`` from the first
@@ -84,7 +89,6 @@ class RsiCsv(MotionFormat):
     default_rate, slowest, fastest = 250.0, 10.0, 1000.0
     joints = (6, 7)
     interpolation = Interpolation.LINEAR
-    whole_nanoseconds = True
     checked = (
         "when excite is tested, NumPy reads such files back; none was played on a robot: neither RSI nor FRI has a "
         "file of its own"
@@ -100,10 +104,6 @@ class RsiCsv(MotionFormat):
             names = [*(f"A{k}" for k in _AXES), *(f"AK.A{k}" for k in _AXES)]
             table = np.column_stack([degrees, degrees - degrees[0]])
         return MotionFile(timed_rows(motion, names, table))
-
-    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
-        """The client itself."""
-        return fri_recorder(motion) if motion.robot.n == 7 else rsi_recorder(motion)
 
 
 def rsi_recorder(motion: SampledDesign) -> Recorder:
@@ -157,17 +157,36 @@ def fri_recorder(motion: SampledDesign) -> Recorder:
 _NO_AXES = "[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]"
 
 
-class RapidModule(MotionFormat):
+class _Abb(MotionFormat):
+    """A motion for a controller of ABB."""
+
+    joints = (6,)
+    whole_nanoseconds = True
+
+    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
+        """Positions of EgmRobot messages and torques of test signals, as a CSV file."""
+        return Recorder(
+            channels(("time", "s"), _AXES, position=("feedBack.joints[{}]", "deg"), effort=("torque[{}]", "Nm")),
+            (
+                "record: feedBack.joints [deg] of every EgmRobot message, and the joint torques [Nm] of the "
+                "controller's test signals (ABB TuneMaster), as a CSV file with the columns time [s], "
+                "feedBack.joints[1] ..., torque[1] ...",
+                "rate: 250 Hz",
+                "start marker: the first change of feedBack.joints",
+            ),
+            notes=("EGM sends no torques: record them as test signals of the controller, on the same clock",),
+        )
+
+
+class RapidModule(_Abb):
     """Module with a procedure of ``MoveAbsJ`` through jointtargets of six axes [deg], each in a stated time [s]."""
 
     name = "rapid"
     suffix = ".mod"
     default_rate, slowest, fastest = 10.0, 0.5, 20.0
-    joints = (6,)
     most = 5000
     interpolation = Interpolation.NOT_DOCUMENTED
     given, decimals, degrees = 0, 9, True
-    whole_nanoseconds = True
     checked = (
         "when excite is tested, such modules are checked against the grammar of RAPID; none was played on a robot, and "
         "how the controller passes the zones between the positions is not documented: EGM follows a motion more closely"
@@ -186,24 +205,18 @@ class RapidModule(MotionFormat):
         lines += ["  ENDPROC", "ENDMODULE"]
         return MotionFile(("\n".join(lines) + "\n").encode("ascii", "replace"))
 
-    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
-        """Test signals of the controller."""
-        return abb_recorder(motion)
-
 
 def _target(degrees: list[float]) -> str:
     return f"[[{','.join(f'{value + 0.0:.9f}' for value in degrees)}],{_NO_AXES}]"
 
 
-class EgmCsv(MotionFormat):
+class EgmCsv(_Abb):
     """Header, then ``time`` [s], ``planned.joints[1]`` to ``[6]`` [deg], ``speedRef.joints[1]`` to ``[6]`` [deg/s]."""
 
     name = "egm"
     suffix = ".csv"
     default_rate, slowest, fastest = 250.0, 10.0, 250.0
-    joints = (6,)
     interpolation = Interpolation.LINEAR
-    whole_nanoseconds = True
     checked = (
         "when excite is tested, NumPy reads such files back; none was played on a robot, and the filter that EGM puts "
         "after the positions is a setting of the controller"
@@ -214,22 +227,3 @@ class EgmCsv(MotionFormat):
         names = [*columns("planned.joints[{}]", _AXES), *columns("speedRef.joints[{}]", _AXES)]
         table = np.degrees(np.column_stack([motion.samples.q, motion.samples.dq]))
         return MotionFile(timed_rows(motion, names, table))
-
-    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
-        """Feedback of EGM with torques of the controller's test signals."""
-        return abb_recorder(motion)
-
-
-def abb_recorder(motion: SampledDesign) -> Recorder:
-    """Positions of EgmRobot messages and torques of test signals, as a CSV file."""
-    return Recorder(
-        channels(("time", "s"), _AXES, position=("feedBack.joints[{}]", "deg"), effort=("torque[{}]", "Nm")),
-        (
-            "record: feedBack.joints [deg] of every EgmRobot message, and the joint torques [Nm] of the controller's "
-            "test signals (ABB TuneMaster), as a CSV file with the columns time [s], feedBack.joints[1] ..., "
-            "torque[1] ...",
-            "rate: 250 Hz",
-            "start marker: the first change of feedBack.joints",
-        ),
-        notes=("EGM sends no torques: record them as test signals of the controller, on the same clock",),
-    )

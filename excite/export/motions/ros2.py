@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,6 @@ ACTION = f"{CONTROLLER}/follow_joint_trajectory"
 STATES = "/joint_states"
 TOPICS = (STATES, f"{CONTROLLER}/controller_state", TOPIC, f"{ACTION}/_action/status")
 _SECOND = 1_000_000_000
-_RATES = ("velocities", "accelerations")
 _STANDING = 1.1920929e-07  # FLT_EPSILON, above which the last velocity is refused
 _VERSION = 8  # of the metadata of a bag; 9 is not read by Humble
 _ARGUMENT = 131_071  # bytes of one argument of a command on Linux (MAX_ARG_STRLEN)
@@ -47,8 +46,23 @@ class _JointTrajectory(MotionFormat):
             )
 
     def recorder(self, motion: SampledDesign, name: str) -> Recorder:
-        """The recorder of rosbag2."""
-        return ros2_recorder(motion, name)
+        """Parameters of rosbag2's recorder, and the mapping of ``/joint_states`` in its bag."""
+        units = {"position": "rad", "velocity": "rad/s", "effort": "Nm"}
+        forms = {what: (f"{STATES}/{{}}/{what}", unit) for what, unit in units.items()}
+        return Recorder(
+            channels((f"{STATES}/header/stamp", "ns"), motion.joints, **forms),
+            (
+                f"record: ros2 run rosbag2_transport recorder --ros-args --params-file {name}.record.yaml",
+                f"rate: that of joint_state_broadcaster; at least {2 * motion.rate:g} Hz lose nothing of the motion",
+                f"start marker: the message on {TOPIC}, or the status of {ACTION}",
+            ),
+            ".yaml",
+            _parameters(motion, name),
+            (
+                "a controller of another name, such as scaled_joint_trajectory_controller, needs its topics in the "
+                "files beside it",
+            ),
+        )
 
 
 class Ros2Yaml(_JointTrajectory):
@@ -62,7 +76,6 @@ class Ros2Yaml(_JointTrajectory):
 
     def file(self, motion: SampledDesign, stem: str) -> MotionFile:
         """The goal; every number is one for YAML 1.1 too, which takes 1e-05 for a string."""
-        message = message_of(motion)
         kind = "control_msgs/action/FollowJointTrajectory"
         how = (
             "units: rad, rad/s, rad/s^2 (m for prismatic joints); the robot must rest in the first point",
@@ -71,11 +84,10 @@ class Ros2Yaml(_JointTrajectory):
         lines = [f"# {line}" for line in (*motion.heading, *how)]
         lines += ["trajectory:", "  header:", "    stamp: {sec: 0, nanosec: 0}", f'    frame_id: "{frame_of(motion)}"']
         lines += [f"  joint_names: [{', '.join(map(quoted, motion.joints))}]", "  points:"]
-        for point in message["points"]:
-            at = point["time_from_start"]
-            lines += [f"  - positions: {listed_floats(point['positions'])}"]
-            lines += [f"    {name}: {listed_floats(point[name])}" for name in _RATES]
-            lines += [f"    time_from_start: {{sec: {at['sec']}, nanosec: {at['nanosec']}}}"]
+        for t, q, dq, ddq in points_of(motion):
+            lines += [f"  - positions: {listed_floats(q)}", f"    velocities: {listed_floats(dq)}"]
+            lines += [f"    accelerations: {listed_floats(ddq)}"]
+            lines += [f"    time_from_start: {{sec: {t // _SECOND}, nanosec: {t % _SECOND}}}"]
         content = ("\n".join(lines) + "\n").encode()
         long = (
             f"the goal has {len(content)} bytes, more than an argument of a command may have: send it on the "
@@ -125,18 +137,15 @@ class McapTrajectory(_JointTrajectory):
 
 
 def _message(motion: SampledDesign, types: Any) -> Any:
-    fields = message_of(motion)
+    """The message; effort stays empty, and stamp 0 means that it starts when it arrives."""
     Time, Duration = types["builtin_interfaces/msg/Time"], types["builtin_interfaces/msg/Duration"]
     Point = types["trajectory_msgs/msg/JointTrajectoryPoint"]
     points = [
-        Point(
-            **{name: np.array(point[name], float) for name in ("positions", *_RATES, "effort")},
-            time_from_start=Duration(**point["time_from_start"]),
-        )
-        for point in fields["points"]
+        Point(*map(np.array, rates), np.zeros(0), Duration(sec=t // _SECOND, nanosec=t % _SECOND))
+        for t, *rates in points_of(motion)
     ]
-    header = types["std_msgs/msg/Header"](stamp=Time(sec=0, nanosec=0), frame_id=fields["header"]["frame_id"])
-    return types["trajectory_msgs/msg/JointTrajectory"](header=header, joint_names=fields["joint_names"], points=points)
+    header = types["std_msgs/msg/Header"](stamp=Time(sec=0, nanosec=0), frame_id=frame_of(motion))
+    return types["trajectory_msgs/msg/JointTrajectory"](header=header, joint_names=list(motion.joints), points=points)
 
 
 def frame_of(motion: SampledDesign) -> str:
@@ -144,45 +153,10 @@ def frame_of(motion: SampledDesign) -> str:
     return f"excite_design_sha256_{motion.sha256}"
 
 
-def message_of(motion: SampledDesign) -> dict[str, Any]:
-    """Fields of the message; effort stays empty, and stamp 0 means that it starts when it arrives."""
-    samples = motion.samples
-    ticks = np.round(motion.time * _SECOND).astype(np.int64).tolist()
-    rows = zip(ticks, samples.q.tolist(), samples.dq.tolist(), samples.ddq.tolist(), strict=True)
-    return {
-        "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": frame_of(motion)},
-        "joint_names": list(motion.joints),
-        "points": [
-            {
-                "positions": q,
-                "velocities": dq,
-                "accelerations": ddq,
-                "effort": [],
-                "time_from_start": {"sec": t // _SECOND, "nanosec": t % _SECOND},
-            }
-            for t, q, dq, ddq in rows
-        ],
-    }
-
-
-def ros2_recorder(motion: SampledDesign, name: str) -> Recorder:
-    """Parameters of rosbag2's recorder, and the mapping of ``/joint_states`` in its bag."""
-    units = {"position": "rad", "velocity": "rad/s", "effort": "Nm"}
-    forms = {what: (f"{STATES}/{{}}/{what}", unit) for what, unit in units.items()}
-    return Recorder(
-        channels((f"{STATES}/header/stamp", "ns"), motion.joints, **forms),
-        (
-            f"record: ros2 run rosbag2_transport recorder --ros-args --params-file {name}.record.yaml",
-            f"rate: that of joint_state_broadcaster; at least {2 * motion.rate:g} Hz lose nothing of the motion",
-            f"start marker: the message on {TOPIC}, or the status of {ACTION}",
-        ),
-        ".yaml",
-        _parameters(motion, name),
-        (
-            "a controller of another name, such as scaled_joint_trajectory_controller, needs its topics in the files "
-            "beside it",
-        ),
-    )
+def points_of(motion: SampledDesign) -> Iterator[tuple[int, list[float], list[float], list[float]]]:
+    """Of each point the time [ns], positions, velocities and accelerations."""
+    samples, ticks = motion.samples, np.round(motion.time * _SECOND).astype(np.int64)
+    return zip(*(values.tolist() for values in (ticks, samples.q, samples.dq, samples.ddq)), strict=True)
 
 
 def _parameters(motion: SampledDesign, name: str) -> str:

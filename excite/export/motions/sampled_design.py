@@ -81,17 +81,9 @@ class SampledDesign:
 
 
 def sampled_design(
-    design: Design,
-    rate: float,
-    *,
-    breaks: bool = False,
-    whole_nanoseconds: bool = False,
-    most: int = MOST_SAMPLES,
+    design: Design, rate: float, *, breaks: bool = False, whole_nanoseconds: bool = False, most: int = MOST_SAMPLES
 ) -> SampledDesign:
-    """Sample a design's whole motion by the formulas of its pieces.
-
-    Where the duration is not a whole number of sampling periods, the robot rests in the end pose until the last one.
-    """
+    """Sample a design's whole motion by the formulas of its pieces; until the last sample the robot rests there."""
     sequence = design.sequence
     _check_not_too_slow(design, rate)
     count = math.ceil(sequence.duration * rate * (1.0 - _ROUNDING)) + 1

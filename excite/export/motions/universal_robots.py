@@ -28,16 +28,43 @@ from regressors.errors import InputError
 LOOKAHEAD, GAIN = 0.1, 300  # the manual's defaults: 0.03 to 0.2 s, and 100 to 2000
 _NEAR = 0.01  # rad from the first pose, from which the program starts
 _AT_ONCE = 500  # steps in one function
+_FASTEST = 500.0  # of e-Series [Hz]
 MARKER = 24  # integer register for the segment; 24 to 47 are for external RTDE clients
 
 
-class UrScript(MotionFormat):
+class _UniversalRobots(MotionFormat):
+    """A motion for a controller of Universal Robots."""
+
+    joints = (6,)
+
+    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
+        """``record_configuration.xml`` of the RTDE library's example ``record.py``, and how its file is read."""
+        forms = {"position": ("actual_q_{}", "rad"), "velocity": ("actual_qd_{}", "rad/s")}
+        forms |= {"current": ("actual_current_{}", "A"), "temperature": ("joint_temperatures_{}", "degC")}
+        return Recorder(
+            {"separator": "whitespace", **channels(("timestamp", "s"), range(6), **forms)},
+            (
+                f"record: python record.py --config {name}.record.xml --frequency {_FASTEST:g} --output {name}.log.csv",
+                f"rate: {_FASTEST:g} Hz of e-Series, 125 Hz of CB-Series",
+                f"start marker: output_int_register_{MARKER} is 1 on the approach, 2 while it excites, 3 on the return",
+                "gain: torque constants of the drives [Nm/A]; 1 gives torques in amperes",
+            ),
+            ".xml",
+            _recipe(motion),
+            (
+                "the gains of the currents in the mapping are 1: write the torque constants [Nm/A] of the joints "
+                "there, or calibrate them with `loaded` and `known_mass`; controllers since 5.23 also have the field "
+                "actual_current_as_torque",
+            ),
+        )
+
+
+class UrScript(_UniversalRobots):
     """Program with ``servoj`` in every step: 500 Hz of e-Series, 125 Hz of CB-Series; positions of six joints [rad]."""
 
     name = "urscript"
     suffix = ".script"
-    default_rate, slowest, fastest = 500.0, 10.0, 500.0
-    joints = (6,)
+    default_rate, slowest, fastest = _FASTEST, 10.0, _FASTEST
     most = 60_000
     interpolation = Interpolation.LINEAR
     given, decimals = 0, 14
@@ -71,10 +98,6 @@ class UrScript(MotionFormat):
         lines += [f"  write_output_integer_register({MARKER}, 0)", "  stopj(2.0)", "end"]
         return MotionFile(("\n".join(lines) + "\n").encode())
 
-    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
-        """The RTDE client."""
-        return rtde_recorder(motion, name)
-
 
 def _groups(segments: tuple[str, ...]) -> list[tuple[int, int, str]]:
     """Steps of one function each, all of one segment."""
@@ -107,7 +130,7 @@ def _beginning(start: str, step: float) -> list[str]:
   end""".splitlines()
 
 
-class RtdeCsv(MotionFormat):
+class RtdeCsv(_UniversalRobots):
     """``timestamp`` [s], ``target_q_0`` to ``_5`` [rad], ``target_qd`` [rad/s], ``target_qdd`` [rad/s^2].
 
     Separated by spaces. The reader makes a number of every cell and takes no comments, so that the hash of the design
@@ -116,8 +139,7 @@ class RtdeCsv(MotionFormat):
 
     name = "rtde"
     suffix = ".csv"
-    default_rate, slowest, fastest = 500.0, 1.0, 500.0
-    joints = (6,)
+    default_rate, slowest, fastest = _FASTEST, 1.0, _FASTEST
     interpolation = Interpolation.NOT_DOCUMENTED
     checked = (
         "the file has the layout that the CSVReader of the RTDE client library reads; none was played on a robot, and "
@@ -133,10 +155,6 @@ class RtdeCsv(MotionFormat):
         rows = "".join(f"{row} 0\n" for row in rows_of(table, " "))
         return MotionFile(f"{head}\n{rows}".encode())
 
-    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
-        """The RTDE client."""
-        return rtde_recorder(motion, name)
-
 
 _VECTORS = ("target_q", "target_qd", "target_qdd", "target_current", "target_moment", "actual_q", "actual_qd")
 FIELDS = {
@@ -145,29 +163,6 @@ FIELDS = {
     "runtime_state": "UINT32",
     f"output_int_register_{MARKER}": "INT32",
 }
-_FASTEST = 500.0
-
-
-def rtde_recorder(motion: SampledDesign, name: str) -> Recorder:
-    """``record_configuration.xml`` of the library's example ``record.py``, and how its file is read."""
-    forms = {"position": ("actual_q_{}", "rad"), "velocity": ("actual_qd_{}", "rad/s")}
-    forms |= {"current": ("actual_current_{}", "A"), "temperature": ("joint_temperatures_{}", "degC")}
-    return Recorder(
-        {"separator": "whitespace", **channels(("timestamp", "s"), range(6), **forms)},
-        (
-            f"record: python record.py --config {name}.record.xml --frequency {_FASTEST:g} --output {name}.log.csv",
-            f"rate: {_FASTEST:g} Hz of e-Series, 125 Hz of CB-Series",
-            f"start marker: output_int_register_{MARKER} is 1 on the approach, 2 while it excites, 3 on the return",
-            "gain: torque constants of the drives [Nm/A]; 1 gives torques in amperes",
-        ),
-        ".xml",
-        _recipe(motion),
-        (
-            "the gains of the currents in the mapping are 1: write the torque constants [Nm/A] of the joints there, or "
-            "calibrate them with `loaded` and `known_mass`; controllers since 5.23 also have the field "
-            "actual_current_as_torque",
-        ),
-    )
 
 
 def _recipe(motion: SampledDesign) -> str:

@@ -208,7 +208,7 @@ def small_set(width: float = 1.0) -> PossibleSet:
     )
 
 
-def isotropic(freedom: float = np.inf) -> PosteriorCoordinates:
+def isotropic(freedom: float = 1e9) -> PosteriorCoordinates:
     return PosteriorCoordinates(np.zeros(SIZE), np.eye(SIZE), SIZE, freedom)
 
 
@@ -241,7 +241,7 @@ def test_acceptance_corrects_long_drifts() -> None:
     assert np.var(kept) == pytest.approx(1.0, abs=0.05)
 
 
-@pytest.mark.parametrize("freedom", [np.inf, 5.0])
+@pytest.mark.parametrize("freedom", [1e9, 5.0])
 def test_the_slope_is_that_of_the_energy(freedom: float) -> None:
     coordinates, z = isotropic(freedom), np.random.default_rng(3).normal(size=(1, SIZE))
     for k, unit in enumerate(1e-6 * np.eye(SIZE)):

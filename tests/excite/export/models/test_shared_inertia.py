@@ -63,7 +63,7 @@ def test_the_described_robot_is_its_own_nearest(tmp_path: Path) -> None:
 
 
 def test_bodies_that_change_torques_by_a_millionth_are_not_exact() -> None:
-    assert [NearestBodies({}, change, 0.0, {}).exact for change in (1e-12, 1e-6)] == [True, False]
+    assert [NearestBodies({}, change, {}).exact for change in (1e-12, 1e-6)] == [True, False]
 
 
 def test_a_drive_that_turns_twice_as_far_as_its_joint_counts_by_that() -> None:
