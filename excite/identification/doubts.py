@@ -28,11 +28,11 @@ from excite.identification.large_residual import (
     missing_terms,
     noisy_derivatives,
 )
+from excite.identification.log_faults import load_that_explains
 from excite.identification.noise import residual_diagnostics
 from excite.identification.observations import GroupFactors, Observations
 from excite.identification.prediction import LogPrediction, instantaneous_target, prediction, relative_error
 from excite.identification.spoilt_log import spoilt_log
-from excite.identification.untold_load import load_that_explains
 from excite.information.target import IdentificationTarget
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from regressors.errors import percent

@@ -1,4 +1,9 @@
-"""Library of the faults of logs: what each does to torques or positions, and the line of the mapping that mends it."""
+"""Library of the faults of logs: what each does to torques or positions, and the line of the mapping that mends it.
+
+A load at the last link that nobody told of is no fault of a log, but may look like one. What its ten parameters phi add
+to the joint torques is linear in them, ``K phi`` [KD96] eq. (8)-(10); torques that a rigid load explains far better
+than nothing does, with a mass and a centre as loads have them, are named as its own.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +15,10 @@ from typing import Any
 import numpy as np
 
 from excite.identification.preparation import PreparedLog
-from regressors.samples import Array, Index
+from regressors.errors import percent
+from regressors.models.load import PayloadModel
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Index, Samples
 
 ODD_GAIN = 1.25  # a gain nearer to one is not a fault
 
@@ -168,3 +176,54 @@ def _each(key: str, n: int, j: int, value: str, other: str = "1") -> str:
 
 def _order(names: tuple[str, ...], order: list[int]) -> str:
     return f": the columns that now stand for {', '.join(names[k] for k in order)}, in this order"
+
+
+_LOAD_INSTANTS = 1500
+_LOAD_ROUNDS = 3  # of weights by the residuals
+_LEAST_LOAD = 0.02  # of the torque: less is not searched for a load
+_EXPLAINED = 0.4  # of the differences that may be left
+_FARTHEST = 1.0  # from the last link's frame to the centre of mass [m]
+_LIGHTEST = 0.05  # [kg]
+
+
+@dataclass(frozen=True)
+class UntoldLoad:
+    """A load at the last link that explains a difference of torques."""
+
+    mass: float  # [kg]; negative where the load is missing
+    centre: tuple[float, float, float]  # of mass, in the last link's frame [m]
+    before: float  # size of the differences over the torques
+    after: float  # of what it leaves
+
+    @property
+    def text(self) -> str:
+        """Its mass and place, and how much it explains."""
+        place = ", ".join(f"{x:.3f}" for x in self.centre)
+        return (
+            f"a load of {abs(self.mass):.3g} kg at the last link, its centre at ({place}) m, would explain all but "
+            f"{percent(self.after)} of {percent(self.before)}"
+        )
+
+
+def load_that_explains(robot: Robot, motion: Samples, difference: Array, measured: Array) -> UntoldLoad | None:
+    """The load that explains most of a difference of joint torques, if one explains most of it."""
+    # difference, measured (N, n)
+    size = float(np.linalg.norm(measured))
+    before = float(np.linalg.norm(difference)) / size if size > 0 else 0.0
+    if not _LEAST_LOAD < before < np.inf:
+        return None
+    some = np.unique(np.linspace(0, len(difference) - 1, _LOAD_INSTANTS).astype(int))
+    K = PayloadModel(robot).instants(motion.rows(some)).reshape(some.size, robot.n, -1)
+    y = difference[some]
+    deviation = np.sqrt(np.mean(y**2, axis=0))
+    phi = np.zeros(K.shape[2])
+    for _ in range(_LOAD_ROUNDS):
+        weight = 1 / np.maximum(deviation, 1e-3 * deviation.max())
+        phi = np.linalg.lstsq((K * weight[:, None]).reshape(-1, phi.size), (y * weight).ravel(), rcond=1e-8)[0]
+        deviation = np.sqrt(np.mean((y - K @ phi) ** 2, axis=0))
+    after = float(np.linalg.norm(y - K @ phi) / np.linalg.norm(measured[some]))
+    mass, *moment = phi[:4].tolist()
+    centre = (moment[0] / mass, moment[1] / mass, moment[2] / mass) if mass else (np.inf,) * 3
+    if not (after < _EXPLAINED * before and abs(mass) > _LIGHTEST and np.linalg.norm(centre) < _FARTHEST):
+        return None
+    return UntoldLoad(mass, centre, before, after)

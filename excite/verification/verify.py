@@ -12,6 +12,7 @@ import numpy as np
 from excite.identification.doubts import answers
 from excite.identification.identification import Identification
 from excite.identification.identify import rows_prediction
+from excite.identification.log_faults import load_that_explains
 from excite.identification.prediction import (
     LogPrediction,
     instantaneous_target,
@@ -23,7 +24,6 @@ from excite.identification.prediction import (
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.procedure import log_of
 from excite.identification.recipe import AUTO, Recipe
-from excite.identification.untold_load import load_that_explains
 from excite.information.target import IdentificationTarget
 from excite.logs.event import LEFT_OUT
 from excite.logs.log import Log

@@ -10,7 +10,7 @@ from played import EXACT, LOAD, TASK, found, irp6, periodic, played, three_joint
 from recordings import real_log
 
 from excite.identification.identify import identify
-from excite.identification.untold_load import load_that_explains
+from excite.identification.log_faults import load_that_explains
 from excite.verification.verify import verify
 
 HEAVY = 8.0 * LOAD
