@@ -129,6 +129,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "temperature": TEMPERATURE,
     "described_within": Quantity("", 1e-6, 1e6),
     "delay": Quantity("s", -1e4, 1e4),
+    "bias": Quantity("N and Nm", -1e6, 1e6),
     # simulation
     "bandwidth": Quantity("Hz", 1e-6, 1e5),
     "catch": replace(DISTANCE, least=1e-9),

@@ -396,10 +396,11 @@ def drives_of_torques(robot: Robot, *, each: bool) -> tuple[tuple[str, ...], Arr
 
 def corrected(log: Log, robot: Robot, recipe: Recipe) -> Log:
     """A log of the moving joints whose torques are in corrected gains, its wrench without the bias of the sensor."""
-    factors, bias = recipe.torque_factors, recipe.bias
-    for given, channel, what in ((factors, "effort", "`torque_factors`"), (any(bias), "wrench", "`bias`")):
-        if given and getattr(log, channel) is None:
-            raise InputError(f"{log.source}: {what} are for the {channel}, which it does not have")
+    factors, bias = recipe.torque_factors, recipe.bias or ()
+    if factors and log.effort is None:
+        raise InputError(f"{log.source}: `torque_factors` are for joint torques, which it does not have")
+    if any(bias) and log.wrench is None:
+        raise InputError(f"{log.source}: `bias` is for the wrench of a sensor, which it does not have")
     if factors and log.effort is not None:
         log = replace(log, effort=log.effort @ correction(robot, dict(factors)).T)
     return replace(log, wrench=log.wrench - bias) if any(bias) and log.wrench is not None else log

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
-from excite.logs.log import WRENCH
 from excite.registry import COVARIANCES, REPEATABLE, SIGNALS, OwnPart, built_in, check_part, instance, name_of
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.tasks.option import essential, option
@@ -23,8 +22,9 @@ Factors = tuple[tuple[str, float], ...]  # by drive
 AUTO, ALL = "auto", "all"
 _CHECKED = (
     "cutoff", "period", "harmonics", "low_pass", "every", "sign_width", "breakaway", "standstill", "temperature",
-    "described_within", "delay",
+    "described_within", "delay", "bias",
 )  # fmt: skip
+_OF_WRENCH = 6
 _SINGLE = ("cutoff", "period", "harmonics", "low_pass", "every", "standstill", "described_within", "delay")
 
 
@@ -78,9 +78,9 @@ class Recipe:
         Standard deviation of the described bodies in the estimator physical, in their sizes.
     delay : float
         Of the recorded torques after the positions [s].
-    bias : tuple of float
+    bias : tuple of float, optional
         Constant wrench that the force/torque sensor measures beside the load's, which is subtracted: forces [N], then
-        torques [Nm]; empty for none.
+        torques [Nm]; chosen, or none, if not given.
     signals_chosen : bool
         The method was chosen and not given: logs to which it does not apply, such as those without velocities, or
         whose motion does not repeat itself, are low-passed at the cutoff.
@@ -162,8 +162,8 @@ class Recipe:
     delay: float = option(
         0.0, "time", "Delay of the recorded torques after the positions; 0: none.", metavar="S", unset=AUTO
     )
-    bias: tuple[float, ...] = option(
-        (),
+    bias: tuple[float, ...] | None = option(
+        None,
         "numbers",
         "Bias of the force/torque sensor, which is subtracted: three forces [N] and three torques [Nm]; 0: none.",
         metavar="F,...",
@@ -182,8 +182,8 @@ class Recipe:
                 raise InputError(f"`{what}` must be one number, given {shown(value)}")
         if self.described_within is not None and self.estimator != "physical":
             raise InputError(f"`described_within` is for the estimator physical, not for {name_of(self.estimator)}")
-        if any(self.bias) and len(self.bias) != len(WRENCH):
-            raise InputError(f"`bias` must be six numbers, one for each of {', '.join(WRENCH)}, or 0 for none")
+        if self.bias is not None and any(self.bias) and len(self.bias) != _OF_WRENCH:
+            raise InputError("`bias` must be six numbers, three forces and three torques, or 0 for none")
         for what in ("sign_width", "breakaway"):
             object.__setattr__(self, what, _sizes(what, getattr(self, what)))
         if self.torque_factors is not None:

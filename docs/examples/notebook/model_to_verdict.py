@@ -58,7 +58,7 @@ plt.show()
 # %%
 for use in design.limits:
     if "acceleration" not in use.label:
-        print(f"{use.label:20} {use.extreme:8.3f} of {use.bound:8.3f} {use.unit}")
+        print(f"{use.label:20} {abs(use.extreme):8.3f} of {abs(use.bound):8.3f} {use.unit}")
 print("feasible:", design.feasible)
 
 # %% [markdown]

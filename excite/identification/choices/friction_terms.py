@@ -315,7 +315,7 @@ def choose_bias(scoring: Scoring, recipe: Recipe) -> tuple[Recipe, Choice]:
     listed, count = candidates_of({"none": none, "constants": fitted}), int(used.sum())
     if not _last_are_told_apart(few, fitted.weights, count, _TOLD_APART):
         reason = "no bias is subtracted, since the motion hardly tells it from the load: tare the sensor"
-        return recipe, Choice("bias", (), listed, reason)
+        return recipe, Choice("bias", "none", listed, reason)
     bias = np.zeros(used.size)
     bias[used] = least_squares_of_products(few.total, fitted.weights)[-count:]
     values = tuple(float(f"{b:.6g}") for b in bias)

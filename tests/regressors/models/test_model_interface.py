@@ -343,8 +343,6 @@ def test_equations_that_are_no_torques_are_left_as_they_are() -> None:
         PartialModel(model, of_joints(plain(), [0]))
     with pytest.raises(InputError, match="model of their torques, one row per joint, given LoadModel with 6"):
         PartialModel(LoadModel(built_in("ur10e")), of_joints(built_in("ur10e"), [0]))
-    with pytest.raises(InputError, match="a model of joint torques, not with Height"):
-        ModelMotion(model, np.ones(1), base_parameters(model), None)
     with pytest.raises(InputError, match="Height has no friction torque at every instant"):
         friction_drives(subject_of(model), samples)
 
