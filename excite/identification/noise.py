@@ -34,6 +34,7 @@ from regressors.samples import Array
 _ITERATIONS = 30
 _SETTLED = 0.002  # relative change of the deviations
 _LITTLE = 0.01  # parameters over effective rows, below which fitting removes too little noise to matter
+_DIVERGES = 100.0  # times the covariance before what fitting removes
 _REWEIGHTED = 3
 _COLUMNS = 8  # transformed at once, which bounds the memory
 
@@ -92,10 +93,15 @@ def autoregressive_covariance(groups: Sequence[NoiseGroup], effective: float, sh
     found = [_autocovariance(group.noise, D) for group, D in zip(groups, scaled, strict=True)]
     aim = found
     C = np.zeros((groups[0].rows.shape[1],) * 2)
+    first: Array | None = None
     for _ in range(_ITERATIONS):
         fitted = [autoregressive_noise(r, group.noise.size) for r, group in zip(aim, groups, strict=True)]
         spread = [_Spread.of(*each) for each in zip(groups, scaled, fitted, strict=True)]
         before, C = C, np.asarray(sum(part.covariance for part in spread)) / share
+        first = C if first is None else first
+        if np.trace(C) > _DIVERGES * np.trace(first):  # almost as many parameters as effective rows: as for white noise
+            C = first * effective / max(effective - C.shape[0], 1.0)
+            break
         settled = np.allclose(np.diag(before), np.diag(C), rtol=2 * _SETTLED, atol=0.0)
         if settled or C.shape[0] < _LITTLE * effective:
             break

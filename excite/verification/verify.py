@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from excite.identification.choices.cutoff_and_timing import HIGHEST
 from excite.identification.doubts import answers
 from excite.identification.identification import Identification
 from excite.identification.identify import rows_prediction
@@ -113,6 +114,8 @@ def verify(
     layout = read_mapping(Path(mapping)) if isinstance(mapping, str | Path) else mapping
     recipe = _recipe(result, rows, signals, temperature)
     log = log_of(log, result.robot, layout, tuple(drop), recipe.row_numbers)
+    slower = recipe.cutoff is not None and recipe.cutoff > HIGHEST * log.rate
+    recipe = replace(recipe, cutoff=HIGHEST * log.rate) if slower else recipe
     rows_prediction("the verification", [log]).check()
     if log.sha256 in result.training and not training_too:
         raise InputError(
@@ -142,6 +145,7 @@ def verify(
         *_motion_remarks(replay, length, horizon),
         *_friction_remarks(result, target, part, recipe),
         *_event_remarks(part, predicted, event_free),
+        *([f"positions are low-passed at {recipe.cutoff:.3g} Hz, since this log has fewer rows"] if slower else []),
     )
     return Verification(
         robot=result.robot,

@@ -55,7 +55,7 @@ Scored = Callable[[float], LeftOut]
 _STEP = 2.0  # between the cutoffs that are tried first
 PERIODS = 2.0  # of the cutoff that are cut from each end, see `excite.logs.signals.filters.edge`
 _CUT = 0.05  # largest share of a log that may be cut from each end
-_HIGHEST = 0.35  # of the sample rate
+HIGHEST = 0.35  # of the sample rate
 _PLATEAU = 0.001, 0.005  # of the score: a gain that counts as none, within its standard error up to the second
 
 
@@ -64,7 +64,7 @@ def cutoff_candidates(duration: float, rate: float) -> list[float]:
 
     None where a log has too few rows for both.
     """
-    highest = _HIGHEST * rate
+    highest = HIGHEST * rate
     lowest = PERIODS / (_CUT * duration)
     if lowest > highest:
         return []

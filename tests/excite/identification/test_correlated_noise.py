@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.linalg
+import scipy.ndimage
 import scipy.signal
 from observed import observations_of
 from played import EXACT, TASK, irp6, noisy, played, three_joints
@@ -96,6 +97,18 @@ def test_noise_that_the_fit_removes_is_restored() -> None:
     assert np.all(np.mean(naive, axis=0)[:3] < 0.6 * exact[:3])
     ratio = np.mean(stated, axis=0)[1:] / exact[1:]
     assert np.all((ratio > 0.75) & (ratio < 3.0))
+
+
+def test_almost_as_many_parameters_as_effective_rows_leave_finite_deviations() -> None:
+    """Restoring what the fit removes has no fixed point then."""
+    rng = np.random.default_rng(1)
+    rows, noise = (scipy.ndimage.gaussian_filter1d(rng.normal(size=(3, 200, k)), 6, axis=1) for k in (30, 1))
+    Q = np.linalg.qr(rows.reshape(600, 30))[0]
+    e = noise.ravel() - Q @ (Q.T @ noise.ravel())
+    groups = [
+        NoiseGroup(n, X, X, np.ones((200, 1))) for n, X in zip(e.reshape(3, 200), Q.reshape(3, 200, 30), strict=True)
+    ]
+    assert np.sqrt(np.trace(autoregressive_covariance(groups, 50.0))) < 100 * np.std(noise)
 
 
 def test_deviations_of_autoregressive_noise_are_those_that_the_estimates_have() -> None:

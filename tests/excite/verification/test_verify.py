@@ -278,6 +278,13 @@ CASES = (  # errors, over all equations, of training, doubts; confirmed, contrad
 )  # fmt: skip
 
 
+def test_a_log_of_fewer_rows_is_low_passed_lower(training: Log) -> None:
+    result = found(TASK, training, recipe=Recipe(cutoff=30.0))
+    judged = verify(result, played(three_joints(4), 3, 50.0, 4.0, source="SLOW")).verdict
+    assert judged.holds
+    assert "low-passed at 17.5 Hz, since this log has fewer rows" in judged.remarks[-1]
+
+
 def test_a_verdict_has_its_reasons() -> None:
     for pairs, total, known, doubts, confirmed, contradicted, undecided, reasons, remarks in CASES:
         whole = CorrectedError(0.0, np.nan, total, total)
