@@ -16,13 +16,13 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 83_750,
-    "lines of code": 51_450,
+    "lines": 81_340,
+    "lines of code": 49_800,
     "files": 374,
-    "classes": 762,
+    "classes": 751,
     "public names": 95,
-    "blocks of `TYPE_CHECKING`": 22,
-    "imports inside functions": 90,
+    "blocks of `TYPE_CHECKING`": 18,
+    "imports inside functions": 69,
     "look-ups of built-in parts by name": 17,
     "lines of code of tests": 36_345,
     "rooms": 22,

@@ -6,7 +6,6 @@ import importlib
 import json
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,6 @@ import pytest
 from commands import module_of
 
 from excite.logs.log import Log
-from regressors.errors import InputError
 from regressors.readers.library import load_robot
 from regressors.samples import Samples
 
@@ -206,13 +204,6 @@ def test_runs_of_another_budget_are_other_runs(peers: Any) -> None:
     assert sorted(run["value"] for run in runs) == [0, 1]
 
 
-def test_a_system_that_is_not_installed_is_told_with_the_reason(peers: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    runs = peers("runs")
-    assert "No such file" in runs.figaroh_versions("/no/such/python")
-    monkeypatch.setattr(runs, "_FIGAROH", "import no_such_module")
-    assert runs.figaroh_versions(sys.executable) == "ModuleNotFoundError: No module named 'no_such_module'"
-
-
 def test_a_system_that_fails_is_told_and_stops_nothing(peers: Any) -> None:
     found = peers("runs").motion({**WANTED[0], "system": "none of these"}, sys.executable)
     assert found == {"failure": "exit status 1"}
@@ -268,17 +259,6 @@ def test_dropped_rows_are_missing_and_the_others_stay(share: float) -> None:
     assert log.time[[0, -1]].tolist() == [0.0, 2.0]
 
 
-def test_late_stamps_are_as_far_apart_as_said_and_never_early() -> None:
-    log = degraded(clock_jitter=(0.0007, 0.0085))
-    np.testing.assert_array_equal(channels(log), channels(clean()))
-    between, late = np.diff(log.time), log.time - clean().time
-    assert between.min() == pytest.approx(0.0007, rel=1e-6)  # behind a long wait the host catches up
-    assert 0.006 < between.max() <= 0.0085 + 1e-12
-    assert between.mean() == pytest.approx(0.001, rel=0.01)  # the host keeps up
-    assert late.min() >= 0
-    assert late.max() < 0.05
-
-
 def test_late_stamps_follow_from_the_recursion() -> None:
     """Row by row: a host that waits, then reads as fast as it can."""
     rng, waits = np.random.default_rng([4, 4]), []
@@ -300,35 +280,6 @@ def test_torques_are_those_of_earlier_rows(delay: tuple[float, ...], rows: tuple
         np.testing.assert_allclose(log.effort[20:-20, k], clean().effort[20 - shift : 2001 - 20 - shift, k], atol=1e-12)
 
 
-def test_noise_on_a_log_is_seeded() -> None:
-    one, same, other = (degraded(seed, coloured_noise=(2.0,)) for seed in (1, 1, 2))
-    assert one.identity == same.identity != other.identity
-
-
 def test_an_option_leaves_the_random_numbers_of_the_others() -> None:
     alone, both = degraded(hold=0.06), degraded(hold=0.06, coloured_noise=(1.0,), clock_jitter=(0.0005, 0.01))
     np.testing.assert_array_equal(alone.q, both.q)
-
-
-def test_friction_that_drifts_must_be_known() -> None:
-    with pytest.raises(InputError, match="needs the friction"):
-        degrade(clean(), Degradation(friction_drift=-0.1))
-
-
-def test_a_log_without_torques_is_recorded_all_the_same() -> None:
-    log = degrade(replace(clean(), effort=None), Degradation(delay=(0.1,), hold=0.1))
-    assert log.effort is None
-    assert np.any(log.q != clean().q)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"clock_jitter": (0.0012, 0.0085)}, "rows are sampled every 0.001 s"),
-        ({"clock_jitter": (0.0007, 0.0009)}, "rows are sampled every 0.001 s"),
-        ({"delay": (0.001, 0.002, 0.003)}, "delay needs one value, or 2"),
-    ],
-)
-def test_what_cannot_be_done_to_a_log(options: dict[str, Any], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        degraded(**options)

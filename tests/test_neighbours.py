@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
-import venv
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -129,42 +126,3 @@ def test_constraints_alone_names_the_package_that_it_misses(tmp_path: Path) -> N
     folder = written(tmp_path / "site", NEEDED | {"regressors/__init__.py": OTHER})
     error = error_of(sys.executable, "constraints", folder, cwd=tmp_path)
     assert error.startswith("ImportError: The package `regressors` that Python finds is not that of `excite-traj")
-
-
-# With pip, in environments that are thrown away
-
-
-def wheel(folder: Path, name: str, files: Mapping[str, str]) -> str:
-    """A wheel that is made without any tool."""
-    path = folder / f"{name.replace('-', '_')}-1.2-py3-none-any.whl"
-    with zipfile.ZipFile(path, "w") as archive:
-        for file, text in {**files, **metadata(name.replace("-", "_"), files)}.items():
-            archive.writestr(file, text)
-    return str(path)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("package", ["regressors", "constraints"])
-def test_pip_installs_and_uninstalls_beside_us(package: str, tmp_path: Path) -> None:
-    ours = wheel(tmp_path, "excite-trajectories", NEEDED)
-    other = wheel(tmp_path, package, {f"{package}/__init__.py": "", f"{package}/stats.py": OTHER})
-    environment = tmp_path / "environment"
-    python = str(environment / "bin" / "python")
-
-    def pip(*arguments: str) -> None:
-        command = [sys.executable, "-m", "pip", "--python", python, "--quiet", *arguments]
-        subprocess.run(command, check=True, env=NOT_HERE, capture_output=True)
-
-    def after(*wheels: str) -> str:
-        shutil.rmtree(environment, ignore_errors=True)
-        venv.create(environment, symlinks=True)
-        pip("install", "--no-index", "--no-deps", wheels[0])
-        pip("install", "--no-index", "--no-deps", wheels[1])
-        return error_of(python, "excite", cwd=tmp_path)
-
-    for order in ((ours, other), (other, ours)):
-        assert f"The distribution `{package}`" in after(*order)
-        pip("uninstall", "--yes", package)
-        assert f"The package `{package}` of `excite-trajectories`" in error_of(python, "excite", cwd=tmp_path)
-        pip("install", "--no-index", "--no-deps", "--force-reinstall", ours)
-        assert error_of(python, "excite", cwd=tmp_path) == ""

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from scipy.optimize import linprog
 
-import excite
 from constraints.certificate import limit_uses
 from constraints.linear import LinearConstraint
 from excite.design.formulation import formulate
@@ -259,14 +258,6 @@ def test_it_comes_within_five_percent_of_the_fast_solver(harmonics: int) -> None
         assert max(some.violation(result.x) for result in results) <= 1e-12
         best[name] = min(result.value for result in results)
     assert best[Ipopt.name] < 1.05 * best["sqp"]
-
-
-def test_by_name() -> None:
-    task = excite.Task("irp6", harmonics=2, starts=1, executor="serial", solver="ipopt")
-    design = excite.design_trajectory(task)
-    assert type(instance("solver", "ipopt")) is Ipopt
-    assert design.feasible
-    assert design.condition_number < 130
 
 
 QUICK = SequentialQuadratic(SqpOptions(iterations=5))

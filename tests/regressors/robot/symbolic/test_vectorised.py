@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -86,14 +87,17 @@ def dense(function: VectorisedFunction, values: np.ndarray) -> np.ndarray:
     return full
 
 
+def random_case(seed: int, instants: int) -> tuple[Any, ...]:
+    """Symbols, an expression of them, inputs, its function, and the generator that they came from."""
+    rng, x = np.random.default_rng(seed), symbols()
+    expression = random_expression(x, KINKED, rng)
+    return x, expression, random_inputs(rng, instants), VectorisedFunction(x, expression), rng
+
+
 @given(seed=SEED, instants=st.integers(1, 7))
 @settings(max_examples=40)
 def test_values_equal_casadis(seed: int, instants: int) -> None:
-    rng = np.random.default_rng(seed)
-    x = symbols()
-    expression = random_expression(x, KINKED, rng)
-    inputs = random_inputs(rng, instants)
-    function = VectorisedFunction(x, expression)
+    x, expression, inputs, function, _ = random_case(seed, instants)
     expected = one_by_one(x, expression, inputs)
     for values in (function(*inputs), function.interpreted(*inputs)):
         np.testing.assert_allclose(dense(function, values), expected, rtol=1e-12, atol=1e-13)
@@ -102,11 +106,7 @@ def test_values_equal_casadis(seed: int, instants: int) -> None:
 @given(seed=SEED, instants=st.integers(1, 5))
 @settings(max_examples=40)
 def test_pullback_equals_casadis_jacobian(seed: int, instants: int) -> None:
-    rng = np.random.default_rng(seed)
-    x = symbols()
-    expression = random_expression(x, KINKED, rng)
-    inputs = random_inputs(rng, instants)
-    function = VectorisedFunction(x, expression)
+    x, expression, inputs, function, rng = random_case(seed, instants)
     seeds = rng.normal(size=(len(function.row), instants))
     places = [expression[int(i), int(j)] for i, j in zip(function.row, function.column, strict=True)]
     jacobian = one_by_one(x, ca.jacobian(ca.vertcat(*places), ca.vertcat(*x)), inputs)
@@ -125,11 +125,7 @@ def test_each_operation_alone(name: str) -> None:
 
 
 def test_different_numbers_of_lanes_in_turn() -> None:
-    rng = np.random.default_rng(3)
-    x = symbols()
-    expression = random_expression(x, KINKED, rng)
-    function = VectorisedFunction(x, expression)
-    inputs = random_inputs(rng, 50)
+    _, _, inputs, function, rng = random_case(3, 50)
     seeds = rng.normal(size=(len(function.row), 50))
     all_values, all_slopes = function(*inputs), np.vstack(function.pullback(inputs, seeds))
     for instants in (50, 1, 7, 7, 0, 50, 2):
