@@ -250,8 +250,6 @@ class Recipe:
                 raise InputError(f"repetitions simulate single instants and positions; leave out `{what}`")
         if isinstance(self.sign_width, tuple) or isinstance(self.breakaway, tuple):
             raise InputError("repetitions take one `sign_width` or `breakaway` for all drives")
-        if self.bias:
-            raise InputError("repetitions have sensors without bias; leave out `bias`")
         if self.standstill:
             raise InputError("repetitions use every row; leave out `standstill`")
 
