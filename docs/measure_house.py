@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 81_340,
-    "lines of code": 49_800,
+    "lines": 81_350,
+    "lines of code": 49_805,
     "files": 374,
     "classes": 751,
     "public names": 95,

@@ -278,8 +278,3 @@ def test_torques_are_those_of_earlier_rows(delay: tuple[float, ...], rows: tuple
     np.testing.assert_array_equal(log.q, clean().q)
     for k, shift in enumerate(rows):
         np.testing.assert_allclose(log.effort[20:-20, k], clean().effort[20 - shift : 2001 - 20 - shift, k], atol=1e-12)
-
-
-def test_an_option_leaves_the_random_numbers_of_the_others() -> None:
-    alone, both = degraded(hold=0.06), degraded(hold=0.06, coloured_noise=(1.0,), clock_jitter=(0.0005, 0.01))
-    np.testing.assert_array_equal(alone.q, both.q)

@@ -49,7 +49,8 @@ def without_held_rows(log: Log) -> Clean:
     """Leave out the rows that repeat the row before while the robot moves.
 
     A row is held if all positions, or all torques, are equal to the last bit to those of the row before, although a
-    joint has moved by four steps of its encoder since then, or the torques are otherwise never equal. Where fresh rows
+    joint has moved by four steps of its encoder since then, or the torques are otherwise never equal; or if the
+    position of one joint hangs and then jumps by what the joint moved meanwhile. Where fresh rows
     come at even intervals of two rows or more, or at even intervals in all, the values were updated more slowly than
     they were recorded: that is their rate, and no event.
     """
@@ -72,7 +73,8 @@ def held_rows(log: Log) -> NDArray[np.bool_]:
     """Which rows are held, shape (N,)."""
     moving = np.any(moves(log), axis=1)
     still, caught_up = _long_runs(log)
-    return np.asarray(caught_up | (moving & ~still & (_held_positions(log) | _held_torques(log, moving))))
+    at_once = _held_positions(log) | _held_torques(log, moving)
+    return np.asarray(caught_up | _hung_joints(log) | (moving & ~still & at_once))
 
 
 def _equal(x: Array) -> NDArray[np.bool_]:
@@ -91,6 +93,24 @@ def _long_runs(log: Log) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
             still[a:b] = not np.any(jump)
             caught_up[a:b] = np.any(jump & (usual > 0) & (after > least))
     return still, caught_up
+
+
+_NEAR = 5  # rows on either side of a hang
+_MADE_UP = 0.5  # share of the motion meanwhile that the jump at its end may be off
+
+
+def _hung_joints(log: Log) -> NDArray[np.bool_]:
+    """Rows in which one joint has three or more equal positions and then jumps by what it moved meanwhile."""
+    hung, least = np.zeros(log.count, dtype=bool), _STEPS * _grain(log.q)
+    for q, smallest in zip(log.q.T, least, strict=True):
+        step = np.diff(q)
+        for a, b in runs(_equal(q[:, None])):
+            if b - a < _STILL or a <= _NEAR or b + _NEAR >= log.count:
+                continue
+            speeds = np.median(step[a - 1 - _NEAR : a - 1]), np.median(step[b : b + _NEAR])
+            meanwhile = 0.5 * (speeds[0] + speeds[1]) * (b - a + 1)
+            hung[a:b] |= abs(step[b - 1] - meanwhile) < _MADE_UP * abs(meanwhile) and abs(meanwhile) > smallest
+    return hung
 
 
 def _held_positions(log: Log) -> NDArray[np.bool_]:

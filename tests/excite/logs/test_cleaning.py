@@ -108,6 +108,16 @@ def test_a_recorder_hangs_and_a_robot_at_rest_repeats_itself():
     assert not held_rows(quiet)[3100:].any()
 
 
+def test_one_joint_hangs_and_makes_up_for_it_and_one_that_steps_does_not():
+    log, rows = recorded(), np.concatenate([np.arange(k, k + 9) for k in (1000, 2500, 3300)])
+    hung, stepped = log.q.copy(), log.q.copy()
+    for k, first in enumerate(rows[::9]):
+        hung[first : first + 9, k % 2] = hung[first - 1, k % 2]
+    stepped[:2000, 0], stepped[2000:, 0] = log.q[0, 0], log.q[0, 0] + 0.1
+    np.testing.assert_array_equal(np.flatnonzero(held_rows(replace(log, q=hung))), rows)
+    assert not held_rows(replace(log, q=stepped)).any()
+
+
 @pytest.mark.parametrize("length", [4, 12, 20])
 def test_a_slow_recorder_that_hangs_and_catches_up_is_seen_in_all_of_its_rows(length):
     log, rows = recorded(seconds=10.0, rate=97.0), np.arange(400, 400 + length)
