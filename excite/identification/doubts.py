@@ -93,7 +93,7 @@ def _untold_load(result: Identification, target: IdentificationTarget) -> Doubt 
     if load is None or load.mass < 0:
         return None
     return Doubt(
-        f"the bodies depart from the described ones as if the robot carried something: {load.text} of the torque",
+        f"the bodies depart from the described ones as if the robot carried something: {load.text}",
         "what was identified is the robot with that load, if it had one",
         "identify again from a log without it, or say with `identify_payload` what it is",
     )

@@ -197,11 +197,11 @@ class UntoldLoad:
 
     @property
     def text(self) -> str:
-        """Its mass and place, and how much it explains."""
+        """Its mass and place, and what it explains."""
         place = ", ".join(f"{x:.3f}" for x in self.centre)
         return (
-            f"a load of {abs(self.mass):.3g} kg at the last link, its centre at ({place}) m, would explain all but "
-            f"{percent(self.after)} of {percent(self.before)}"
+            f"a load of {abs(self.mass):.3g} kg at the last link, its centre at ({place}) m, would lower the "
+            f"difference from {percent(self.before)} to {percent(self.after)} of the torque"
         )
 
 

@@ -196,8 +196,8 @@ def _other_load(
     load = load_that_explains(target.robot, motion, measured - torques, measured)
     if load is None:
         return ()
-    whose = "which this log has and the result lacks" if load.mass > 0 else "which the result has and this log lacks"
-    return (f"{load.text} of the torque, {whose}: verify with a log of the same load, or identify again",)
+    whose = "this log has it, and the result lacks it" if load.mass > 0 else "the result has it, and this log lacks it"
+    return (f"{load.text}; {whose}: verify with a log of the same load, or identify again",)
 
 
 def _torques_answer(judged: Verdict, whole: CorrectedError) -> str:

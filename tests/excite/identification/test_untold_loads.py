@@ -42,8 +42,8 @@ def test_a_verdict_names_the_load_that_the_log_has_or_lacks() -> None:
     ]
     bare, loaded = found(TASK, logs[0], recipe=EXACT), found(TASK, logs[1], recipe=EXACT)
     for result, log, whose in (
-        (bare, logs[1], "this log has and the result lacks"),
-        (loaded, logs[0], "the result has and this log lacks"),
+        (bare, logs[1], "this log has it, and the result lacks it"),
+        (loaded, logs[0], "the result has it, and this log lacks it"),
     ):
         verdict = verify(result, log).verdict
         assert not verdict.holds
