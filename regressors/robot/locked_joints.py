@@ -161,29 +161,52 @@ def _transmission(robot: Robot, keep: list[int], rest: Array) -> Transmission | 
         return None
     held = np.setdiff1d(np.arange(robot.n), keep)
     coupling = old.coupling[:, keep]
-    turning = _turning(old, coupling, [robot.link_numbers[k] - 1 for k in keep])
-    drives = tuple(replace(d, rests=k not in turning) for k, d in enumerate(old.drives))
+    drives = _drives(old, coupling, [robot.link_numbers[k] - 1 for k in keep])
     return Transmission(coupling, drives, old.limits, old.offset + old.coupling[:, held] @ rest[held])
 
 
-def _turning(transmission: Transmission, coupling: Array, own: list[int]) -> list[int]:
-    """Drives that keep their parameters; `own` are those of the moving joints.
+def _drives(transmission: Transmission, coupling: Array, own: list[int]) -> tuple[Drive, ...]:
+    """Drives with what turns along with each; `own` are those of the moving joints.
 
-    One that turns in proportion to another shows no friction of its own; its rotor, behind a constant ratio, counts
-    with that of the other, if that has one behind a constant ratio too.
+    One that turns in proportion to another, ``dz_k = a dz``, cannot be told apart from it: its friction and its rotor
+    count with that one's, ``F_c + |a| F_c,k``, ``F_v + a^2 F_v,k`` and ``n^2 Ia + a^2 n_k^2 Ia_k``, if both state the
+    same of their friction and their rotors are behind constant ratios.
     """
-    turning: list[int] = []
-    for k in sorted(range(len(transmission.drives)), key=lambda k: (k not in own, k)):
-        drive, row = transmission.drives[k], coupling[k]
+    drives, turning = list(transmission.drives), list[int]()
+    for k in sorted(range(len(drives)), key=lambda k: (k not in own, k)):
+        drive, row = drives[k], coupling[k]
         if drive.rests or not np.any(row):
+            drives[k] = replace(drive, rests=True)
             continue
-        alike = [other for other in turning if np.linalg.matrix_rank(np.array([row, coupling[other]])) == 1]
-        borne = drive.rotor_inertia is None or (
-            _constant_rotor(drive) and any(_constant_rotor(transmission.drives[other]) for other in alike)
-        )
-        if not (alike and borne):
+        alike = (m for m in turning if np.linalg.matrix_rank(np.array([row, coupling[m]])) == 1)
+        into = next((m for m in alike if _counts_with(drive, drives[m])), None)
+        if into is None:
             turning.append(k)
-    return turning
+        else:
+            ratio = float(row @ coupling[into] / (coupling[into] @ coupling[into]))
+            drives[into] = _together(drives[into], drive, ratio)
+            drives[k] = replace(drive, rests=True, rotor_inertia=None, coulomb=None, viscous=None)
+    return tuple(drives)
+
+
+def _counts_with(drive: Drive, other: Drive) -> bool:
+    """Whether what is known of a drive and of another that turns in proportion can be stated as one drive's."""
+    same = all((getattr(drive, name) is None) == (getattr(other, name) is None) for name in ("coulomb", "viscous"))
+    rotor = drive.rotor_inertia is None or (_constant_rotor(drive) and _constant_rotor(other))
+    return same and rotor
+
+
+def _together(drive: Drive, other: Drive, ratio: float) -> Drive:
+    """A drive with what another adds that turns `ratio` times as fast."""
+    coulomb, viscous, rotor = drive.coulomb, drive.viscous, drive.rotor_inertia
+    if coulomb is not None and other.coulomb is not None:
+        coulomb += abs(ratio) * other.coulomb
+    if viscous is not None and other.viscous is not None:
+        viscous += ratio**2 * other.viscous
+    if rotor is not None and other.rotor_inertia is not None:
+        gear = ratio * other.ratio.reference_ratio / drive.ratio.reference_ratio
+        rotor += gear**2 * other.rotor_inertia
+    return replace(drive, coulomb=coulomb, viscous=viscous, rotor_inertia=rotor)
 
 
 def _constant_rotor(drive: Drive) -> bool:

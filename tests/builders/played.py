@@ -24,6 +24,7 @@ from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.readers.library import built_in
 from regressors.robot.friction.curve import CoulombViscous
+from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -50,8 +51,8 @@ def periodic(moved: Array, seed: int, size: float = 0.16) -> Sines:
     return Sines(np.zeros(n), spread, np.pi * np.arange(1, 4), np.tile(phase, (n, 1)))
 
 
-def torques(robot: Robot, samples: Samples, drives: int, load: Array | None = None) -> Array:
-    """Joint torques by Pinocchio's recursion, and of the first rotors and frictions drive by drive, shape (N, n)."""
+def torques(robot: Robot, samples: Samples, load: Array | None = None) -> Array:
+    """Joint torques by Pinocchio's recursion, and of rotors and frictions drive by drive, shape (N, n)."""
     model = chain_model(robot)
     if load is not None:
         model.appendBodyToJoint(model.njoints - 1, inertia(load), pin.SE3.Identity())
@@ -59,7 +60,7 @@ def torques(robot: Robot, samples: Samples, drives: int, load: Array | None = No
     tau = np.array(
         [pin.rnea(model, data, *state).copy() for state in zip(samples.q, samples.dq, samples.ddq, strict=True)]
     )
-    for drive, row in list(zip(robot.transmission.drives, robot.transmission.coupling, strict=True))[:drives]:
+    for drive, row in zip(robot.transmission.drives, robot.transmission.coupling, strict=True):
         dz, ddz = samples.dq @ row, samples.ddq @ row
         motor = drive.ratio.value**2 * drive.rotor_inertia * ddz
         tau += np.outer(motor + drive.coulomb * np.sign(dz) + drive.viscous * dz, row)
@@ -97,7 +98,7 @@ def played(
         samples.time,
         samples.q[:, :joints],
         samples.dq[:, :joints],
-        torques(robot, samples, joints, load)[:, :joints],
+        torques(robot, samples, load)[:, :joints],
         None if load is None else wrench(robot, samples, load),
     )
 
@@ -138,8 +139,9 @@ def found(task: Task, *logs: Log, recipe: Recipe = EXACT, **more) -> Identificat
 
 
 def curves() -> dict[str, CoulombViscous]:
-    """Friction of the IRp-6's drives as its description states it."""
-    return {d.name: CoulombViscous(d.coulomb, d.viscous) for d in irp6().transmission.drives}
+    """Friction of the IRp-6's first drives as described, while the wrist is locked."""
+    drives = with_locked_joints(irp6(), [0, 1, 2]).transmission.drives
+    return {d.name: CoulombViscous(d.coulomb, d.viscous) for d in drives if not d.rests}
 
 
 def described(result: Identification) -> Array:

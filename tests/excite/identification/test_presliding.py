@@ -34,7 +34,7 @@ C = irp6().transmission.coupling[:3, :3]
 def turned(direction: Array) -> Log:
     """A log with friction whose direction is not the sign of the velocity."""
     log = played(three_joints(), 3)
-    return replace(log, effort=log.effort + ([28.0, 28.75, 30.0] * (direction - np.sign(log.dq @ C.T))) @ C)
+    return replace(log, effort=log.effort + ([28.0, 28.75, 40.0] * (direction - np.sign(log.dq @ C.T))) @ C)
 
 
 def softened(width: float) -> Log:

@@ -155,7 +155,7 @@ def test_unknown_friction_is_said() -> None:
 
 def test_energy_balance_closes_at_order_four_without_friction() -> None:
     residuals = []
-    for rate in (25.0, 50.0, 100.0):
+    for rate in (50.0, 100.0, 200.0):
         settings = SimulationSettings(rate=rate, controller="pd", bandwidth=1.0, torque_limits=False)
         found = simulated(settings, friction=NO_FRICTION)
         assert found.steps.substeps == 1

@@ -292,7 +292,7 @@ def test_bad_input_is_told() -> None:
     for options, message in (
         (
             {"breakaway": 1e-9},
-            r"breakaway 1e-09: .* needs \d+ substeps .* expected a distance of about 6\.2e-09 or more",
+            r"breakaway 1e-09: .* needs \d+ substeps .* expected a distance of about 7\.1e-09 or more",
         ),
         ({"breakaway": 0.0}, "`breakaway` must be a distance greater than zero, given 0"),
         ({"breakaway": "soft"}, "breakaway must be a distance, or 'auto', given 'soft'"),
