@@ -141,24 +141,29 @@ def _joints(robot: Robot, friction: DriveFriction) -> LimitedTorques:
 
 
 def _drives(robot: Robot, friction: DriveFriction) -> list[LimitedTorques]:
-    """Rows for the drives, where they have limits."""
+    """Rows for the drives, where they have limits; those of locked joints and drives have none."""
     transmission = transmission_of(robot)
-    if not np.any(np.isfinite(transmission.limits.torque)):
+    limits = np.where([drive.rests for drive in transmission.drives], np.inf, transmission.limits.torque)
+    if not np.any(np.isfinite(limits)):
         return []
     units = tuple("N" if linear else "Nm" for linear in linear_drives(robot))
     labels = tuple(f"drive {drive.name} torque" for drive in transmission.drives)
-    return [LimitedTorques(drive_torque_matrix(robot), transmission.limits.torque, friction, labels, units)]
+    return [LimitedTorques(drive_torque_matrix(robot), limits, friction, labels, units)]
 
 
 def drive_torque_matrix(robot: Robot) -> Array:
-    """``C^-T``: torques of the drives from those of the joints, shape (n, n)."""
-    C = transmission_of(robot).coupling
+    """Torques of the m drives from those of the n joints, ``C^-T`` of the drives that do not rest, shape (m, n)."""
+    transmission = transmission_of(robot)
+    turning = [k for k, drive in enumerate(transmission.drives) if not drive.rests]
+    C = transmission.coupling[turning]
     if C.shape[0] != robot.n or np.linalg.matrix_rank(C) < robot.n:
         raise InputError(
             f"robot {robot.name!r}: the torques of its {C.shape[0]} drives are not determined by those of its "
             f"{robot.n} joints, so torque limits of drives cannot be imposed"
         )
-    return np.asarray(np.linalg.inv(C).T)
+    matrix = np.zeros((len(transmission.drives), robot.n))
+    matrix[turning] = np.linalg.inv(C).T
+    return matrix
 
 
 def _limits(rows: LimitedTorques, joints: int, torque: Expression, margin: float) -> NonlinearConstraint:

@@ -36,7 +36,6 @@ from excite.identification.spoilt_log import spoilt_log
 from excite.information.target import IdentificationTarget
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from regressors.errors import percent
-from regressors.models.nominal import standard_values
 from regressors.robot.friction.load_and_temperature import drives_with_friction
 from regressors.robot.plausibility import implausible_inertias
 from regressors.samples import Array, Samples
@@ -195,7 +194,7 @@ def _believed_bodies(target: IdentificationTarget) -> Array | None:
     """Base parameters of the described bodies, shape (b,); None where one is unknown or hardly right."""
     if target.model.torque_equations() is None or implausible_inertias(target.robot):
         return None
-    return described_coefficients(target.base, standard_values(target.robot))
+    return described_coefficients(target)
 
 
 def _residual(result: Identification, target: IdentificationTarget, noise: NoisyDerivatives) -> Doubt | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -112,12 +111,12 @@ def heavier_than_described(identified: Array, described: Array, most: float = 10
     )
 
 
-def described_coefficients(base: Base, known: Mapping[str, float]) -> Array | None:
+def described_coefficients(target: IdentificationTarget) -> Array | None:
     """Base parameters of the described bodies, unknown friction and rotors as zero; None where a body is unknown."""
-    bodies = [column for column in base.columns if column.kind in BODY_KINDS]
-    if not bodies or any(column.name not in known for column in bodies):
+    known, (definition, names) = standard_values(target.robot), target.model.definition()
+    if any(column.name not in known for column in target.model.standard_columns if column.kind in BODY_KINDS):
         return None
-    return np.asarray(base.D @ np.array([known.get(column.name, 0.0) for column in base.columns]))
+    return np.asarray(target.base.D @ definition @ np.array([known.get(name, 0.0) for name in names]))
 
 
 _BEYOND = 100.0  # times the plausible size

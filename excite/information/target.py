@@ -45,11 +45,9 @@ from regressors.samples import Array, Samples
 
 
 def friction_of_moving(friction: FrictionCurves, robot: Robot, moving: Robot) -> FrictionCurves:
-    """Friction curves without those of locked joints."""
+    """Friction curves without those of locked joints; of drives that turn along, with those that they follow."""
     friction.check(robot)
-    if moving.transmission is not None:
-        return friction  # all its drives are kept, moving or not
-    return friction.of(moving.joint_names)
+    return friction.of(moving.joint_names) if moving.transmission is None else friction.along(moving)
 
 
 def motion_of(robot: Robot, moving: Robot, task: Task) -> PartialMotion:

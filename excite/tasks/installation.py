@@ -33,6 +33,11 @@ class Installation:
         What the last link carries, in that link's frame: mass [kg], centre of mass x, y, z [m], and, where it is no
         point, Ixx, Ixy, Ixz, Iyy, Iyz, Izz about the centre of mass [kg m^2]; or a file with the keys of a load, m,
         mcx ... Izz about the frame's origin. It becomes a part of that link.
+    locked_drives : tuple of str, optional
+        Names or numbers of drives that hold still, such as by a brake, while joints behind a coupling move: their own
+        joints then follow, as the hand of a parallelogram keeps its direction. Where joints of a model are locked
+        instead, see `ModelChoice`, the links behind them are one body, as [KD96] takes forearm and wrist, and the
+        drives behind the coupling turn along.
 
     Raises
     ------
@@ -57,6 +62,9 @@ class Installation:
         "inertia about its centre [kg m^2]; or the YAML file of a load.",
         metavar="M,X,Y,Z[,IXX,IXY,IXZ,IYY,IYZ,IZZ]|FILE",
     )
+    locked_drives: tuple[str, ...] | None = option(
+        None, "names", "Drives that hold still; behind a coupling their joints follow the others.", metavar="4,5"
+    )
 
     def __post_init__(self) -> None:
         strict(self)
@@ -73,7 +81,7 @@ class Installation:
     @property
     def described(self) -> bool:
         """True if the robot is as its description says."""
-        return self.gravity is None and self.mount is None and self.payload is None
+        return self.gravity is None and self.mount is None and self.payload is None and self.locked_drives is None
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -96,4 +104,4 @@ class Installation:
 
         if isinstance(self.payload, UnopenedFile):
             raise self.payload.missing()
-        return installed(robot, self.gravity, self.mount, self.payload)
+        return installed(robot, self.gravity, self.mount, self.payload, self.locked_drives)

@@ -24,6 +24,7 @@ from regressors.robot.inertia import (
     skew,
     transport,
 )
+from regressors.robot.locked_joints import with_locked_drives
 from regressors.robot.robot import Link, Robot
 from regressors.samples import Array, Samples
 
@@ -105,6 +106,7 @@ def installed(
     gravity: Sequence[float] | None,
     mount: str | Sequence[float] | None,
     payload: tuple[float, ...] | str | None,
+    locked_drives: Sequence[str] | None,
 ) -> Robot:
     """The robot as mounted and as equipped, see `excite.tasks.installation.Installation`."""
     if gravity is not None:
@@ -117,7 +119,7 @@ def installed(
     if isinstance(payload, tuple) and (last := robot.links[-1]).theta is not None:
         theta = last.theta + payload_parameters(payload)
         robot = robot.replace(links=(*robot.links[:-1], Link(last.name, theta, last.number)))
-    return robot
+    return robot if locked_drives is None else with_locked_drives(robot, locked_drives)
 
 
 def payload_parameters(payload: tuple[float, ...]) -> Array:

@@ -101,6 +101,12 @@ class Task:
         whole |= {"snap_angles": snap_angles, "xacro": xacro, **_parts(options)}
         for name, value in whole.items():
             object.__setattr__(self, name, value)
+        tool = self.limits.tool_box is not None or self.limits.tool_speed is not None
+        if self.installation.locked_drives is not None and (tool or self.model.channel == "wrench"):
+            raise InputError(
+                "`locked_drives` is for models and limits of joint torques: the last link may follow other joints, and "
+                "limits of the tool and a force/torque sensor need a last link that a joint of its own moves"
+            )
         samples = self.output.rate * self.trajectory.period
         self.output.check_duration(self.trajectory.period)
         if samples <= (fewest := self.trajectory.fewest_samples):

@@ -1,4 +1,4 @@
-"""The robot that is left when some joints are locked: their links merge into their parents.
+"""The robot that is left when some joints, or some drives, are locked: links of held joints merge into their parents.
 
 A held joint's link is merged into the link before it, so parameters of the remaining links mean the composite bodies.
 A branch that no moving joint turns is merged into what carries it.
@@ -8,14 +8,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from regressors.errors import InputError
+from regressors.quantities import place_of
 from regressors.robot.gears import ConstantRatio
 from regressors.robot.inertia import PARAMETERS_PER_LINK, Array, parameter_names, transport
-from regressors.robot.robot import BASE, Branch, Drive, Joint, Link, Robot, Structure, Transmission, transmission_of
+from regressors.robot.robot import (
+    BASE,
+    Branch,
+    Drive,
+    Joint,
+    Limits,
+    Link,
+    Robot,
+    Structure,
+    Transmission,
+    transmission_of,
+)
 from regressors.robot.shapes import Part
 
 
@@ -24,32 +36,82 @@ def with_locked_joints(robot: Robot, moving: Sequence[int], position: Array | No
     keep = sorted(set(moving))
     if not keep:
         raise InputError(f"robot {robot.name!r}: no joint moves; choose from {', '.join(robot.joint_names)}")
-    if len(keep) == robot.n:
-        return robot
-    rest = _resting(robot, position)
-    rides = _rides(robot, keep, rest)
-    return robot.replace(
-        joints=tuple(rides[k].joint for k in keep),
-        links=tuple(_composite(robot, rides, k) for k in keep),
-        limits=robot.limits.take(keep),
-        transmission=_transmission(robot, keep, rest),
-        structure=_structure(robot, keep, rides),
-        branches=tuple(_branches(robot, keep, rest, rides)),
-        home=None,
-        shapes=tuple(_shapes(robot, rides)),
-    )
+    return robot if len(keep) == robot.n else _reduced(robot, _held(robot, keep, position))
+
+
+def with_locked_drives(robot: Robot, drives: Sequence[str]) -> Robot:
+    """Robot whose named drives hold their coordinate at its value for q = 0; their joints follow the others.
+
+    From ``z_h = C_hh q_h + C_hk q_k`` constant, ``q_h = -C_hh^-1 C_hk q_k``: behind a parallelogram a locked drive
+    keeps the direction of its link, which then is a body beside the chain, with the limits of its joint.
+    """
+    transmission = transmission_of(robot)
+    C, names = transmission.coupling, [drive.name for drive in transmission.drives]
+    held = sorted({place_of("drive", name, names) for name in drives})
+    keep = [k for k in range(robot.n) if k not in held]
+    if not keep:
+        raise InputError(f"robot {robot.name!r}: every drive is locked, so no joint moves")
+    if C.shape != (robot.n, robot.n) or np.linalg.matrix_rank(C[np.ix_(held, held)]) < len(held):
+        raise InputError(f"robot {robot.name!r}: the locked drives {', '.join(drives)} do not fix their joints")
+    motion = np.eye(robot.n)[:, keep]
+    motion[held] = -np.linalg.solve(C[np.ix_(held, held)], C[np.ix_(held, keep)])
+    motion[np.abs(motion) < _NOTHING] = 0.0
+    state = replace(_held(robot, keep, None), motion=motion)
+    if before := [k for k in state.follow if k < max(keep)]:
+        raise InputError(
+            f"robot {robot.name!r}: joint {robot.joint_names[before[0]]} cannot follow the others and carry joint "
+            f"{robot.joint_names[max(keep)]}, which moves: lock the drive of {robot.joint_names[max(keep)]} too"
+        )
+    return _reduced(robot, state)
 
 
 def carriers(
     robot: Robot, moving: Sequence[int], position: Array | None = None
 ) -> tuple[tuple[int | None, Array], ...]:
     """Body that each body of the robot has become a part of, with its pose in that one's frame."""
-    return tuple((ride.carrier, ride.pose) for ride in _rides(robot, sorted(set(moving)), _resting(robot, position)))
+    return tuple((ride.carrier, ride.pose) for ride in _rides(robot, _held(robot, sorted(set(moving)), position)))
 
 
-def _resting(robot: Robot, position: Array | None) -> Array:
+_NOTHING = 1e-12  # of a joint's motion per that of another
+
+
+@dataclass(frozen=True, eq=False)
+class _Held:
+    """Motion of all joints while some are held, ``q = N q_k + q0``."""
+
+    keep: list[int]  # joints that move by themselves
+    motion: Array  # (n, k) N
+    rest: Array  # (n,) q0, zero for those that move by themselves
+
+    @property
+    def follow(self) -> list[int]:
+        """Joints that are moved by others."""
+        return [k for k in range(len(self.rest)) if k not in self.keep and np.any(self.motion[k])]
+
+    def branch(self, branch: Branch) -> tuple[Array, float]:
+        """Coordinate of a branch's joint: its row and its offset."""
+        return branch.coupling @ self.motion, float(branch.offset + branch.coupling @ self.rest)
+
+
+def _held(robot: Robot, keep: list[int], position: Array | None) -> _Held:
     rest = np.clip(np.zeros(robot.n), robot.limits.lower, robot.limits.upper) if position is None else position
-    return np.asarray(rest, dtype=float)
+    rest = np.array(rest, dtype=float)
+    rest[keep] = 0.0
+    return _Held(keep, np.eye(robot.n)[:, keep], rest)
+
+
+def _reduced(robot: Robot, held: _Held) -> Robot:
+    keep, rides = held.keep, _rides(robot, held)
+    return robot.replace(
+        joints=tuple(rides[k].joint for k in keep),
+        links=tuple(_composite(robot, rides, k) for k in keep),
+        limits=robot.limits.take(keep),
+        transmission=_transmission(robot, held),
+        structure=_structure(robot, held, rides),
+        branches=tuple(_branches(robot, held, rides)),
+        home=None,
+        shapes=tuple(_shapes(robot, rides)),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,29 +124,22 @@ class _Ride:
     joint: Joint  # its joint, placed in the frame of that carrier
 
 
-def _rides(robot: Robot, keep: list[int], rest: Array) -> list[_Ride]:
+def _rides(robot: Robot, held: _Held) -> list[_Ride]:
     """Of every body of the robot, links first."""
     place = {BASE: None, **{body.name: k for k, body in enumerate(robot.bodies)}}
-    steps: list[tuple[int | None, Joint, bool, float]] = [
-        *((k - 1 if k else None, joint, k in keep, float(rest[k])) for k, joint in enumerate(robot.joints)),
-        *((place[b.parent], b.joint, bool(np.any(b.coupling[keep])), _offset(b, keep, rest)) for b in robot.branches),
-    ]
+    coordinates = [*zip(held.motion, held.rest.tolist(), strict=True), *map(held.branch, robot.branches)]
+    below = [*(k - 1 if k else None for k in range(robot.n)), *(place[branch.parent] for branch in robot.branches)]
+    joints = [*robot.joints, *(branch.joint for branch in robot.branches)]
     rides: list[_Ride] = []
-    for number, (parent, joint, moves, position) in enumerate(steps):
+    for number, (parent, joint, (row, position)) in enumerate(zip(below, joints, coordinates, strict=True)):
         before, pose = (None, np.eye(4)) if parent is None else (rides[parent].carrier, rides[parent].pose)
         rotation, translation = pose[:3, :3] @ joint.rotation, pose[:3, :3] @ joint.translation + pose[:3, 3]
         placed = Joint(joint.name, joint.kind, rotation, translation, joint.axis)
-        if moves:
+        if np.any(row):
             rides.append(_Ride(number, np.eye(4), before, placed))
         else:
             rides.append(_Ride(before, pose @ joint.motion(position), before, placed))
     return rides
-
-
-def _offset(branch: Branch, keep: list[int], rest: Array) -> float:
-    """Coordinate of a branch's joint where the moving joints are at zero."""
-    held = np.setdiff1d(np.arange(rest.size), keep)
-    return float(branch.offset + branch.coupling[held] @ rest[held])
 
 
 def _riders(rides: list[_Ride], carrier: int) -> list[int]:
@@ -106,16 +161,15 @@ def _composite(robot: Robot, rides: list[_Ride], carrier: int) -> Link:
     return Link(body.name, theta, robot.body_numbers[carrier])
 
 
-def _branches(robot: Robot, keep: list[int], rest: Array, rides: list[_Ride]) -> list[Branch]:
-    """Branches that still move, each on what carries its parent now."""
-    branches = []
-    for k, branch in enumerate(robot.branches, robot.n):
+def _branches(robot: Robot, held: _Held, rides: list[_Ride]) -> Iterator[Branch]:
+    """Links that follow, and branches that still move, each on what carries its parent now."""
+    follow = [(k, held.motion[k], float(held.rest[k])) for k in held.follow]
+    beside = [(k, *held.branch(branch)) for k, branch in enumerate(robot.branches, robot.n)]
+    for k, row, offset in (*follow, *beside):
         if rides[k].carrier == k:
             above = rides[k].parent
             parent = BASE if above is None else robot.bodies[above].name
-            link, row = _composite(robot, rides, k), branch.coupling[keep]
-            branches.append(Branch(parent, rides[k].joint, link, row, _offset(branch, keep, rest)))
-    return branches
+            yield Branch(parent, rides[k].joint, _composite(robot, rides, k), row, offset)
 
 
 def _shapes(robot: Robot, rides: list[_Ride]) -> Iterator[Part]:
@@ -130,7 +184,7 @@ def _shapes(robot: Robot, rides: list[_Ride]) -> Iterator[Part]:
             yield Part(carrier, part.capsule.moved(ride.pose))
 
 
-def _structure(robot: Robot, keep: list[int], rides: list[_Ride]) -> Structure:
+def _structure(robot: Robot, held: _Held, rides: list[_Ride]) -> Structure:
     """What is still known: of composites less, and aggregates only where no knowledge of a moving body is lost."""
     old, zero = robot.structure, _zero(robot, rides)
     moving = [k for k, ride in enumerate(rides) if ride.carrier == k]
@@ -138,8 +192,9 @@ def _structure(robot: Robot, keep: list[int], rides: list[_Ride]) -> Structure:
     alone = {name for k in moving if _riders(rides, k) == [k] for name in _names(robot, k)}
     equal = tuple(group for group in old.equal if set(group) <= alone)
     lost = bool(old.zero & names - zero) or any(names & set(group) for group in set(old.equal) - set(equal))
-    joints = tuple(robot.joint_names[k] for k in keep)
-    return Structure(zero, equal, tuple(a for a in old.aggregates if a.joints == joints and not lost))
+    joints = tuple(robot.joint_names[k] for k in held.keep)
+    kept = not (lost or held.follow)
+    return Structure(zero, equal, tuple(a for a in old.aggregates if a.joints == joints and kept))
 
 
 def _zero(robot: Robot, rides: list[_Ride]) -> frozenset[str]:
@@ -155,14 +210,20 @@ def _zero(robot: Robot, rides: list[_Ride]) -> frozenset[str]:
     return frozenset(zero)
 
 
-def _transmission(robot: Robot, keep: list[int], rest: Array) -> Transmission | None:
-    old = robot.transmission
+def _transmission(robot: Robot, held: _Held) -> Transmission | None:
+    """Drives of the joints that move, and of those that follow the limits, which hold for them as before."""
+    old, follow = robot.transmission, held.follow
     if old is None:
         return None
-    held = np.setdiff1d(np.arange(robot.n), keep)
-    coupling = old.coupling[:, keep]
-    drives = _drives(old, coupling, [robot.link_numbers[k] - 1 for k in keep])
-    return Transmission(coupling, drives, old.limits, old.offset + old.coupling[:, held] @ rest[held])
+    coupling = old.coupling @ held.motion
+    coupling[np.abs(coupling) < _NOTHING] = 0.0
+    drives = _drives(old, coupling, [robot.link_numbers[k] - 1 for k in held.keep])
+    limits = Limits(
+        *(np.append(getattr(old.limits, f.name), getattr(robot.limits, f.name)[follow]) for f in fields(Limits))
+    )
+    joints = tuple(Drive(robot.joint_names[k], rests=True) for k in follow)
+    offset = np.append(old.offset + old.coupling @ held.rest, held.rest[follow])
+    return Transmission(np.vstack([coupling, held.motion[follow]]), (*drives, *joints), limits, offset)
 
 
 def _drives(transmission: Transmission, coupling: Array, own: list[int]) -> tuple[Drive, ...]:

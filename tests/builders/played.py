@@ -51,8 +51,8 @@ def periodic(moved: Array, seed: int, size: float = 0.16) -> Sines:
     return Sines(np.zeros(n), spread, np.pi * np.arange(1, 4), np.tile(phase, (n, 1)))
 
 
-def torques(robot: Robot, samples: Samples, load: Array | None = None) -> Array:
-    """Joint torques by Pinocchio's recursion, and of rotors and frictions drive by drive, shape (N, n)."""
+def torques(robot: Robot, samples: Samples, drives: int, load: Array | None = None) -> Array:
+    """Joint torques by Pinocchio's recursion, and of the first rotors and frictions drive by drive, shape (N, n)."""
     model = chain_model(robot)
     if load is not None:
         model.appendBodyToJoint(model.njoints - 1, inertia(load), pin.SE3.Identity())
@@ -60,7 +60,7 @@ def torques(robot: Robot, samples: Samples, load: Array | None = None) -> Array:
     tau = np.array(
         [pin.rnea(model, data, *state).copy() for state in zip(samples.q, samples.dq, samples.ddq, strict=True)]
     )
-    for drive, row in zip(robot.transmission.drives, robot.transmission.coupling, strict=True):
+    for drive, row in list(zip(robot.transmission.drives, robot.transmission.coupling, strict=True))[:drives]:
         dz, ddz = samples.dq @ row, samples.ddq @ row
         motor = drive.ratio.value**2 * drive.rotor_inertia * ddz
         tau += np.outer(motor + drive.coulomb * np.sign(dz) + drive.viscous * dz, row)
@@ -98,7 +98,7 @@ def played(
         samples.time,
         samples.q[:, :joints],
         samples.dq[:, :joints],
-        torques(robot, samples, load)[:, :joints],
+        torques(robot, samples, 5, load)[:, :joints],
         None if load is None else wrench(robot, samples, load),
     )
 

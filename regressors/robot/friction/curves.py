@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from regressors.errors import UnknownName, about, check_names
+from regressors.errors import InputError, UnknownName, about, check_names
 from regressors.robot.friction.curve import (
     CoulombViscous as CoulombViscous,
     FrictionCurve as FrictionCurve,
@@ -31,6 +31,7 @@ from regressors.robot.friction.load_and_temperature import (
     carried_along as carried_along,
     carried_expression,
     drive_temperatures as drive_temperatures,
+    drives_along,
     drives_with_friction as drives_with_friction,
     loading,
     scaled,
@@ -42,6 +43,7 @@ from regressors.robot.friction.uncertainty import (
     CurveUncertainty as CurveUncertainty,
     changed as changed,
     curve_parameters as curve_parameters,
+    together,
     uncertainty_at,
 )
 from regressors.robot.robot import Robot, plain, transmission_of
@@ -130,6 +132,35 @@ class FrictionCurves:
             {name: curve for name, curve in self.curves.items() if name in names},
             {name: uncertainty for name, uncertainty in self.uncertainty.items() if name in names},
         )
+
+    def along(self, robot: Robot) -> FrictionCurves:
+        """Curves of a robot with locked joints: those of drives that turn along with another count with that one's.
+
+        With ``dz_k = a dz`` they add up to ``F_c + |a| F_c,k``, ``F_v + a^2 F_v,k`` and ``F_o + a F_o,k``. The curve of
+        a drive is that of all that turns along where these have none.
+
+        Raises
+        ------
+        InputError
+            Curves of both, of which one is not Coulomb and viscous friction.
+        """
+        curves, uncertainty = dict(self.curves), dict(self.uncertainty)
+        for name, leader, a in drives_along(robot):
+            if (further := self.curve(name)) is None or (own := curves.get(leader)) is None:
+                continue
+            if not (isinstance(own, CoulombViscous) and isinstance(further, CoulombViscous)):
+                raise InputError(
+                    f"drive {name} turns along with drive {leader}, since a joint is locked, and only Coulomb and "
+                    f"viscous friction of both can be added: give a curve of {leader} that holds for both, and none of "
+                    f"{name}"
+                )
+            factors = {"coulomb": abs(a), "viscous": a**2, "offset": a}
+            total = {part: getattr(own, part) + factor * getattr(further, part) for part, factor in factors.items()}
+            curves[leader] = CoulombViscous(**total)
+            del curves[name]
+            if (more := uncertainty.pop(name, None)) is not None:
+                uncertainty[leader] = together(uncertainty.get(leader), more, factors)
+        return FrictionCurves(curves, uncertainty)
 
     @property
     def loaded(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, TypeVar
 
@@ -97,6 +97,19 @@ def drives_with_friction(robot: Robot) -> tuple[tuple[str, Array], ...]:
     transmission = transmission_of(robot)
     rows = zip(transmission.drives, transmission.coupling, strict=True)
     return tuple((drive.name, row) for drive, row in rows if not drive.rests)
+
+
+def drives_along(robot: Robot) -> Iterator[tuple[str, str, float]]:
+    """Name of each drive that turns along with another while joints are locked, that one's, and ``dz`` over its own."""
+    transmission = transmission_of(robot)
+    pairs = list(zip(transmission.drives, transmission.coupling, strict=True))
+    for drive, row in pairs:
+        if drive.rests and np.any(row):
+            for other, leading in pairs:
+                a = float(row @ leading) / max(float(leading @ leading), _NOTHING)
+                if not other.rests and np.allclose(row, a * leading):
+                    yield drive.name, other.name, a
+                    break
 
 
 def moving_drive_numbers(robot: Robot) -> dict[str, int]:

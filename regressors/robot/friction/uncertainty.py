@@ -83,6 +83,19 @@ class CurveUncertainty:
         check_names("parameter of the friction curve", self.parameters, curve_parameters(curve))
 
 
+def together(own: CurveUncertainty | None, further: CurveUncertainty, factors: Mapping[str, float]) -> CurveUncertainty:
+    """Uncertainty of a curve to which another, independent of it, is added with a factor for each parameter."""
+    scaled = np.array([factors[name] for name in further.parameters])
+    parts = [(further.parameters, further.covariance * np.outer(scaled, scaled))]
+    parts += [] if own is None else [(own.parameters, own.covariance)]
+    names = tuple(dict.fromkeys(name for part, _ in parts for name in part))
+    covariance = np.zeros((len(names), len(names)))
+    for part, block in parts:
+        place = [names.index(name) for name in part]
+        covariance[np.ix_(place, place)] += block
+    return CurveUncertainty(names, covariance)
+
+
 def curve_parameters(curve: FrictionCurve) -> tuple[str, ...]:
     """Names of a curve's parameters that can be uncertain; none for tables."""
     if isinstance(curve, Loaded):

@@ -10,8 +10,11 @@ from played import EXACT, LOAD, TASK, found, irp6, periodic, played, three_joint
 from recordings import real_log
 
 from excite.identification.identify import identify
+from excite.identification.impossible_parameters import described_coefficients
 from excite.identification.log_faults import load_that_explains
+from excite.information.target import target_of
 from excite.verification.verify import verify
+from regressors.models.nominal import parameter_values, standard_values
 
 HEAVY = 8.0 * LOAD
 
@@ -61,3 +64,10 @@ def test_the_load_of_a_real_arm_is_named() -> None:
     loaded = identify("ur10e", real_log("ur-20_01_31-load"))
     assert any("carried something" in warning.what for warning in loaded.warnings)
     assert "a load of 3.0" in verify(bare, real_log("ur-20_01_31-load")).verdict.against[-1]
+
+
+def test_described_bodies_include_rotors_seen_through_gears() -> None:
+    target = target_of(irp6(), TASK.changed(joints=("2", "4")))
+    assert {"Iar2", "Iar4"} <= {column.name for column in target.base.columns}
+    known = standard_values(target.robot)
+    np.testing.assert_allclose(described_coefficients(target), parameter_values(target.model, target.base, known))

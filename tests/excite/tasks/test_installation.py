@@ -13,9 +13,11 @@ import excite
 from excite.tasks.installation import Installation
 from excite.tasks.payload import payload_parameters
 from excite.tasks.robot_of_task import installed_robot
+from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
+from regressors.models.partial import of_joints
 from regressors.readers.library import built_in
 from regressors.robot.columns import Terms
 from regressors.robot.robot import Robot
@@ -88,6 +90,18 @@ def test_a_payload_from_a_file_is_that_of_its_keys(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.links[-1].theta, expected.links[-1].theta, rtol=1e-12)
     with pytest.raises(InputError, match="cannot read load file"):
         Installation(payload="missing.yaml")
+
+
+def test_locked_drives_belong_to_the_robot_of_a_task() -> None:
+    robot = installed_robot(Task("irp6", locked_drives=("4", "z5"), payload=(2.0, 0.0, 0.0, 0.1)))
+    assert (robot.joint_names, [body.name for body in robot.branches]) == (("q1", "q2", "q3"), ["wrist_bend"])
+    bare = installed_robot(Task("irp6", locked_drives=("4", "z5")))
+    assert robot.branches[0].link.theta[0] == bare.branches[0].link.theta[0] + 2.0
+    torque = excite.TorqueLimit().imposed(bare, of_joints(bare, range(3)))[0]
+    assert torque.labels == ("drive z1 torque", "drive z2 torque", "drive z3 torque")
+    for options in ({"model": "load"}, {"tool_speed": 1.0}):
+        with pytest.raises(InputError, match="`locked_drives` is for models and limits of joint torques"):
+            Task("irp6", locked_drives=("4", "5"), **options)
 
 
 def test_of_an_unknown_link_nothing_becomes_known() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -15,13 +16,16 @@ from slow_dynamics import mass_matrix_of_body, poses, random_chain, thetas_of
 from constraints.linear import drive_limits
 from regressors.errors import InputError
 from regressors.models.differential import DifferentialModel
+from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
 from regressors.readers.urdf import read_urdf
 from regressors.robot.columns import Terms
+from regressors.robot.friction.curve import CoulombViscous, TableFriction
+from regressors.robot.friction.curves import CurveUncertainty, FrictionCurves
 from regressors.robot.gears import ConstantRatio
 from regressors.robot.inertia import parameter_names
-from regressors.robot.locked_joints import with_locked_joints
-from regressors.robot.robot import Aggregates, Drive, Limits, Link, Robot, Structure, Transmission
+from regressors.robot.locked_joints import with_locked_drives, with_locked_joints
+from regressors.robot.robot import Aggregates, Drive, Joint, Limits, Link, Robot, Structure, Transmission
 from regressors.samples import Array, Samples
 
 INERTIAL = Terms.inertial_only()
@@ -180,6 +184,111 @@ def test_a_rotor_that_turns_along_with_a_slider_has_no_weight() -> None:
     assert_all_is_explained(robot, with_locked_joints(robot, [0]), [0], samples)
 
 
+def fully_described(name: str) -> Robot:
+    """A built-in robot with some inertia where the description states none."""
+    robot, theta = built_in(name), np.array([1.0, 0.1, 0.2, 0.0, 0.3, 0.0, 0.1, 0.4, 0.0, 0.5])
+    branches = tuple(
+        replace(b, link=replace(b.link, theta=theta)) if b.link.theta is None else b for b in robot.branches
+    )
+    return robot.replace(branches=branches)
+
+
+def described_torque(robot: Robot, samples: Samples) -> Array:
+    """Joint torques of the description, shape (N, n)."""
+    model = DifferentialModel(robot)
+    definition, names = model.definition()
+    known = standard_values(robot)
+    return np.reshape(model.assemble(samples) @ definition @ [known[name] for name in names], (-1, robot.n))
+
+
+@pytest.mark.parametrize("name", ["irp6", "irp6-full"])
+@pytest.mark.parametrize("moving", [[0, 1, 2], [1, 3], [0, 2], [1], [0, 3, 4]], ids=str)
+def test_described_torques_are_those_of_the_whole_robot(name: str, moving: list[int]) -> None:
+    """Friction and rotors of the drives that turn along included."""
+    robot, rng = fully_described(name), np.random.default_rng(49)
+    rest = rng.uniform(-0.3, 0.3, 5)
+    samples = held_motion(robot, moving, rest, rng, count=20)
+    reduced = described_torque(with_locked_joints(robot, moving, rest), moving_part(samples, moving))
+    np.testing.assert_allclose(reduced, described_torque(robot, samples)[:, moving], atol=1e-11)
+
+
+def two_links(coupling: Array) -> Robot:
+    """Planar arm of links of 1 m, each a point mass at its end, under gravity along -y."""
+    joints = tuple(Joint(f"q{k}", "revolute", np.eye(3), np.array([k - 1.0, 0.0, 0.0])) for k in (1, 2))
+    theta = [np.array([m, m, 0, 0, 0, 0, 0, m, 0, m]) for m in (3.0, 2.0)]
+    links = tuple(Link(f"link{k}", theta[k - 1]) for k in (1, 2))
+    drives = tuple(
+        Drive(f"z{k}", ConstantRatio(n), r, c, v) for k, n, r, c, v in ((1, 50, 2e-4, 7, 3), (2, 80, 1e-4, 4, 2))
+    )
+    limits = Limits(*(np.array([x, x]) for x in (-2.0, 2.0, 3.0, 9.0, 50.0, 90.0)))
+    gravity = np.array([0.0, -9.81, 0.0])
+    return Robot("arm", joints, links, limits, Transmission(coupling, drives, Limits.none(2)), gravity)
+
+
+def test_a_planar_arm_of_two_links_with_a_coupling_by_hand() -> None:
+    """``z2 = 2 q1 + q2``: with q2 = 0.5 held drive 2 turns twice as fast; with drive 2 held, link 2 turns by -2 q1."""
+    arm = two_links(np.array([[1.0, 0.0], [2.0, 1.0]]))
+    q, v, a = np.random.default_rng(50).normal(size=(3, 9, 1))
+    samples = Samples(np.zeros(9), q, v, a, 0 * q)
+    rotor, friction = 50**2 * 2e-4 * a, 7 * np.sign(v) + 3 * v
+
+    square = 2 + 2 * np.cos(0.5)  # distance of the second mass from the base, squared
+    bodies = (3 + 2 * square) * a + 9.81 * ((3 + 2) * np.cos(q) + 2 * np.cos(q + 0.5))
+    along = 4 * 80**2 * 1e-4 * a + 2 * 4 * np.sign(v) + 4 * 2 * v
+    joint = with_locked_joints(arm, [0], np.array([0.0, 0.5]))
+    np.testing.assert_allclose(described_torque(joint, samples), bodies + rotor + friction + along, rtol=1e-12)
+
+    def energy(x: Array, dx: Array) -> tuple[Array, Array]:  # link 2 points along x - 2 x = -x
+        return 1.5 * dx**2 + 2 * (1 - np.cos(2 * x)) * dx**2, 9.81 * (5 * np.sin(x) - 2 * np.sin(x))
+
+    h, inertia = 1e-5, 2 * energy(q, 1.0)[0]
+    slope = (energy(q + h, v)[0] - energy(q - h, v)[0]) / (2 * h)
+    weight = (energy(q + h, v)[1] - energy(q - h, v)[1]) / (2 * h)
+    drive = with_locked_drives(arm, ["z2"])
+    assert (drive.joint_names, drive.branches[0].coupling.tolist()) == (("q1",), [-2.0])
+    expected = inertia * a + slope + weight + rotor + friction
+    np.testing.assert_allclose(described_torque(drive, samples), expected, rtol=1e-7, atol=1e-7)
+    bounds = [limit for limit in drive_limits(drive) if limit.labels == ("drive q2 position",)]
+    assert (bounds[0].matrix.item(), bounds[0].upper.item()) == (-2.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("locked", "moved"), [(["z4", "z5"], [0, 1, 2]), (["5"], [0, 1, 2, 3]), (["2", "3", "z4", "5"], [0])]
+)
+def test_locked_drives_do_no_work(locked: list[str], moved: list[int]) -> None:
+    """Torques along the motion ``q = N s`` are ``N' tau`` of the whole robot."""
+    robot, rng = fully_described("irp6-full"), np.random.default_rng(51)
+    held = [k for k in range(5) if k not in moved]
+    z = np.zeros((5, len(moved)))
+    z[moved] = robot.transmission.coupling[np.ix_(moved, moved)]
+    N = np.linalg.solve(robot.transmission.coupling, z)
+    part = Samples(np.zeros(20), *rng.uniform(-0.3, 0.3, (3, 20, len(moved))), np.zeros((20, len(moved))))
+    whole = Samples(part.time, *(getattr(part, name) @ N.T for name in ("q", "dq", "ddq", "dddq")))
+    reduced = with_locked_drives(robot, locked)
+    assert [robot.transmission.drives[k].name for k in held] == [
+        d.name for d in reduced.transmission.drives[:5] if d.rests
+    ]
+    np.testing.assert_allclose(described_torque(reduced, part), described_torque(robot, whole) @ N, atol=1e-10)
+
+
+def test_curves_of_drives_that_turn_along_add_up() -> None:
+    arm = two_links(np.array([[1.0, 0.0], [-2.0, 1.0]]))
+    curves = FrictionCurves(
+        {"z1": CoulombViscous(7.0, 3.0, 0.5), "z2": CoulombViscous(4.0, 2.0, 0.1)},
+        {"z2": CurveUncertainty(("coulomb", "offset"), np.diag([0.01, 0.04]))},
+    )
+    v = np.array([[-0.7], [0.3]])
+    part = with_locked_joints(arm, [0])
+    together = curves.along(part)
+    expected = curves.joint_torque(arm, np.zeros((2, 2)), np.hstack([v, 0 * v]), np.sign(np.hstack([v, -2 * v])))[:, :1]
+    np.testing.assert_allclose(together.joint_torque(part, 0 * v, v, np.sign(v)), expected, rtol=1e-12)
+    np.testing.assert_allclose(together.uncertainty["z1"].covariance, np.diag([0.04, 0.16]))
+    assert together.along(part) == together
+    table = FrictionCurves({**curves.curves, "z2": TableFriction([0.1, 1.0], [3.0, 4.0])})
+    with pytest.raises(InputError, match="give a curve of z1 that holds for both, and none of z2"):
+        table.along(part)
+
+
 # --- structure -------------------------------------------------------------------------------------------------------
 
 
@@ -238,3 +347,16 @@ def test_no_joint_moves() -> None:
     message = "robot 'irp6': no joint moves; choose from q1, q2, q3, q4, q5"
     with pytest.raises(InputError, match=re.escape(message)):
         with_locked_joints(built_in("irp6"), [])
+
+
+@pytest.mark.parametrize(
+    ("drives", "message"),
+    [
+        (["z9"], "no drive named 'z9'"),
+        (["1", "2", "3", "4", "5"], "every drive is locked, so no joint moves"),
+        (["z3"], "joint q3 cannot follow the others and carry joint q5, which moves: lock the drive of q5 too"),
+    ],
+)
+def test_drives_that_cannot_be_locked(drives: list[str], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        with_locked_drives(built_in("irp6"), drives)
