@@ -31,8 +31,8 @@ from excite.logs.guess.units import (
 )
 from excite.logs.mapping import LogMapping
 from excite.logs.recorded_log import seconds_of
-from excite.logs.recordings.formats import Preloaded, recording_format
-from excite.logs.recordings.recording import JOINT_STATE, Contents, Recording, RecordingFormat
+from excite.logs.recordings.formats import preloaded, recording_format
+from excite.logs.recordings.recording import JOINT_STATE, Contents, Recording, RecordingFormat, Wanted
 from excite.storage.atomic import replacing
 from excite.storage.result_folder import replace_files, result_file
 from regressors.arguments import checked
@@ -111,11 +111,13 @@ def guess_mapping(path: str | Path, robot: Robot | None = None) -> LogGuess:
     return _guess(form, path, form.read, robot)[0]
 
 
-def certain_mapping(path: Path, robot: Robot | None, otherwise: InputError | None = None) -> tuple[LogGuess, Preloaded]:
+def certain_mapping(
+    path: Path, robot: Robot | None, otherwise: InputError | None = None
+) -> tuple[LogGuess, RecordingFormat]:
     """The guess of a recording that leaves no question, and what was read for it."""
     try:
         form = recording_format(path)
-        guess, loaded = _guess(form, path, form.glance, robot)
+        guess, loaded = _guess(form, path, form.glance or form.read, robot)
     except InputError:
         if otherwise is not None:
             raise otherwise from None
@@ -135,9 +137,9 @@ def certain_mapping(path: Path, robot: Robot | None, otherwise: InputError | Non
 def _guess(
     form: RecordingFormat,
     path: Path,
-    read: Callable[[Path, Mapping[str, Sequence[str]]], Recording],
+    read: Callable[[Path, Wanted], Recording],
     robot: Robot | None,
-) -> tuple[LogGuess, Preloaded]:
+) -> tuple[LogGuess, RecordingFormat]:
     contents = form.contents(path)
     groups = channel_groups(contents)
     by_name = any(group.quantity == "position" and group.measured for group in groups)
@@ -145,7 +147,7 @@ def _guess(
     guessing = _Guessing(contents, recording)
     if not by_name:
         groups += numbered_groups(contents, recording, guessing.clocks, None if robot is None else robot.n)
-    return guessing.guess(groups, robot, form.mapping_fields(path)), Preloaded(form, contents, recording)
+    return guessing.guess(groups, robot, form.mapping_fields(path)), preloaded(form, contents, recording)
 
 
 def _wanted(contents: Contents, groups: Sequence[ChannelGroup] | None) -> dict[str, list[str]]:

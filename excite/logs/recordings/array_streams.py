@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 import zipfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
@@ -26,6 +26,7 @@ from excite.logs.recordings.recording import (
     RecordingFormat,
     Stream,
     StreamContents,
+    Wanted,
     check_table,
     check_wanted,
     foreign_reader,
@@ -143,8 +144,8 @@ class ArrayFile:
             raise InputError(f"{self.path} has no array of numbers" + (f": {why}" if why else ""))
         return Contents(str(self.path), self.form, tuple(contents), left_out_note(self.left_out))
 
-    def read(self, wanted: Mapping[str, Sequence[str]]) -> Recording:
-        """Columns of the file; see `RecordingFormat.read`."""
+    def read(self, wanted: Wanted) -> Recording:
+        """Columns of the file."""
         streams, read = self.streams(), {}
         known = {name: [c for array in arrays for c in array.columns(rows)] for name, (rows, arrays) in streams.items()}
         check_wanted(self.path, wanted, known)
@@ -171,43 +172,29 @@ def _place(array: NamedArray, clocks: set[tuple[_Group, int]], lengths: set[int]
     return (), next((rows for rows in array.sides if rows in lengths), max(array.sides))
 
 
-class ArrayFormat(RecordingFormat):
-    """A format that holds nothing but arrays.
+Filler: TypeAlias = Callable[[ArrayFile], AbstractContextManager[Any]]  # adds arrays, to be loaded within its context
 
-    Parameters
-    ----------
-    name : str
-    recognises : callable
-        Whether a file is of it, by its first bytes.
-    fill : callable
-        Adds the arrays of a file, which can be loaded within the context that it returns.
-    """
 
-    def __init__(
-        self, name: str, recognises: Callable[[bytes], bool], fill: Callable[[ArrayFile], AbstractContextManager[Any]]
-    ) -> None:
-        self.name, self._recognises, self._fill = name, recognises, fill
+@contextmanager
+def arrays_of(path: Path, form: str, fill: Filler) -> Iterator[ArrayFile]:
+    """Arrays of a file, which can be loaded within the context."""
+    file = ArrayFile(path, form)
+    with foreign_reader(path, form), fill(file):
+        yield file
 
-    def recognises(self, head: bytes, path: Path) -> bool:
-        """See `RecordingFormat.recognises`."""
-        return self._recognises(head)
 
-    @contextmanager
-    def arrays(self, path: Path) -> Iterator[ArrayFile]:
-        """Arrays of a file, which can be loaded within the context."""
-        file = ArrayFile(path, self.name)
-        with foreign_reader(path, self.name), self._fill(file):
-            yield file
+def array_format(name: str, recognises: Callable[[bytes], bool], fill: Filler) -> RecordingFormat:
+    """A format that holds nothing but arrays, which is recognised by its first bytes."""
 
-    def contents(self, path: Path) -> Contents:
-        """See `RecordingFormat.contents`."""
-        with self.arrays(path) as file:
+    def contents(path: Path) -> Contents:
+        with arrays_of(path, name, fill) as file:
             return file.contents()
 
-    def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
-        """See `RecordingFormat.read`."""
-        with self.arrays(path) as file:
+    def read(path: Path, wanted: Wanted) -> Recording:
+        with arrays_of(path, name, fill) as file:
             return file.read(wanted)
+
+    return RecordingFormat(name, lambda head, _: recognises(head), contents, read)
 
 
 _MOST_MEMBERS = 1000
@@ -216,7 +203,8 @@ _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0
 _Opener: TypeAlias = Callable[[], AbstractContextManager[IO[bytes]]]
 
 
-def _fill_from_npy(file: ArrayFile) -> AbstractContextManager[Any]:
+def fill_from_npy(file: ArrayFile) -> AbstractContextManager[Any]:
+    """Add the array of an NPY."""
     _add_npy(file, file.path.stem, partial(opened, file.path, LOG))
     return nullcontext()
 
@@ -269,8 +257,8 @@ def _is_npz(head: bytes) -> bool:
     return head.startswith(b"PK\x03\x04") and head[30:end].endswith(b".npy")
 
 
-NPY = ArrayFormat("NPY", lambda head: head.startswith(npy.MAGIC_PREFIX), _fill_from_npy)
-NPZ = ArrayFormat("NPZ", _is_npz, _fill_from_npz)
+NPY = array_format("NPY", lambda head: head.startswith(npy.MAGIC_PREFIX), fill_from_npy)
+NPZ = array_format("NPZ", _is_npz, _fill_from_npz)
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 MOST_OBJECTS, DEEPEST = 10_000, 32
@@ -341,6 +329,6 @@ def _loaded_hdf5(data: Any, field: str = "") -> NDArray[Any]:
     return np.asarray(data[field] if field else data[()])
 
 
-HDF5 = ArrayFormat(
+HDF5 = array_format(
     "HDF5", lambda head: any(head[start : start + len(_SIGNATURE)] == _SIGNATURE for start in _STARTS), _fill_from_hdf5
 )

@@ -17,6 +17,7 @@ import warnings
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -25,7 +26,14 @@ from typing import IO, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.logs.recordings.array_streams import DEEPEST, MOST_OBJECTS, ArrayFile, ArrayFormat, hdf5_opened, left_unread
+from excite.logs.recordings.array_streams import (
+    DEEPEST,
+    MOST_OBJECTS,
+    ArrayFile,
+    array_format,
+    hdf5_opened,
+    left_unread,
+)
 from excite.logs.recordings.recording import Contents, check_bytes, foreign_reader
 from regressors.errors import InputError, cut, one_line
 from regressors.input_files import LOG, opened
@@ -41,22 +49,6 @@ _NUMBERS = {
     "double", "single", "logical", *(f"{sign}int{size}" for sign in ("", "u") for size in (8, 16, 32, 64)),
 }  # fmt: skip
 _OWN = ("#refs#", "#subsystem#")  # where MATLAB 7.3 keeps what is referred to
-
-
-class _Matlab(ArrayFormat):
-    """A format whose files do not tell their contents without being loaded, so that they are kept."""
-
-    def contents(self, path: Path) -> Contents:
-        """See `RecordingFormat.contents`."""
-        with foreign_reader(path, self.name):
-            status = path.stat()
-            return _contents(path, status.st_size, status.st_mtime_ns)
-
-
-@lru_cache(maxsize=4)
-def _contents(path: Path, size: int, changed: int) -> Contents:
-    with MATLAB.arrays(path) as file:
-        return file.contents()
 
 
 @contextmanager
@@ -76,11 +68,24 @@ def _fill(file: ArrayFile) -> Iterator[None]:
             yield
 
 
-MATLAB = _Matlab(
+def _contents(path: Path) -> Contents:
+    """Contents, which such a file does not tell without being loaded, so that they are kept."""
+    with foreign_reader(path, _FORM.name):
+        status = path.stat()
+        return _contents_of(path, status.st_size, status.st_mtime_ns)
+
+
+@lru_cache(maxsize=4)
+def _contents_of(path: Path, size: int, changed: int) -> Contents:
+    return _FORM.contents(path)
+
+
+_FORM = array_format(
     "MAT-file",
     lambda head: head.startswith(b"MATLAB 5.0 MAT-file") or head[124:128] in (b"\x00\x01IM", b"\x01\x00MI"),
     _fill,
 )
+MATLAB = replace(_FORM, contents=_contents)
 
 
 def _check_size(path: Path, stream: BinaryIO) -> None:
@@ -200,7 +205,7 @@ def _fill_from_hdf5(file: ArrayFile) -> Iterator[None]:
         yield
 
 
-MATLAB_7_3 = ArrayFormat(
+MATLAB_7_3 = array_format(
     "MAT-file of MATLAB 7.3", lambda head: head.startswith(b"MATLAB 7.3 MAT-file"), _fill_from_hdf5
 )
 

@@ -7,13 +7,12 @@ line.
 from __future__ import annotations
 
 import re
-from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,34 +108,29 @@ class Recording:
     notes: tuple[str, ...] = ()
 
 
-class RecordingFormat(ABC):
-    """A format of recordings; a new one is one subclass, and its line in `excite.logs.recordings.formats`.
+Wanted: TypeAlias = Mapping[str, Sequence[str]]  # columns by the names of their streams
 
-    One of named arrays is an `excite.logs.recordings.array_streams.ArrayFormat`, one of messages of ROS an
-    `excite.logs.recordings.bags.BagFormat`.
+
+def _none(path: Path) -> Mapping[str, object]:
+    return {}
+
+
+@dataclass(frozen=True)
+class RecordingFormat:
+    """A format of recordings; a new one is one of these, and its line in `excite.logs.recordings.formats`.
+
+    One of named arrays is made by `excite.logs.recordings.array_streams.array_format`, one of messages of ROS by
+    `excite.logs.recordings.bags.bag_format`.
     """
 
     name: str
-
-    @abstractmethod
-    def recognises(self, head: bytes, path: Path) -> bool:
-        """Whether a file or folder is of this format, by its content and not by its name."""
-
-    @abstractmethod
-    def contents(self, path: Path) -> Contents:
-        """What is inside, without loading all of it."""
-
-    @abstractmethod
-    def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
-        """Some columns."""
-
-    def glance(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
-        """Some columns, of as many rows as show what they are; all rows for most formats."""
-        return self.read(path, wanted)
-
-    def mapping_fields(self, path: Path) -> Mapping[str, object]:
-        """Fields of `excite.logs.mapping.LogMapping` that say how such a file is laid out; none for most formats."""
-        return {}
+    # whether a file or folder is of this format, by its content and not by its name: by its first bytes, and its path
+    recognises: Callable[[bytes, Path], bool]
+    contents: Callable[[Path], Contents]  # what is inside, without loading all of it
+    read: Callable[[Path, Wanted], Recording]  # some columns
+    glance: Callable[[Path, Wanted], Recording] | None = None  # of as many rows as show what they are; else of all
+    # fields of `excite.logs.mapping.LogMapping` that say how such a file is laid out; none for most formats
+    mapping_fields: Callable[[Path], Mapping[str, object]] = _none
 
 
 def check_table(source: Path, rows: float, columns: float, copies: float = _COPIES) -> None:
@@ -146,7 +140,7 @@ def check_table(source: Path, rows: float, columns: float, copies: float = _COPI
     WorkPrediction(f"reading {source}", (part,)).check()
 
 
-def check_wanted(source: Path, wanted: Mapping[str, Sequence[str]], streams: Mapping[str, Collection[str]]) -> None:
+def check_wanted(source: Path, wanted: Wanted, streams: Mapping[str, Collection[str]]) -> None:
     """Refuse streams, or columns of these, that a recording does not have."""
     for name, columns in wanted.items():
         for one, known in ((name, streams), *((column, streams.get(name, ())) for column in columns)):

@@ -5,7 +5,7 @@ A bag is read twice: once to find topics and layouts, whose result is kept, and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Container, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.logs.recordings.bag_records import BagFile, Topic
+from excite.logs.recordings.bag_records import BagReader, Message, Topic
 from excite.logs.recordings.recording import (
     Contents,
     Meaning,
@@ -22,6 +22,7 @@ from excite.logs.recordings.recording import (
     Recording,
     Stream,
     StreamContents,
+    Wanted,
     check_table,
     check_wanted,
 )
@@ -49,9 +50,9 @@ _MOST_LAYOUTS, _MOST_SHAPES, _MOST_FAULTS = 6000, 200, 100  # 7 joints have 5040
 _LEFT_OUT_SHOWN = 8
 
 
-def bag_contents(bag: BagFile, form: str) -> Contents:
+def bag_contents(messages: BagReader, path: Path, state: Hashable, form: str) -> Contents:
     """Contents of a bag; all of it is read once, but no number is decoded."""
-    topics, notes = _scan_of(type(bag), bag.path, bag.state)
+    topics, notes = _scan_of(messages, path, state)
     streams = tuple(
         _stream_contents(name, rows.topic, layouts)
         for rows in topics.values()
@@ -61,9 +62,9 @@ def bag_contents(bag: BagFile, form: str) -> Contents:
     shown = [(cut(name), why) for name, why in list(left_out.items())[:_LEFT_OUT_SHOWN]]
     if not streams:
         why = "".join(f"; {name}: {why}" for name, why in shown)
-        raise InputError(f"{bag.path}: no topic has messages with numbers{why}")
+        raise InputError(f"{path}: no topic has messages with numbers{why}")
     left = (f"topic {name} is left out: {why}" for name, why in shown)
-    return Contents(str(bag.path), form, streams, (*notes, *left))
+    return Contents(str(path), form, streams, (*notes, *left))
 
 
 def _stream_contents(name: str, topic: Topic, layouts: list[_Known]) -> StreamContents:
@@ -77,23 +78,23 @@ def _stream_contents(name: str, topic: Topic, layouts: list[_Known]) -> StreamCo
     return StreamContents(name, (*columns, time), rows, clocks, meanings, units | {time: "ns"})
 
 
-def bag_columns(bag: BagFile, form: str, wanted: Mapping[str, Sequence[str]]) -> Recording:
+def bag_columns(messages: BagReader, path: Path, state: Hashable, form: str, wanted: Wanted) -> Recording:
     """Columns of a bag, by the names of their streams."""
-    topics, notes = _scan_of(type(bag), bag.path, bag.state)
-    check_wanted(bag.path, dict.fromkeys(wanted, ()), {name: () for rows in topics.values() for name in rows.streams()})
+    topics, notes = _scan_of(messages, path, state)
+    check_wanted(path, dict.fromkeys(wanted, ()), {name: () for rows in topics.values() for name in rows.streams()})
     tables: dict[str, _Table] = {}
     by_topic: dict[Topic, dict[int, _Table]] = {}
     for topic, rows in topics.items():
         for name, layouts in rows.streams().items():
             if name in wanted:
-                check_table(bag.path, sum(one.rows for one in layouts), len(wanted[name]))
+                check_table(path, sum(one.rows for one in layouts), len(wanted[name]))
                 tables[name] = table = _Table(topic, wanted[name], layouts)
                 rows.faulty = 0
                 by_topic.setdefault(topic, {}).update({id(one): table for one in layouts})
-    for topic, times, raws in _batches(bag, by_topic.__contains__):
+    for topic, times, raws in _batches(messages(path, by_topic.__contains__, [])):
         _fill(by_topic[topic], topics[topic], times, raws)
     streams = {name: Stream(name, table.columns) for name, table in tables.items()}
-    return Recording(str(bag.path), form, streams, notes)
+    return Recording(str(path), form, streams, notes)
 
 
 def _fill(tables: Mapping[int, _Table], rows: _TopicRows, times: list[int], raws: list[bytes]) -> None:
@@ -156,16 +157,15 @@ def _numbers(content: Bytes, place: NumberPlace, order: str) -> Numbers:
 
 
 @lru_cache(maxsize=4)
-def _scan_of(kind: type[BagFile], path: Path, state: Hashable) -> tuple[Mapping[Topic, _TopicRows], tuple[str, ...]]:
+def _scan_of(messages: BagReader, path: Path, state: Hashable) -> tuple[Mapping[Topic, _TopicRows], tuple[str, ...]]:
     """Topics of a bag with all their layouts, and notes; contents and columns are usually asked for in turn."""
-    bag = kind(path)
-    topics: dict[Topic, _TopicRows] = {}
+    topics, notes = dict[Topic, _TopicRows](), list[str]()
 
     def wanted(topic: Topic) -> bool:
         topics.setdefault(topic, _TopicRows(path, topic, topic.unread))
         return not topic.unread
 
-    for topic, _, raws in _batches(bag, wanted):
+    for topic, _, raws in _batches(messages(path, wanted, notes)):
         rows = topics[topic]
         try:
             for one, numbers, _ in [] if rows.unread else rows.groups(raws):
@@ -181,14 +181,14 @@ def _scan_of(kind: type[BagFile], path: Path, state: Hashable) -> tuple[Mapping[
         for topic, rows in topics.items()
         if rows.faulty and not rows.unread
     ]
-    return topics, (*bag.notes, *faulty)
+    return topics, (*notes, *faulty)
 
 
-def _batches(bag: BagFile, wanted: Callable[[Topic], bool]) -> Iterator[_Batch]:
+def _batches(messages: Iterator[Message]) -> Iterator[_Batch]:
     """Messages of each topic, some thousand at once."""
     held: dict[int, _Batch] = {}  # by the identity of the topic, which is quicker than its hash
     waiting = 0
-    for topic, time, raw in bag.messages(wanted):
+    for topic, time, raw in messages:
         _, times, raws = held.get(id(topic)) or held.setdefault(id(topic), (topic, [], []))
         times.append(time)
         raws.append(raw)

@@ -30,6 +30,7 @@ from excite.logs.recordings.recording import (
     RecordingFormat,
     Stream,
     StreamContents,
+    Wanted,
 )
 from excite.logs.table import sparse_table
 from excite.logs.text import Text, text_of
@@ -43,52 +44,46 @@ _SEARCHED = 160  # lines
 _ROWS = 20  # of numbers, by which a separator is judged
 
 
-class TextTable(RecordingFormat):
-    """Tables of numbers in text."""
-
-    name = "text"
-
-    def recognises(self, head: bytes, path: Path) -> bool:
-        """Whether it may be a text: it has no zero byte."""
-        with suppress(UnicodeDecodeError):
-            head[: max(1, len(head) - 4)].decode("utf-8")
-            return bool(head) and b"\0" not in head
-        return False
-
-    def contents(self, path: Path) -> Contents:
-        """Columns and number of rows."""
-        with text_of(path) as text:
-            layout = _table_layout(text)
-            maker = maker_of(layout.titles)
-            titles = dict(zip(layout.names, layout.titles, strict=True))
-            units = {name: unit for name, unit in zip(layout.names, layout.units, strict=True) if unit}
-            clocks: tuple[str, ...] = ()
-            meanings = {}
-            if maker is not None and maker.clock in layout.names:
-                clocks, units = (maker.clock,), {**units, maker.clock: maker.unit}
-                meanings = maker.meanings(layout.names)
-            rows = len(text.lines) - layout.first
-            table = StreamContents(TABLE, layout.names, rows, clocks, meanings, units, titles)
-            return Contents(text.source, _kind_of(layout), (table,), text.mended)
-
-    def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
-        """Columns as numbers."""
-        return _read(path, wanted, None)
-
-    def glance(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
-        """Columns of the first rows: text is slow to read, and the log is read next."""
-        return _read(path, wanted, _GLANCED)
-
-    def mapping_fields(self, path: Path) -> Mapping[str, object]:
-        """Separator, header and lines before the table."""
-        with text_of(path) as text:
-            layout = _table_layout(text)
-        skip = layout.first if layout.header is None else layout.header
-        separator = _NAMES.get(layout.separator, layout.separator)
-        return {"separator": separator, "header": layout.header is not None, "skip": skip}
+def _is_text(head: bytes, path: Path) -> bool:
+    """Whether it may be a text: it has no zero byte."""
+    with suppress(UnicodeDecodeError):
+        head[: max(1, len(head) - 4)].decode("utf-8")
+        return bool(head) and b"\0" not in head
+    return False
 
 
-def _read(path: Path, wanted: Mapping[str, Sequence[str]], most: int | None) -> Recording:
+def _contents(path: Path) -> Contents:
+    """Columns and number of rows."""
+    with text_of(path) as text:
+        layout = _table_layout(text)
+        maker = maker_of(layout.titles)
+        titles = dict(zip(layout.names, layout.titles, strict=True))
+        units = {name: unit for name, unit in zip(layout.names, layout.units, strict=True) if unit}
+        clocks: tuple[str, ...] = ()
+        meanings = {}
+        if maker is not None and maker.clock in layout.names:
+            clocks, units = (maker.clock,), {**units, maker.clock: maker.unit}
+            meanings = maker.meanings(layout.names)
+        rows = len(text.lines) - layout.first
+        table = StreamContents(TABLE, layout.names, rows, clocks, meanings, units, titles)
+        return Contents(text.source, _kind_of(layout), (table,), text.mended)
+
+
+def _glance(path: Path, wanted: Wanted) -> Recording:
+    """Columns of the first rows: text is slow to read, and the log is read next."""
+    return _read(path, wanted, _GLANCED)
+
+
+def _mapping_fields(path: Path) -> Mapping[str, object]:
+    """Separator, header and lines before the table."""
+    with text_of(path) as text:
+        layout = _table_layout(text)
+    skip = layout.first if layout.header is None else layout.header
+    separator = _NAMES.get(layout.separator, layout.separator)
+    return {"separator": separator, "header": layout.header is not None, "skip": skip}
+
+
+def _read(path: Path, wanted: Wanted, most: int | None = None) -> Recording:
     with text_of(path) as text:
         found = _table_layout(text)
         columns = dict.fromkeys(wanted.get(TABLE, ()))
@@ -272,3 +267,6 @@ def maker_of(titles: Sequence[str]) -> TextMaker | None:
     if there >= HOUSE.marks and any(title.endswith(".position") for title in titles):
         return HOUSE
     return next((maker for maker in MAKERS if there >= maker.marks), None)
+
+
+TEXT = RecordingFormat("text", _is_text, _contents, _read, _glance, _mapping_fields)
