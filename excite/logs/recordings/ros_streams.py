@@ -6,6 +6,7 @@ A bag is read twice: once to find topics and layouts, whose result is kept, and 
 from __future__ import annotations
 
 from collections.abc import Container, Hashable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -68,11 +69,11 @@ def bag_contents(messages: BagReader, path: Path, state: Hashable, form: str) ->
 
 
 def _stream_contents(name: str, topic: Topic, layouts: list[_Known]) -> StreamContents:
-    columns = {column.name: column for one in layouts for column in one.columns}
+    columns = {name: column for one in layouts for name, column in one.columns.items()}
     stamp, time = f"{topic.name}/{STAMP}", f"{topic.name}/{MESSAGE_TIME}"
-    units = {name: "ns" for name, column in columns.items() if column.place.kind == "stamp"}
+    units = {name: "ns" for name, (place, _, _) in columns.items() if place.kind == "stamp"}
     units |= {name: "degC" for name in columns if topic.kind == TEMPERATURE and name.endswith("/temperature")}
-    meanings: dict[str, Meaning] = {name: c.meaning for name, c in columns.items() if c.meaning is not None}
+    meanings: dict[str, Meaning] = {name: meaning for name, (_, _, meaning) in columns.items() if meaning is not None}
     clocks = (stamp, time) if stamp in columns else (time,)
     rows = sum(one.rows for one in layouts)
     return StreamContents(name, (*columns, time), rows, clocks, meanings, units | {time: "ns"})
@@ -115,7 +116,7 @@ class _Table:
     def __init__(self, topic: Topic, names: Sequence[str], layouts: list[_Known]) -> None:
         self.rows, self.filled = sum(one.rows for one in layouts), 0
         self.time = f"{topic.name}/{MESSAGE_TIME}"
-        stamps = [{column.name for column in one.columns if column.place.kind == "stamp"} for one in layouts]
+        stamps = [{name for name, (place, _, _) in one.columns.items() if place.kind == "stamp"} for one in layouts]
         whole = set.intersection(*stamps) | {self.time}
         self.columns: dict[str, Numbers] = {
             name: np.zeros(self.rows, np.int64) if name in whole else np.full(self.rows, np.nan) for name in names
@@ -136,12 +137,11 @@ class _Table:
 def _decoded(one: _Known, content: Bytes, wanted: Container[str]) -> Iterator[tuple[str, Numbers]]:
     """Columns that are wanted of messages of one layout."""
     blocks: dict[int, Numbers] = {}
-    for column in one.columns:
-        if column.name in wanted:
-            place = column.place
+    for name, (place, index, _) in one.columns.items():
+        if name in wanted:
             if place.at not in blocks:
                 blocks[place.at] = _numbers(content, place, one.layout.order)
-            yield column.name, blocks[place.at][:, column.index]
+            yield name, blocks[place.at][:, index]
 
 
 def _numbers(content: Bytes, place: NumberPlace, order: str) -> Numbers:
@@ -167,12 +167,10 @@ def _scan_of(messages: BagReader, path: Path, state: Hashable) -> tuple[Mapping[
 
     for topic, _, raws in _batches(messages(path, wanted, notes)):
         rows = topics[topic]
-        try:
+        with suppress(UnreadableMessage):  # which the topic then is as a whole
             for one, numbers, _ in [] if rows.unread else rows.groups(raws):
                 one.rows += numbers.size
             rows.met += len(raws)
-        except (_TopicUnread, UnreadableMessage) as error:
-            rows.unread = str(error)
     for rows in topics.values():
         if not rows.unread and not rows.streams():
             rows.unread = f"its messages ({cut(rows.topic.kind)}) have no numbers"
@@ -204,23 +202,17 @@ class _Known:
     """A layout that some messages of a topic have; the first of them is number ``first``."""
 
     layout: MessageLayout
-    columns: list[RosColumn]
+    columns: dict[str, RosColumn]
     first: int
     rows: int = 0
 
     @property
     def has_numbers(self) -> bool:
-        return any(column.place.kind != "stamp" for column in self.columns)
+        return any(place.kind != "stamp" for place, _, _ in self.columns.values())
 
 
-@dataclass(eq=False)
-class _Alike:
-    """Layouts whose structural bytes are at the same positions, by these bytes; they differ by names or lengths."""
-
-    fixed: NDArray[np.intp]
-    layouts: dict[bytes, _Known] = field(default_factory=dict)
-
-
+# Layouts whose structural bytes are at the same positions, by these bytes; they differ by names or lengths
+_Alike: TypeAlias = tuple[NDArray[np.intp], dict[bytes, _Known]]
 _Group: TypeAlias = tuple[_Known, Index, Bytes]  # messages of one layout: their numbers, and their bytes
 _Batch: TypeAlias = tuple[Topic, list[int], list[bytes]]
 
@@ -245,7 +237,7 @@ class _TopicRows:
         for length in np.unique(lengths).tolist():
             rows = np.flatnonzero(lengths == length)
             if length > LARGEST_MESSAGE:
-                raise _TopicUnread(f"it has messages of {length} bytes, more than measurements of joints need")
+                raise self._given_up(f"it has messages of {length} bytes, more than measurements of joints need")
             content = b"".join(raws) if len(rows) == len(raws) else b"".join(raws[k] for k in rows.tolist())
             yield from self._of_equal_length(np.frombuffer(content, np.uint8).reshape(len(rows), length), rows)
 
@@ -269,33 +261,30 @@ class _TopicRows:
 
     def _found_or_new(self, known: list[_Alike], message: Bytes, number: int) -> _Known | None:
         """Layout of one message; None where it does not follow its definition."""
-        for alike in known:
-            if (met := alike.layouts.get(message[alike.fixed].tobytes())) is not None:
+        for fixed, layouts in known:
+            if (met := layouts.get(message[fixed].tobytes())) is not None:
                 return met
         try:
             layout = self._layout(message.tobytes())
         except UnreadableMessage as error:
+            if self.unread:
+                raise
             self.faulty += 1
             if self.faulty > _MOST_FAULTS:
                 why = f"more than {_MOST_FAULTS} messages do not follow its definition: {error}"
-                raise _TopicUnread(why) from error
+                raise self._given_up(why) from error
             return None
         fixed = layout.fixed
         one = _Known(layout, layout_columns(self.topic.name, self.topic.kind, layout), number)
-        alike = next((each for each in known if np.array_equal(each.fixed, fixed)), _Alike(fixed))
-        if not alike.layouts:
-            known.append(alike)
+        alike = next((layouts for each, layouts in known if np.array_equal(each, fixed)), None)
+        if alike is None:
+            known.append((fixed, alike := {}))
             self.shapes += 1
         if self.count >= _MOST_LAYOUTS or self.shapes > _MOST_SHAPES:
-            raise _TopicUnread(f"its messages have more than {self.count} different layouts")
-        alike.layouts[message[fixed].tobytes()] = one
+            raise self._given_up(f"its messages have more than {self.count} different layouts")
+        alike[message[fixed].tobytes()] = one
         self.count += 1
         return one
-
-    @property
-    def layouts(self) -> list[_Known]:
-        """All layouts that were met."""
-        return [one for several in self.known.values() for alike in several for one in alike.layouts.values()]
 
     def _layout(self, raw: bytes) -> MessageLayout:
         topic = self.topic
@@ -310,14 +299,20 @@ class _TopicRows:
             else:
                 self.definitions = definitions
                 return layout
-        raise _TopicUnread(why)
+        raise self._given_up(why)
+
+    def _given_up(self, why: str) -> UnreadableMessage:
+        """Read no message of the topic."""
+        self.unread = why
+        return UnreadableMessage(why)
 
     def streams(self) -> dict[str, list[_Known]]:
         """Layouts of each stream: messages that share a joint, directly or through others, are of one stream."""
         groups: list[tuple[set[str], list[_Known]]] = []
         if self.unread:
             return {}
-        for one in (one for one in self.layouts if one.layout.names or one.has_numbers):
+        met = (one for several in self.known.values() for _, layouts in several for one in layouts.values())
+        for one in (one for one in met if one.layout.names or one.has_numbers):
             joints, layouts = set(one.layout.names or ("",)), [one]  # by which it is put into a stream
             for group in [group for group in groups if group[0] & joints]:
                 groups.remove(group)
@@ -333,18 +328,15 @@ class _TopicRows:
 
 def _by_layout(alike: _Alike, content: Bytes, rows: Index) -> Iterator[tuple[_Known, Index]]:
     """Messages of known layouts: which of the given rows have which."""
-    fixed = content[:, alike.fixed] if rows.size == len(content) else content[np.ix_(rows, alike.fixed)]
-    if (one := alike.layouts.get(fixed[0].tobytes())) is not None and (fixed == fixed[0]).all():
+    places, layouts = alike
+    fixed = content[:, places] if rows.size == len(content) else content[np.ix_(rows, places)]
+    if (one := layouts.get(fixed[0].tobytes())) is not None and (fixed == fixed[0]).all():
         yield one, rows
         return
-    raw, width = fixed.tobytes(), alike.fixed.size
+    raw, width = fixed.tobytes(), places.size
     found: dict[int, tuple[_Known, list[int]]] = {}
     for k, row in enumerate(rows.tolist()):
-        if (one := alike.layouts.get(raw[k * width : (k + 1) * width])) is not None:
+        if (one := layouts.get(raw[k * width : (k + 1) * width])) is not None:
             found.setdefault(id(one), (one, []))[1].append(row)
     for one, several in found.values():
         yield one, np.array(several)
-
-
-class _TopicUnread(Exception):
-    """No message of the topic is read; the text says why."""
