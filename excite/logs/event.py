@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.logs.excitation import moves, quantum, runs
-from excite.logs.log import Log
+from excite.logs.log import Log, counted
 from excite.storage.codec import named
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
@@ -81,28 +81,18 @@ def event_notes(events: Sequence[Event], step: float) -> list[str]:
 
 
 def _notes(kind: str, those: Sequence[Event], step: float) -> list[str]:
-    where = row_ranges([event.rows for event in those])
+    where, seconds = row_ranges([event.rows for event in those]), sum(event.seconds for event in those)
     if kind in _WHAT:
         count = sum(last - first + 1 for first, last in (event.rows for event in those))
-        rows = f"{count} row{'s' * (count != 1)} ({count * step:.3g} s)"
+        rows = f"{counted(count, 'row')} ({count * step:.3g} s)"
         return [f"{LEFT_OUT} {_WHAT[kind].format(rows=rows)}: rows {where}"]
     if kind == MISSING:
-        seconds = sum(event.seconds for event in those)
         where = where.replace(" to ", " and ")
-        return [f"{LEFT_OUT} {seconds:.3g} s about {_counted(those, 'gap')} between rows {where}"]
+        return [f"{LEFT_OUT} {seconds:.3g} s about {counted(len(those), 'gap')} between rows {where}"]
     if kind == IMPACT:
-        return [_impact_note(those, where)]
+        how = LEFT_OUT if those[0].left_out else "used, since all rows were asked for:"
+        return [f"{how} {seconds:.3g} s about {counted(len(those), 'impact')}: rows {where}; {those[0].text}"]
     return [event.text for event in those if not event.left_out]
-
-
-def _impact_note(those: Sequence[Event], where: str) -> str:
-    seconds = sum(event.seconds for event in those)
-    what = f"{seconds:.3g} s about {_counted(those, 'impact')}: rows {where}; {those[0].text}"
-    return f"{LEFT_OUT} {what}" if those[0].left_out else f"used, since all rows were asked for: {what}"
-
-
-def _counted(those: Sequence[Event], what: str) -> str:
-    return f"{len(those)} {what}{'s' * (len(those) != 1)}"
 
 
 STEPS = 3.5  # three samples missing or more
@@ -145,10 +135,8 @@ def segments(log: Log, shortest: float = SHORTEST) -> tuple[Log, ...]:
             f"{log.source}: gaps leave no part of {shortest:g} s or more: {'; '.join(map(str, intervals))}"
         )
     lost = log.count - sum(part.count for part in kept)
-    left_out = (
-        (*log.left_out, f"{lost} rows in parts shorter than {shortest:g} s between gaps") if lost else log.left_out
-    )
-    return tuple(replace(part, left_out=left_out) for part in kept)
+    note = (f"{lost} rows in parts shorter than {shortest:g} s between gaps",) * bool(lost)
+    return tuple(replace(part, left_out=(*log.left_out, *note)) for part in kept)
 
 
 _TEXT = {
@@ -173,7 +161,8 @@ def missing_rows(log: Log) -> tuple[Event, ...]:
         return ()
     step, jump = np.diff(log.time), np.diff(log.row_numbers)
     usual = float(np.median(step / jump))
-    long = (jump > 1) | (step > _most(step / jump, usual) * usual)
+    regular = np.mean(np.abs(step / jump - usual) < _EVEN * usual) >= _MOSTLY
+    long = (jump > 1) | (step > (_TWO if regular else max(STEPS, LEAST / usual)) * usual)
     kinds = {int(number): part.kind for part in log.removed for number in part.numbers}
     events = []
     for k in np.flatnonzero(long):
@@ -185,11 +174,6 @@ def missing_rows(log: Log) -> tuple[Event, ...]:
         begin, end = float(log.time[k]) + _INSIDE * usual, float(log.time[k + 1]) - _INSIDE * usual
         events.append(Event(kind, begin, end, rows, _TEXT[kind].format(ms=f"{1e3 * step[k]:.3g} ms")))
     return tuple(events)
-
-
-def _most(step: Array, usual: float) -> float:
-    regular = np.mean(np.abs(step - usual) < _EVEN * usual) >= _MOSTLY
-    return _TWO if regular else max(STEPS, LEAST / usual)
 
 
 Spans = tuple[tuple[float, float], ...]  # first and last instant of each [s]

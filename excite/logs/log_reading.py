@@ -13,7 +13,7 @@ import numpy as np
 from excite.logs.event import Saturation
 from excite.logs.guess.log_guess import certain_mapping
 from excite.logs.layout import CHANNELS, ForeignHeader, Layout, cells, header_line, house_layout, listed
-from excite.logs.log import WRENCH, Log
+from excite.logs.log import WRENCH, Log, counted
 from excite.logs.mapping import GearedSection, LogMapping
 from excite.logs.recorded_log import (
     recorded_log,
@@ -29,13 +29,13 @@ from excite.logs.table import Table, sparse_table, table_of
 from excite.logs.text import Text, text_of
 from excite.registry import DROPPABLE
 from excite.storage.atomic import check_table, read_json, replacing
-from excite.storage.codec import content_of, record_of
+from excite.storage.codec import record_of
 from excite.storage.manifest import sha256_of
 from excite.storage.migrations import is_of_kind, schema_of
 from excite.storage.result_folder import settle_files
 from excite.storage.sampled_motion import header_text
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.robot.gears import ConstantRatio
 from regressors.robot.robot import Drive, Robot
 from regressors.samples import Array
@@ -85,8 +85,7 @@ def read_log(
         A joint that the file does not have, or a kind of fault that does not exist.
     """
     allowed = frozenset(drop)
-    for name in sorted(allowed - set(DROPPABLE)):
-        raise UnknownName("kind of row to drop", name, DROPPABLE)
+    check_names("kind of row to drop", sorted(allowed), DROPPABLE)
     if joints is not None and not joints:
         raise InputError("joints: expected one or more names, given none; leave it out for all joints of the file")
     settle_files(path := Path(path))
@@ -154,12 +153,12 @@ def _of_text(path: Path, mapping: LogMapping, drop: frozenset[str], only: tuple[
     with text_of(path) as text:
         layout = mapping.layout(text.source, text.lines)
         if not _is_sparse(text, layout):
-            return _counted(_log(text, layout, table_of(text, layout, drop, only)))
+            return _from_zero(_log(text, layout, table_of(text, layout, drop, only)))
         samples = samples_of_table(text.source, layout, sparse_table(text, layout, drop))
     return recorded_log(path, samples, layout.joints, drop, only), samples.zero
 
 
-def _counted(log: Log) -> tuple[Log, float]:
+def _from_zero(log: Log) -> tuple[Log, float]:
     """Log whose times do not count so many seconds that a float loses digits, and what was subtracted [s]."""
     zero = whole_seconds(float(log.time[0]))
     if not zero:
@@ -181,9 +180,9 @@ def _log(text: Text, layout: Layout, table: Table) -> Log:
         parts[name] = values = table.values[:, [place[column] for column in channel.columns]]
         values -= channel.zero
         values *= channel.scale
-    count = len(names := layout.unused)
-    unused = (f"{count} column{'s' * (count != 1)} not used: {listed(names)}",) if count else ()
-    before = (f"{layout.preface} line{'s' * (layout.preface != 1)} before the header not read",) * bool(layout.preface)
+    names = layout.unused
+    unused = (f"{counted(len(names), 'column')} not used: {listed(names)}",) * bool(names)
+    before = (f"{counted(layout.preface, 'line')} before the header not read",) * bool(layout.preface)
     return Log(
         source=text.source,
         sha256=text.sha256,
@@ -316,11 +315,6 @@ def read_sidecar(log: str | Path) -> dict[str, Any] | None:
         raise InputError(f"{path}: log should have a sha256")
     saturated_torques(content, path)
     return content
-
-
-def saturation_content(one: Saturation) -> dict[str, Any]:
-    """Saturation as plain JSON values."""
-    return content_of(one)[0]
 
 
 def saturated_torques(content: Mapping[str, Any], source: str | Path) -> tuple[Saturation, ...]:

@@ -34,7 +34,7 @@ The logs of an arm that records motor currents, six joints in 31 columns without
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -50,7 +50,7 @@ from pydantic import (
     model_validator,
 )
 
-from excite.logs.layout import Channel, Layout, cells, head_cells, is_number, listed, twice
+from excite.logs.layout import Channel, Layout, cells, checked_head, is_number, listed, twice
 from excite.logs.log import WRENCH
 from excite.logs.table import MOST
 from excite.storage.result_folder import settle_files
@@ -328,9 +328,10 @@ class LogMapping(Section):
             raise InputError(f"{source} has {len(lines)} lines, of which the mapping skips {self.skip}")
         separator = _SEPARATORS[self.separator]
         first = self.skip
-        head = head_cells(source, lines[first], separator)
+        head = checked_head(source, cells(lines[first], separator))
         if not self.header:  # garbage before the first row is found with the rest
-            head = next((row for row in _first_rows(lines[first:], separator) if _is_row(row)), head)
+            few = lines[first : first + int(MOST * (len(lines) - first)) + 1]
+            head = next((row for line in few if _is_row(row := cells(line, separator))), head)
         self._check_head(source, head)
         numbers = [f"{k}" for k in range(1, len(head) + 1)]
         index = {name: k for k, name in reversed(list(enumerate(head)))} if self.header else {}
@@ -357,11 +358,6 @@ class LogMapping(Section):
             raise InputError(f"{here} holds numbers, but the mapping expects a header; give header: false")
         if not self.header and not any(is_number(cell) for cell in head):
             raise InputError(f"{here} holds no number: {listed(head)}; check header, skip and separator of the mapping")
-
-
-def _first_rows(lines: Sequence[str], separator: str | None) -> Iterator[list[str]]:
-    """Cells of the first lines, as many as may be garbage, and one more."""
-    return (cells(line, separator) for line in lines[: int(MOST * len(lines)) + 1])
 
 
 def _is_row(row: list[str]) -> bool:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from excite.logs.event import DROPPED, STEPS
 from excite.logs.layout import Channel, Layout, listed
-from excite.logs.log import Log, Removed
+from excite.logs.log import Log, Removed, counted
 from excite.logs.mapping import SECONDS, Column, LogMapping
 from excite.logs.recordings.formats import binary_format, recording_sha256
 from excite.logs.recordings.recording import Contents, Numbers, RecordingFormat, StreamContents
@@ -193,7 +193,7 @@ def recorded_log(
     others = [one if one is base else _in_order(source, one, drop) for one in channels.columns]
     inside = _inside(source, time, others)
     if outside := int(np.count_nonzero(~inside)):
-        notes.append(f"{_rows(outside)} before or after what other streams recorded not used")
+        notes.append(f"{counted(outside, 'row')} before or after what other streams recorded not used")
     values = _aligned(time[inside], others, base, keep, inside)
     notes += _rates(base, others)
     bridged = _bridged(time[inside], others, base)
@@ -225,7 +225,7 @@ def _kept(
         raise InputError(f"{source}: fewer than two rows are left")
     later = _later(source, base, asked, drop)
     if repeated := int(np.sum(~later)):
-        notes.append(f"{_rows(repeated)} with time repeated")
+        notes.append(f"{counted(repeated, 'row')} with time repeated")
         return asked[later], (Removed(DROPPED, base.rows[asked[~later]]),)
     return asked, ()
 
@@ -244,7 +244,7 @@ def _later(source: str, one: Sampled, asked: Index, drop: frozenset[str]) -> NDA
         k = int(np.argmax(step == 0))
         raise InputError(
             f"{source}, {one.stream}: time {time[k]:.9f} s is repeated at row {rows[k + 1]}; "
-            f"{_rows(int(np.sum(step == 0)))} like this (`drop='repeated'` leaves them out)"
+            f"{counted(int(np.sum(step == 0)), 'row')} like this (`drop='repeated'` leaves them out)"
         )
     return np.concatenate([[True], step > 0])
 
@@ -305,10 +305,6 @@ def _rates(base: Sampled, others: Sequence[Sampled]) -> list[str]:
 
 def _what(one: Sampled) -> str:
     return _QUANTITIES.get(one.channel, one.channel)
-
-
-def _rows(count: int) -> str:
-    return f"{count} row{'s' * (count != 1)}"
 
 
 def with_further_files(log: Log, path: Path, mapping: LogMapping, drop: frozenset[str], zero: float = 0.0) -> Log:

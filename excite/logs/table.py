@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from excite.logs.event import DROPPED, GARBAGE, ranges_of, row_ranges
 from excite.logs.layout import Layout, cells, is_number
-from excite.logs.log import Removed
+from excite.logs.log import Removed, counted
 from excite.logs.text import Lines, Text
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from regressors.errors import InputError, cut, shortened
@@ -67,7 +67,7 @@ class _Reader:
         self.removed: list[Removed] = []
 
     def leave(self, lines: Index, why: str) -> None:
-        self.left_out.append(f"{_counted(lines.size)} {why}")
+        self.left_out.append(f"{counted(lines.size, 'row')} {why}")
         self.removed.append(Removed(DROPPED, lines - self.layout.first))
 
     def check_left(self, count: int) -> None:
@@ -146,7 +146,7 @@ class _Reader:
             column = int(np.argmin(finite[row]))
             raise InputError(
                 f"{self._place(lines[row], self.layout.used[column])}: {values[row, column]} is not a measurement; "
-                f"{_counted(int(np.sum(~whole)))} like this (`drop='nan'` leaves them out)"
+                f"{counted(int(np.sum(~whole)), 'row')} like this (`drop='nan'` leaves them out)"
             )
         return np.asarray(whole)
 
@@ -163,13 +163,9 @@ class _Reader:
             k = int(np.argmax(step == 0))
             raise InputError(
                 f"{self._place(lines[k + 1], self.layout.time)}: time {time[k]:.17g} is repeated; "
-                f"{_counted(int(np.sum(step == 0)))} like this (`drop='repeated'` leaves them out)"
+                f"{counted(int(np.sum(step == 0)), 'row')} like this (`drop='repeated'` leaves them out)"
             )
         return np.concatenate([[True], step > 0])
-
-
-def _counted(rows: int) -> str:
-    return f"{rows} row{'s' * (rows != 1)}"
 
 
 def _cut_off(text: Text, layout: Layout, row: str) -> str:

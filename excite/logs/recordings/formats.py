@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.logs.log import counted
 from excite.logs.recordings.array_streams import HDF5, NPY, NPZ, arrays_of, fill_from_npy
 from excite.logs.recordings.bags import MCAP_BAG, ROSBAG1, ROSBAG2
 from excite.logs.recordings.matlab import MATLAB, MATLAB_7_3
@@ -32,7 +33,7 @@ from excite.logs.recordings.recording import (
 from excite.logs.recordings.text_table import TEXT
 from excite.storage.manifest import sha256_of
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 
 _MOST_FILES = 1000
 
@@ -117,7 +118,7 @@ def _signals(folder: Path) -> tuple[list[_Signals], tuple[str, ...]]:
             left.append(path.name)
     if not signals:
         raise InputError(f"{folder} holds no file of numbers, neither text nor NPY")
-    note = f"{len(left)} file{'s' * (len(left) != 1)} of {folder.name} not read: {', '.join(left[:8])}"
+    note = f"{counted(len(left), 'file')} of {folder.name} not read: {', '.join(left[:8])}"
     return signals, (note,) * bool(left)
 
 
@@ -199,9 +200,7 @@ def read_recording(path: str | Path, columns: Sequence[str] | None = None) -> Re
     path = Path(path)
     form = recording_format(path)
     contents = form.contents(path)
-    for name in columns or ():
-        if name not in contents.columns:
-            raise UnknownName(f"column in {path}", name, contents.columns)
+    check_names(f"column in {path}", columns or (), contents.columns)
     wanted = {}
     for stream in contents.streams:
         some = stream.columns if columns is None else [name for name in stream.columns if name in columns]

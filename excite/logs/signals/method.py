@@ -13,10 +13,10 @@ import scipy.interpolate
 from scipy.interpolate import CubicSpline
 
 from excite.logs.event import LONGEST, Gap, gaps
-from excite.logs.log import Log
+from excite.logs.log import Log, channels_of
 from excite.registry import SIGNALS, built_in
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.samples import Array, Samples
 
 
@@ -115,13 +115,9 @@ def _whole(part: Array, kept: slice, like: Array) -> Array:
 
 def signal_method(name: str, *, measured_velocity: bool = False, **options: Any) -> Method:
     """Create a signal method by name."""
-    if name not in SIGNALS:
-        raise UnknownName("method of signals", name, SIGNALS)
+    check_names("method of signals", [name], SIGNALS)
     kind = built_in("signals", name)
-    settings = [field.name for field in fields(kind)]
-    for option in options:
-        if option not in settings:
-            raise UnknownName(f"setting of {name}", option, settings)
+    check_names(f"setting of {name}", options, [field.name for field in fields(kind)])
     method: Method = kind(**options)
     return MeasuredVelocity(method) if measured_velocity else method
 
@@ -130,7 +126,7 @@ _UNIFORM = 1e-6
 _COARSER = 0.9
 _EVEN = 0.01  # of a step
 _COPIES = 3.0
-_CHANNELS, _SMOOTH = ("q", "dq", "effort", "wrench", "temperature"), ("q", "dq")
+_SMOOTH = ("q", "dq")
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,10 +161,10 @@ def resample(log: Log, rate: float | None = None) -> Resampled:
     _prediction(log, log.duration * wanted).check()
     time = log.time[0] + np.arange(int(np.floor(log.duration * wanted + 1e-9)) + 1) / wanted
     time = np.minimum(time, log.time[-1])
-    known = {name: x for name in _CHANNELS if (x := getattr(log, name)) is not None}
-    smooth = {name: _smooth(log, x, intervals, time) for name, x in known.items() if name in _SMOOTH}
-    linear = {name: _linear(log.time, x, time) for name, x in known.items() if name not in _SMOOTH}
-    channels: dict[str, Any] = dict.fromkeys(_CHANNELS) | smooth | linear
+    channels: dict[str, Any] = {
+        name: _smooth(log, x, intervals, time) if name in _SMOOTH else _linear(log.time, x, time)
+        for name, x in channels_of(log).items()
+    }
     new = Log(log.source, log.sha256, log.joints, time, **channels, left_out=log.left_out)
     return Resampled(
         new,
@@ -180,7 +176,7 @@ def resample(log: Log, rate: float | None = None) -> Resampled:
 
 def _prediction(log: Log, instants: float) -> WorkPrediction:
     """Memory of the resampled log: time stamps in another unit, or a few close together, make many instants of it."""
-    columns = 1 + sum(x.shape[1] for name in _CHANNELS if (x := getattr(log, name)) is not None)
+    columns = 1 + sum(x.shape[1] for x in channels_of(log).values())
     remedy = f"check the unit of the time stamps, which last {log.duration:.3g} s, or choose fewer rows with `rows`"
     held = FLOAT * _COPIES * instants * columns
     return WorkPrediction(
