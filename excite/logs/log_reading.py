@@ -115,8 +115,8 @@ def _mapped(
     if form is None:
         log, zero = _of_text(path, mapping, drop, only)
     else:
-        channels = sampled_channels(form, path, mapping)
-        log, zero = recorded_log(path, channels, tuple(mapping.joints or ()), drop, only), channels.zero
+        samples = sampled_channels(form, path, mapping)
+        log, zero = recorded_log(path, samples, tuple(mapping.joints or ()), drop, only), samples[2]
     return at_the_joints(with_further_files(log, path, mapping, drop, zero), mapping, robot)
 
 
@@ -155,7 +155,7 @@ def _of_text(path: Path, mapping: LogMapping, drop: frozenset[str], only: tuple[
         if not _is_sparse(text, layout):
             return _from_zero(_log(text, layout, table_of(text, layout, drop, only)))
         samples = samples_of_table(text.source, layout, sparse_table(text, layout, drop))
-    return recorded_log(path, samples, layout.joints, drop, only), samples.zero
+    return recorded_log(path, samples, layout.joints, drop, only), samples[2]
 
 
 def _from_zero(log: Log) -> tuple[Log, float]:

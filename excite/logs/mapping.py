@@ -256,19 +256,16 @@ class LogMapping(Section):
     @field_validator("position", "velocity", "effort", "current", "temperature", "wrench")
     @classmethod
     def _each(cls, value: ChannelSection | None, info: ValidationInfo) -> ChannelSection | None:
-        names = info.data.get("joints")
-        expected = len(WRENCH) if info.field_name == "wrench" else names and len(names)
-        if value is not None and expected and len(value.columns) != expected:
-            what = "components" if info.field_name == "wrench" else "joints"
+        if value is None:
+            return None
+        expected, what = len(info.data.get("joints") or ()), "joints"
+        if info.field_name == "wrench":
+            expected, what = len(WRENCH), "components"
+        if expected and len(value.columns) != expected:
             raise ValueError(f"has {len(value.columns)} columns for {expected} {what}")
-        if value is not None and value.file is not None and info.field_name == "position":
+        if value.file is not None and info.field_name == "position":
             raise ValueError("positions are in the log itself; give a file for other quantities")
-        return value
-
-    @field_validator("current")
-    @classmethod
-    def _either(cls, value: CurrentSection | None, info: ValidationInfo) -> CurrentSection | None:
-        if value is not None and info.data.get("effort") is not None:
+        if info.field_name == "current" and info.data.get("effort") is not None:
             raise ValueError("is given as well as effort; give one of them")
         return value
 

@@ -91,40 +91,37 @@ class _Reader:
             raise InputError(f"{text.source} holds {'one row' if rows else 'no rows'}; a log has two or more")
         rows_in_memory(text, layout, len(rows)).check()
         lines = np.arange(len(rows), dtype=np.intp) + first + 1
-        if (values := self._faultless(rows)) is not None:
+        if (values := self._values(rows, None)) is not None:
             return values, lines
         if garbage := garbage_rows(text, layout, rows, first + 1, asked="garbage" in self.drop):
             where = row_ranges(ranges_of(lines[garbage].tolist()))
-            kind = "line holds" if len(garbage) == 1 else "lines hold"
-            plural = "s" * (len(garbage) != 1)
+            kind, plural = ("line holds", "") if len(garbage) == 1 else ("lines hold", "s")
             self.left_out.append(f"{len(garbage)} {kind} no row of numbers: line{plural} {where}")
             self.removed.append(Removed(GARBAGE, lines[garbage] - layout.first))
             keep = np.ones(len(rows), dtype=bool)
             keep[garbage] = False
             rows, lines = rows.where(keep), lines[keep]
             self.check_left(len(rows))
-        values = np.empty((len(rows), len(layout.used)))
-        for part in _parts(rows):
-            some = list(rows[part])
-            try:
-                values[part] = _numbers(layout, some)
-            except ValueError:  # empty cells
-                values[part] = [self._row(*each) for each in zip(some, lines[part].tolist(), strict=True)]
+        values = self._values(rows, lines)
+        assert values is not None
         return values, lines
 
-    def _faultless(self, rows: Lines) -> Array | None:
-        """Numbers of the rows; None where one of them has a fault, which is then located cell by cell."""
+    def _values(self, rows: Lines, lines: Index | None) -> Array | None:
+        """Numbers of the rows; without their lines None where one of them has a fault, to be located cell by cell."""
         values = np.empty((len(rows), len(self.layout.used)))
         for part in _parts(rows):
             some = list(rows[part])
-            if wrong_lengths(self.layout, some):
+            if lines is None and wrong_lengths(self.layout, some):
                 return None
             try:
                 values[part] = _numbers(self.layout, some)
             except ValueError:
-                if not self.empty_is_nan or (filled := _filled_numbers(self.layout, some)) is None:
+                if self.empty_is_nan and (filled := _filled_numbers(self.layout, some)) is not None:
+                    values[part] = filled
+                elif lines is None:
                     return None
-                values[part] = filled
+                else:
+                    values[part] = [self._row(*each) for each in zip(some, lines[part].tolist(), strict=True)]
         return values
 
     def _row(self, row: str, line: int) -> list[float]:
@@ -210,16 +207,15 @@ MOST = 0.01  # of the lines, that are left out without being asked
 
 def garbage_rows(text: Text, layout: Layout, rows: Sequence[str], offset: int, *, asked: bool) -> list[int]:
     """Which rows are garbage, 0 for the first, where they are few enough to be left out."""
-    garbage = [
-        k for k, row in enumerate(rows) if row_length(row, layout) != len(layout.names) or _has_text(row, layout)
-    ]
-    if garbage and not asked and len(garbage) > MOST * len(rows):
-        more = f"; {len(garbage)} lines like this" if len(garbage) > 1 else ""
+    faults = {k: fault for k, row in enumerate(rows) if (fault := _fault(layout, row))}
+    if faults and not asked and len(faults) > MOST * len(rows):
+        first, fault = next(iter(faults.items()))
+        more = f"; {len(faults)} lines like this" if len(faults) > 1 else ""
         raise InputError(
-            f"{_fault(text, layout, rows[garbage[0]], offset + garbage[0])}{more} (`drop='garbage'` leaves such lines "
+            f"{text.source}, line {offset + first}{fault}{more} (`drop='garbage'` leaves such lines "
             "out, and a mapping with skip: N the first N lines of the file)"
         )
-    return garbage
+    return list(faults)
 
 
 def wrong_lengths(layout: Layout, rows: Sequence[str]) -> bool:
@@ -234,18 +230,14 @@ def row_length(row: str, layout: Layout) -> int:
     return row.count(layout.separator) + 1 if layout.separator else len(row.split())
 
 
-def _has_text(row: str, layout: Layout) -> bool:
+def _fault(layout: Layout, row: str) -> str:
+    """What is wrong with a line, the end of a sentence that begins with the line; empty if nothing is."""
+    if (length := row_length(row, layout)) != len(layout.names):
+        what = f"has {length} columns" if row.strip() else "is empty"
+        return f" {what}, expected {len(layout.names)} columns"
     content = cells(row, layout.separator)
-    return any(content[k] and not is_number(content[k]) for k in layout.used)
-
-
-def _fault(text: Text, layout: Layout, row: str, line: int) -> str:
-    """What is wrong with a line."""
-    if row_length(row, layout) != len(layout.names):
-        what = f"has {row_length(row, layout)} columns" if row.strip() else "is empty"
-        return f"{text.source}, line {line} {what}, expected {len(layout.names)} columns"
-    content = cells(row, layout.separator)
-    column = next(k for k in layout.used if content[k] and not is_number(content[k]))
+    column = next((k for k in layout.used if content[k] and not is_number(content[k])), None)
+    if column is None:
+        return ""
     hint = "; numbers are written with a decimal point" if is_number(content[column].replace(",", ".", 1)) else ""
-    place = f"{text.source}, line {line}, column {cut(layout.names[column])}"
-    return f"{place}: {shortened(content[column])} is not a number{hint}"
+    return f", column {cut(layout.names[column])}: {shortened(content[column])} is not a number{hint}"

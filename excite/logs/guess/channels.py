@@ -237,7 +237,7 @@ def _unit(values: Array) -> Array:
     return np.asarray(np.divide(values, size, out=np.zeros_like(values), where=size > 1e-9 * max(1.0, size.max())))
 
 
-_SHOWN = 4
+_SHOWN, _MOST_NAMES = 4, 12
 Ask = Callable[[str, str], None]  # a quantity, empty for the whole, and a question about it
 
 
@@ -272,6 +272,13 @@ def _spans(groups: Sequence[ChannelGroup], between: str) -> str:
     return between.join(group.span for group in groups[:_SHOWN])
 
 
+def first_names(names: Sequence[str]) -> str:
+    """Names in a question, the last of many left out."""
+    return ", ".join(names[:_MOST_NAMES]) + (
+        f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+    )
+
+
 def _plain(names: Iterable[str]) -> list[str]:
     return ["".join(character for character in name.lower() if character.isalnum()) for name in names]
 
@@ -293,9 +300,7 @@ def _joint_names(group: ChannelGroup, robot: Robot | None, ask: Ask) -> tuple[st
     own = [known.get(joint, "") for joint in _plain(group.joints)]
     if all(own):
         return tuple(own)
-    more = len(group.joints) - 12
-    listed = ", ".join(group.joints[:12]) + (f" and {more} more" if more > 0 else "")
-    names = ", ".join(robot.joint_names)
+    listed, names = first_names(group.joints), ", ".join(robot.joint_names)
     if len(group.joints) != robot.n:
         ask(
             "",

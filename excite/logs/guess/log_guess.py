@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.logs.guess.channels import ChannelGroup, channel_groups, chosen_channels, numbered_groups
+from excite.logs.guess.channels import ChannelGroup, channel_groups, chosen_channels, first_names, numbered_groups
 from excite.logs.guess.units import (
     CERTAIN,
     STATED,
@@ -190,9 +190,8 @@ class _Guessing:
         mapping, time = None, ""
         if (position := chosen.get("position")) is None:
             names = [stream.title(name) for stream in self.contents.streams for name in stream.columns]
-            more = f" and {len(names) - 12} more" if len(names) > 12 else ""
-            listed = ", ".join(names[:12]) + more
-            self.ask(_WHOLE, f"Which columns are the positions of the joints? None was recognised among {listed}")
+            which = "Which columns are the positions of the joints? None was recognised among"
+            self.ask(_WHOLE, f"{which} {first_names(names)}")
         elif position.stream not in self.clocks:
             self.ask(_WHOLE, f"When was each row taken? No column of {position.stream} increases")
         else:

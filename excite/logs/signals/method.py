@@ -9,7 +9,6 @@ from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
-import scipy.interpolate
 from scipy.interpolate import CubicSpline
 
 from excite.logs.event import LONGEST, Gap, gaps
@@ -158,11 +157,11 @@ def resample(log: Log, rate: float | None = None) -> Resampled:
     uneven = float(np.abs(step - 1 / mean).max())
     if rate is None and uneven <= _UNIFORM / mean:
         return Resampled(log, f"time stamps are uniform, {mean:.6g} Hz")
-    _prediction(log, log.duration * wanted).check()
+    _check_memory(log, log.duration * wanted)
     time = log.time[0] + np.arange(int(np.floor(log.duration * wanted + 1e-9)) + 1) / wanted
     time = np.minimum(time, log.time[-1])
     channels: dict[str, Any] = {
-        name: _smooth(log, x, intervals, time) if name in _SMOOTH else _linear(log.time, x, time)
+        name: _smooth(log.time, x, intervals, time) if name in _SMOOTH else _linear(log.time, x, time)
         for name, x in channels_of(log).items()
     }
     new = Log(log.source, log.sha256, log.joints, time, **channels, left_out=log.left_out)
@@ -174,14 +173,13 @@ def resample(log: Log, rate: float | None = None) -> Resampled:
     )
 
 
-def _prediction(log: Log, instants: float) -> WorkPrediction:
-    """Memory of the resampled log: time stamps in another unit, or a few close together, make many instants of it."""
+def _check_memory(log: Log, instants: float) -> None:
+    """Refuse many instants, which time stamps in another unit, or a few close together, make of a log."""
     columns = 1 + sum(x.shape[1] for x in channels_of(log).values())
     remedy = f"check the unit of the time stamps, which last {log.duration:.3g} s, or choose fewer rows with `rows`"
     held = FLOAT * _COPIES * instants * columns
-    return WorkPrediction(
-        f"{log.source}: resampling", (MemoryPart("instants", instants, columns, held, remedy=remedy),)
-    )
+    part = MemoryPart("instants", instants, columns, held, remedy=remedy)
+    WorkPrediction(f"{log.source}: resampling", (part,)).check()
 
 
 def _own_rate(log: Log) -> float:
@@ -195,14 +193,10 @@ def _own_rate(log: Log) -> float:
     return float(step.size / log.duration)
 
 
-def _smooth(log: Log, x: Array, intervals: tuple[Gap, ...], new: Array) -> Array:
-    if not intervals:
-        return _cubic(log.time, x, new)
-    return _cubic(*bridged(log.time, x, intervals, float(np.median(np.diff(log.time)))), new)
-
-
-def _cubic(time: Array, x: Array, new: Array) -> Array:
-    return np.asarray(scipy.interpolate.CubicSpline(time, x, axis=0)(new))
+def _smooth(time: Array, x: Array, intervals: tuple[Gap, ...], new: Array) -> Array:
+    if intervals:
+        time, x = bridged(time, x, intervals, float(np.median(np.diff(time))))
+    return np.asarray(CubicSpline(time, x, axis=0)(new))
 
 
 def _linear(time: Array, x: Array, new: Array) -> Array:
