@@ -17,7 +17,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
@@ -59,13 +59,10 @@ def _contents(path: Path) -> Contents:
         maker = maker_of(layout.titles)
         titles = dict(zip(layout.names, layout.titles, strict=True))
         units = {name: unit for name, unit in zip(layout.names, layout.units, strict=True) if unit}
-        clocks: tuple[str, ...] = ()
-        meanings = {}
+        table = StreamContents(TABLE, layout.names, len(text.lines) - layout.first, units=units, titles=titles)
         if maker is not None and maker.clock in layout.names:
-            clocks, units = (maker.clock,), {**units, maker.clock: maker.unit}
-            meanings = maker.meanings(layout.names)
-        rows = len(text.lines) - layout.first
-        table = StreamContents(TABLE, layout.names, rows, clocks, meanings, units, titles)
+            units, meanings = {**units, maker.clock: maker.unit}, maker.meanings(layout.names)
+            table = replace(table, clocks=(maker.clock,), units=units, meanings=meanings)
         return Contents(text.source, _kind_of(layout), (table,), text.mended)
 
 
@@ -86,8 +83,7 @@ def _mapping_fields(path: Path) -> Mapping[str, object]:
 def _read(path: Path, wanted: Wanted, most: int | None = None) -> Recording:
     with text_of(path) as text:
         found = _table_layout(text)
-        columns = dict.fromkeys(wanted.get(TABLE, ()))
-        place = {name: found.names.index(name) for name in columns}
+        place = {name: found.names.index(name) for name in wanted.get(TABLE, ())}
         used = sorted(place.values()) or [0]
         shown = tuple(title or name for title, name in zip(found.titles, found.names, strict=True))
         layout = Layout(found.separator, found.first, shown, used[0], 1.0, (), {"columns": si_channel(used)})
@@ -101,10 +97,8 @@ def _read(path: Path, wanted: Wanted, most: int | None = None) -> Recording:
 
 def _table_layout(text: Text) -> TextLayout:
     """Layout of the table in a text."""
-    layout = text_layout(text.lines)
-    if layout is None:
-        shown = listed(list(text.lines[:2]))
-        raise InputError(f"{text.source} holds no table of numbers; it begins with {shown}")
+    if (layout := text_layout(text.lines)) is None:
+        raise InputError(f"{text.source} holds no table of numbers; it begins with {listed(list(text.lines[:2]))}")
     return layout
 
 

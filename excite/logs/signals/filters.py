@@ -38,9 +38,9 @@ def edge(rate: float, cutoff: float) -> int:
     return math.ceil(2 * rate / cutoff)
 
 
-def kept_rows(count: int, rate: float, cutoff: float, every: int | None = None, order: int = ORDER) -> slice:
+def kept_rows(count: int, rate: float, cutoff: float, every: int | None = None) -> slice:
     """Which of some uniform instants are left after a low-pass and decimation: neighbours are then not redundant."""
-    _check_cutoff(rate, cutoff, order)
+    _check_cutoff(rate, cutoff, ORDER)
     step = decimation(rate, cutoff) if every is None else every
     check_positive("decimation", every=step)
     if cutoff > rate / (2 * step):
@@ -171,16 +171,12 @@ class SavitzkyGolay(Method):
             raise InputError(f"{self.name}: the window of {length} samples is longer than the {time.size} samples")
         if length <= self.degree:
             raise InputError(f"{self.name}: the window of {length} samples is too short for degree {self.degree}")
-        state = (
-            scipy.signal.savgol_filter(q, length, self.degree, deriv=0, axis=0),
-            scipy.signal.savgol_filter(q, length, self.degree, deriv=1, delta=h, axis=0),
-            scipy.signal.savgol_filter(q, length, self.degree, deriv=2, delta=h, axis=0),
-        )
+        smooth, dq, ddq = (scipy.signal.savgol_filter(q, length, self.degree, d, h, axis=0) for d in (0, 1, 2))
         assumed = (
             f"polynomials of degree {self.degree} over {length} samples ({2 * half * h:.3g} s, {origin}); "
             f"{half * h:.3g} s cut at each end"
         )
-        return cut_motion(time, state, half, assumed)
+        return cut_motion(time, (smooth, dq, ddq), half, assumed)
 
     def settled(self, time: Array, q: Array) -> SavitzkyGolay:
         """The method with the window that it chooses."""

@@ -122,7 +122,6 @@ def signal_method(name: str, *, measured_velocity: bool = False, **options: Any)
 
 
 _UNIFORM = 1e-6
-_COARSER = 0.9
 _EVEN = 0.01  # of a step
 _COPIES = 3.0
 _SMOOTH = ("q", "dq")
@@ -136,29 +135,23 @@ class Resampled:
     note: str  # unevenness of the time stamps, and how they were resampled
 
 
-def resample(log: Log, rate: float | None = None) -> Resampled:
+def resample(log: Log) -> Resampled:
     """Log on uniform instants from its first to its last.
 
     Positions and velocities by cubic splines, torques, wrenches and temperatures linearly. A log whose instants are
     uniform to 1e-6 of its sample time is left as it is. Where rows are missing, the others keep their instants; gaps of
     up to a second are bridged by polynomials, see `excite.logs.signals.method`.
     """
-    check_positive("resampling", rate=rate)
     if log.count < 4:
         raise InputError(f"{log.source}: resampling needs 4 rows or more, given {log.count}")
     intervals = gaps(log)
     if long := [gap for gap in intervals if gap.length > LONGEST]:
         raise InputError(f"{log.source}: not resampled across gaps of {', '.join(map(str, long))}; split the log")
-    mean = _own_rate(log)
-    wanted = mean if rate is None else rate
-    if wanted < _COARSER * mean:
-        raise InputError(f"{log.source}: {wanted:g} Hz is less than its {mean:.4g} Hz; filter before leaving out rows")
-    step = np.diff(log.time)
-    uneven = float(np.abs(step - 1 / mean).max())
-    if rate is None and uneven <= _UNIFORM / mean:
-        return Resampled(log, f"time stamps are uniform, {mean:.6g} Hz")
-    _check_memory(log, log.duration * wanted)
-    time = log.time[0] + np.arange(int(np.floor(log.duration * wanted + 1e-9)) + 1) / wanted
+    rate, step = _own_rate(log), np.diff(log.time)
+    if float(np.abs(step - 1 / rate).max()) <= _UNIFORM / rate:
+        return Resampled(log, f"time stamps are uniform, {rate:.6g} Hz")
+    _check_memory(log, log.duration * rate)
+    time = log.time[0] + np.arange(int(np.floor(log.duration * rate + 1e-9)) + 1) / rate
     time = np.minimum(time, log.time[-1])
     channels: dict[str, Any] = {
         name: _smooth(log.time, x, intervals, time) if name in _SMOOTH else _linear(log.time, x, time)
@@ -168,7 +161,7 @@ def resample(log: Log, rate: float | None = None) -> Resampled:
     return Resampled(
         new,
         f"time stamps {1e3 * step.min():.3g} to {1e3 * step.max():.3g} ms apart (standard deviation "
-        f"{1e3 * step.std():.2g} ms) taken as true; resampled at {wanted:.6g} Hz, positions and velocities by cubic "
+        f"{1e3 * step.std():.2g} ms) taken as true; resampled at {rate:.6g} Hz, positions and velocities by cubic "
         "splines, the rest linearly",
     )
 
