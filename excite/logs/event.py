@@ -55,13 +55,8 @@ def row_ranges(ranges: Sequence[tuple[int, int]]) -> str:
 
 def ranges_of(numbers: Sequence[int]) -> list[tuple[int, int]]:
     """Increasing numbers as ranges of successive ones, first and last of each."""
-    ranges: list[tuple[int, int]] = []
-    for number in numbers:
-        if ranges and number == ranges[-1][1] + 1:
-            ranges[-1] = ranges[-1][0], int(number)
-        else:
-            ranges.append((int(number), int(number)))
-    return ranges
+    parts = np.split(np.asarray(numbers, dtype=int), np.flatnonzero(np.diff(numbers) != 1) + 1)
+    return [(int(part[0]), int(part[-1])) for part in parts if part.size]
 
 
 LEFT_OUT = "left out:"  # begins the notes on what makes no equations

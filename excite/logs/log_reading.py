@@ -89,45 +89,30 @@ def read_log(
     if joints is not None and not joints:
         raise InputError("joints: expected one or more names, given none; leave it out for all joints of the file")
     settle_files(path := Path(path))
-    form = binary_format(path)
-    if mapping is not None:
-        log = _mapped(path, form, mapping, allowed, only, robot)
-    elif form is not None:
-        log = _guessed(path, allowed, only, robot)
+    form, notes = binary_format(path), tuple[str, ...]()
+    if mapping is None:
+        house: ForeignHeader | None = None
+        if form is None:
+            try:
+                return _in_house(path, joints, allowed, only)
+            except ForeignHeader as error:
+                house = error
+        mapping, form, notes = _recognised(path, robot, house)
+    mapping = mapping.of(robot)
+    if form is None:
+        log, zero = _of_text(path, mapping, allowed, only)
     else:
-        try:
-            return _in_house(path, joints, allowed, only)
-        except ForeignHeader as error:
-            log = _guessed(path, allowed, only, robot, error)
+        samples = sampled_channels(form, path, mapping)
+        log, zero = recorded_log(path, samples, tuple(mapping.joints or ()), allowed, only), samples[2]
+    log = at_the_joints(with_further_files(log, path, mapping, allowed, zero), mapping, robot)
+    log = replace(log, left_out=(*log.left_out, *notes))
     return log if joints is None else log.of(joints)
 
 
-def _mapped(
-    path: Path,
-    form: RecordingFormat | None,
-    mapping: LogMapping,
-    drop: frozenset[str],
-    only: tuple[int, int] | None,
-    robot: Robot | None,
-) -> Log:
-    """Log of a file of a format, None for a text, through a mapping."""
-    mapping = mapping.of(robot)
-    if form is None:
-        log, zero = _of_text(path, mapping, drop, only)
-    else:
-        samples = sampled_channels(form, path, mapping)
-        log, zero = recorded_log(path, samples, tuple(mapping.joints or ()), drop, only), samples[2]
-    return at_the_joints(with_further_files(log, path, mapping, drop, zero), mapping, robot)
-
-
-def _guessed(
-    path: Path,
-    drop: frozenset[str],
-    only: tuple[int, int] | None,
-    robot: Robot | None,
-    error: ForeignHeader | None = None,
-) -> Log:
-    """Log of a recording that says itself what its columns are; a text that does not is no log in the house format."""
+def _recognised(
+    path: Path, robot: Robot | None, error: ForeignHeader | None
+) -> tuple[LogMapping, RecordingFormat | None, tuple[str, ...]]:
+    """Mapping of a recording that says itself what its columns are; a text that does not is no log in house format."""
     if error is not None and not path.is_file():  # what comes through a pipe can be read once
         raise error
     guess, loaded = certain_mapping(path, robot, error)
@@ -136,9 +121,8 @@ def _guessed(
     if robot is None and mapping.joints is None:
         numbers = [f"{k}" for k in range(1, len(mapping.position.columns) + 1)]
         mapping = mapping.model_copy(update={"joints": numbers})
-    log = _mapped(path, loaded if error is None else None, mapping, drop, only, robot)
     note = f"read as {guess.contents.format}, without a mapping: {' '.join(guess.recognised)}"
-    return replace(log, left_out=(*log.left_out, note))
+    return mapping, loaded if error is None else None, (note,)
 
 
 def _in_house(path: Path, joints: Sequence[str] | None, drop: frozenset[str], only: tuple[int, int] | None) -> Log:

@@ -329,7 +329,11 @@ class LogMapping(Section):
         if not self.header:  # garbage before the first row is found with the rest
             few = lines[first : first + int(MOST * (len(lines) - first)) + 1]
             head = next((row for line in few if _is_row(row := cells(line, separator))), head)
-        self._check_head(source, head)
+        here = f"{source}, line {self.skip + 1}"
+        if self.header and all(is_number(cell) for cell in head):
+            raise InputError(f"{here} holds numbers, but the mapping expects a header; give header: false")
+        if not self.header and not any(is_number(cell) for cell in head):
+            raise InputError(f"{here} holds no number: {listed(head)}; check header, skip and separator of the mapping")
         numbers = [f"{k}" for k in range(1, len(head) + 1)]
         index = {name: k for k, name in reversed(list(enumerate(head)))} if self.header else {}
         sections = {name: section for name, section in self.sections.items() if section.file == file}
@@ -347,14 +351,6 @@ class LogMapping(Section):
             tuple(self.joints or ()),
             channels,
         )
-
-    def _check_head(self, source: str, head: list[str]) -> None:
-        """Raise `InputError` if the first line does not match the mapping."""
-        here = f"{source}, line {self.skip + 1}"
-        if self.header and all(is_number(cell) for cell in head):
-            raise InputError(f"{here} holds numbers, but the mapping expects a header; give header: false")
-        if not self.header and not any(is_number(cell) for cell in head):
-            raise InputError(f"{here} holds no number: {listed(head)}; check header, skip and separator of the mapping")
 
 
 def _is_row(row: list[str]) -> bool:

@@ -84,31 +84,16 @@ def _duration(contents: StreamContents, columns: Mapping[str, Numbers], name: st
 
 @dataclass(frozen=True)
 class StreamSummary:
-    """Columns of a stream that were sampled at the same instants.
-
-    Parameters
-    ----------
-    stream : str
-    columns : tuple of str
-    rows : int
-    clock : str
-        Empty where none was found; then the figures below are zero.
-    rate, duration : float
-        Mean rate outside the gaps [Hz], [s].
-    gaps : int
-        Steps longer than 3.5 times the median one and than 20 ms.
-    longest_gap : float
-        [s]
-    """
+    """Columns of a stream that were sampled at the same instants."""
 
     stream: str
     columns: tuple[str, ...]
     rows: int
-    clock: str = ""
-    rate: float = 0.0
-    duration: float = 0.0
-    gaps: int = 0
-    longest_gap: float = 0.0
+    clock: str = ""  # empty where none was found; then the figures below are zero
+    rate: float = 0.0  # mean rate outside the gaps [Hz]
+    duration: float = 0.0  # [s]
+    gaps: int = 0  # steps longer than 3.5 times the median one and than 20 ms
+    longest_gap: float = 0.0  # [s]
 
 
 def summaries(

@@ -50,8 +50,8 @@ class NamedArray:
     name: str  # flattened, such as robot.q
     group: _Group
     shape: tuple[int, ...]
-    load: Callable[[], NDArray[Any]]  # in this shape
-    unit: str  # that the file states; empty if none
+    load: Callable[..., NDArray[Any]]  # in this shape; a field of one of records by its name
+    unit: str = ""  # that the file states; empty if none
 
     @property
     def sides(self) -> tuple[int, ...]:
@@ -83,21 +83,14 @@ class ArrayFile:
     arrays: list[NamedArray] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)  # why others are not read, by their names
 
-    def add(
-        self,
-        name: str,
-        group: _Group,
-        shape: tuple[int, ...],
-        kind: np.dtype[Any],
-        load: Callable[..., NDArray[Any]],
-        unit: str = "",
-    ) -> None:
+    def add(self, array: NamedArray, kind: np.dtype[Any]) -> None:
         """Add an array, or the fields of one of records, which are loaded by their names."""
         if kind.names is None:
-            self._add(NamedArray(name, group, shape, load, unit), kind)
+            self._add(array, kind)
         for key in kind.names or ():
-            part, own = kind[key], (*group, name)
-            self._add(NamedArray(f"{name}.{key}", own, (*shape, *part.shape), partial(load, key), ""), part.base)
+            part, own = kind[key], (*array.group, array.name)
+            shape, load = (*array.shape, *part.shape), partial(array.load, key)
+            self._add(NamedArray(f"{array.name}.{key}", own, shape, load), part.base)
 
     def _add(self, array: NamedArray, kind: np.dtype[Any]) -> None:
         """Add an array if it holds real numbers, at many instants; else note why it is left out."""
@@ -231,7 +224,7 @@ def _member(path: Path, name: str) -> Iterator[IO[bytes]]:
 def _add_npy(file: ArrayFile, name: str, stream: _Opener) -> None:
     shape, kind = _header(stream)
     whole = np.dtype("O") if kind.hasobject else kind
-    file.add(name, tuple(name.split("/")[:-1]), shape, whole, partial(_loaded_npy, file.path, stream))
+    file.add(NamedArray(name, tuple(name.split("/")[:-1]), shape, partial(_loaded_npy, file.path, stream)), whole)
 
 
 def _header(stream: _Opener) -> tuple[tuple[int, ...], np.dtype[Any]]:
@@ -302,7 +295,7 @@ def _walk(file: ArrayFile, group: Any, above: _Group, met: set[Any] | None = Non
         if isinstance(one, h5py.Group):
             _walk(file, one, (*above, key), met)
         elif isinstance(one, h5py.Dataset) and not left_unread(file, one, name):
-            file.add(name, above, one.shape or (), one.dtype, partial(_loaded_hdf5, one), _unit_of(one))
+            file.add(NamedArray(name, above, one.shape or (), partial(_loaded_hdf5, one), _unit_of(one)), one.dtype)
 
 
 def left_unread(file: ArrayFile, data: Any, name: str) -> bool:

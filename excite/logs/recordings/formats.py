@@ -123,8 +123,8 @@ def _signals(folder: Path) -> tuple[list[_Signals], tuple[str, ...]]:
 
 
 def _of_array(path: Path) -> _Signals:
-    (table,) = NPY.contents(path).streams
     with arrays_of(path, NPY.name, fill_from_npy) as file:
+        (table,) = file.contents().streams
         upright = len(table.columns) == 1 and len(file.arrays[0].shape) == 2  # of shape (N, 1)
     columns = {f"{path.stem}[0]" if upright else name: name for name in table.columns}
     clocks = (path.stem,) if list(columns) == [path.stem] and is_clock(path.stem) else ()

@@ -65,7 +65,8 @@ def _fill(file: ArrayFile) -> Iterator[None]:
                 raise InputError(f"{file.path} has {found['refused']}")
             file.left_out |= found["left_out"]
             for k, (name, above, shape, kind) in enumerate(found["arrays"]):
-                file.add(name, tuple(above), tuple(shape), np.dtype(kind), partial(archive.__getitem__, f"{k}"))
+                array = NamedArray(name, tuple(above), tuple(shape), partial(archive.__getitem__, f"{k}"))
+                file.add(array, np.dtype(kind))
             yield
 
 
@@ -176,7 +177,7 @@ def _add_loaded(file: ArrayFile, one: Any, name: str, above: tuple[str, ...], co
     elif one.dtype.kind == "c":
         file.left_out[name] = "holds complex numbers"
     elif one.dtype.kind != "U" and one.size:
-        file.arrays.append(NamedArray(name, above, one.shape, lambda: np.asarray(one), ""))
+        file.arrays.append(NamedArray(name, above, one.shape, lambda: np.asarray(one)))
 
 
 def _opaque_name(one: Any, name: str) -> str:
@@ -219,7 +220,7 @@ def _add_stored(file: ArrayFile, base: Any, one: Any, name: str, above: tuple[st
     elif isinstance(one, h5py.Dataset) and kind in _NUMBERS and "MATLAB_object_decode" not in one.attrs:
         if not left_unread(file, one, name):
             shape, numbers = (one.shape or ())[::-1], one.dtype if one.dtype.names is None else np.dtype("V1")
-            file.add(name, above, shape, numbers, lambda: np.asarray(one[()]).T)
+            file.add(NamedArray(name, above, shape, lambda: np.asarray(one[()]).T), numbers)
     else:
         what = "a function handle" if kind == "function_handle" else f"an object of class {cut(kind) or 'unknown'}"
         file.left_out[name] = f"is {what}; save its numbers, such as those of a timeseries, in a struct"

@@ -83,13 +83,12 @@ class Butterworth(Method):
         h = spacing(time, self.name, 16)
         cutoff, origin = chosen_cutoff(q, 1 / h) if self.cutoff is None else (self.cutoff, f"{self.cutoff:g} Hz")
         smooth = low_passed(q, 1 / h, cutoff, self.order)
-        velocity, acceleration = smooth_differences(smooth, h)
         ends = max(edge(1 / h, cutoff), 3)
         assumed = (
             f"no motion above the cutoff; zero-phase Butterworth of order {self.order} twice, cutoff {origin}; "
             f"seven-point differences; {ends * h:.3g} s cut at each end"
         )
-        return cut_motion(time, (smooth, velocity, acceleration), ends, assumed)
+        return cut_motion(time, (smooth, *smooth_differences(smooth, h)), ends, assumed)
 
     def settled(self, time: Array, q: Array) -> Butterworth:
         """The method with the cutoff that it chooses."""
@@ -171,12 +170,12 @@ class SavitzkyGolay(Method):
             raise InputError(f"{self.name}: the window of {length} samples is longer than the {time.size} samples")
         if length <= self.degree:
             raise InputError(f"{self.name}: the window of {length} samples is too short for degree {self.degree}")
-        smooth, dq, ddq = (scipy.signal.savgol_filter(q, length, self.degree, d, h, axis=0) for d in (0, 1, 2))
+        state = [scipy.signal.savgol_filter(q, length, self.degree, d, h, axis=0) for d in (0, 1, 2)]
         assumed = (
             f"polynomials of degree {self.degree} over {length} samples ({2 * half * h:.3g} s, {origin}); "
             f"{half * h:.3g} s cut at each end"
         )
-        return cut_motion(time, (smooth, dq, ddq), half, assumed)
+        return cut_motion(time, state, half, assumed)
 
     def settled(self, time: Array, q: Array) -> SavitzkyGolay:
         """The method with the window that it chooses."""
@@ -198,9 +197,8 @@ class SavitzkyGolay(Method):
 
         def filtered(positions: Array) -> FilteredMotion:
             spectrum = scipy.fft.rfft(np.ascontiguousarray(positions.T), length)
-            states = (scipy.fft.irfft(spectrum * kernel, length)[:, : time.size].T for kernel in response)
-            smooth, velocity, acceleration = states
-            return cut_motion(time, (smooth, velocity, acceleration), half, motion.assumed)
+            state = [scipy.fft.irfft(spectrum * kernel, length)[:, : time.size].T for kernel in response]
+            return cut_motion(time, state, half, motion.assumed)
 
         return filtered
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, partial
 from typing import Any, ClassVar
@@ -62,7 +62,7 @@ def spacing(time: Array, what: str, least: int) -> float:
     return step
 
 
-def cut_motion(time: Array, state: tuple[Array, Array, Array], edge: int, assumed: str) -> FilteredMotion:
+def cut_motion(time: Array, state: Sequence[Array], edge: int, assumed: str) -> FilteredMotion:
     """Motion without some samples at both ends."""  # time (N,); state (N, n)
     if time.size <= 2 * edge:
         raise InputError(f"{time.size} samples are too few: {edge} are cut from each end ({assumed})")
@@ -97,19 +97,12 @@ class MeasuredVelocity(Method):
         method = self.method.settled(time, q)
         position, velocity = method.motion(time, q), method.motion(time, dq)
         edge = max(position.kept.start, velocity.kept.start)
-        state = (
-            _whole(position.samples.q, position.kept, q),
-            _whole(velocity.samples.q, velocity.kept, q),
-            _whole(velocity.samples.dq, velocity.kept, q),
-        )
+        parts = ((position, position.samples.q), (velocity, velocity.samples.q), (velocity, velocity.samples.dq))
+        state = tuple(np.full_like(q, np.nan) for _ in parts)
+        for whole, (motion, part) in zip(state, parts, strict=True):
+            whole[motion.kept] = part
         assumed = f"measured velocities; positions: {position.assumed}; velocities: {velocity.assumed}"
         return cut_motion(time, state, edge, assumed)
-
-
-def _whole(part: Array, kept: slice, like: Array) -> Array:
-    whole = np.full_like(like, np.nan)
-    whole[kept] = part
-    return whole
 
 
 def signal_method(name: str, *, measured_velocity: bool = False, **options: Any) -> Method:

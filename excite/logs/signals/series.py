@@ -174,7 +174,7 @@ class SmoothingSpline(Method):
             f"quintic smoothing splines of the positions, assuming white noise; knots every {_each(distance)} s "
             f"({self._reason}), residuals of {_each(residual)} rad or m; {edge * h:.3g} s cut at each end"
         )
-        return cut_motion(time, (state[0], state[1], state[2]), edge, assumed)
+        return cut_motion(time, state, edge, assumed)
 
     @property
     def _reason(self) -> str:
