@@ -114,11 +114,8 @@ def _hung_joints(log: Log) -> NDArray[np.bool_]:
 
 
 def _held_positions(log: Log) -> NDArray[np.bool_]:
-    held = _equal(log.q)
-    if not held.any():
-        return held
     step = float(np.median(np.diff(log.time)))
-    return np.asarray(held & np.any(np.abs(mean_speed(log)) * step > _STEPS * _grain(log.q), axis=1))
+    return np.asarray(_equal(log.q) & np.any(np.abs(mean_speed(log)) * step > _STEPS * _grain(log.q), axis=1))
 
 
 def _grain(q: Array) -> Array:

@@ -178,26 +178,13 @@ _AT_LIMIT = 0.999  # of the limit: rounding, and the tolerance of a drive's own 
 
 @dataclass(frozen=True)
 class Saturation:
-    """One limited torque, and when it was at its limit.
+    """One limited torque, and when it was at its limit."""
 
-    Parameters
-    ----------
-    label : str
-        Such as ``joint q2`` or ``drive z2``.
-    limit : float
-        [unit]
-    unit : str
-    rows : int
-        Number of samples at the limit.
-    spans : tuple of (float, float)
-        First and last instant of each stretch of them [s].
-    """
-
-    label: str = field(metadata=named("torque"))
-    limit: float
+    label: str = field(metadata=named("torque"))  # such as ``joint q2`` or ``drive z2``
+    limit: float  # [unit]
     unit: str
-    rows: int
-    spans: Spans = field(repr=False)
+    rows: int  # number of samples at the limit
+    spans: Spans = field(repr=False)  # first and last instant of each stretch of them [s]
 
 
 def saturation_of(label: str, limit: float, unit: str, time: Array, at_limit: NDArray[np.bool_]) -> Saturation:

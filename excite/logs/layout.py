@@ -24,19 +24,11 @@ class ForeignHeader(InputError):
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """Columns of one channel: ``value = scale (cell - zero)``.
+    """Columns of one channel: ``value = scale (cell - zero)``."""
 
-    Parameters
-    ----------
-    columns : tuple of int
-        0 for the first column of the file.
-    scale, zero : ndarray, shape (k,)
-        SI unit per unit of the cell; reading at zero [unit of the cell].
-    """
-
-    columns: tuple[int, ...]
-    scale: Array
-    zero: Array
+    columns: tuple[int, ...]  # 0 for the first column of the file
+    scale: Array  # (k,) SI unit per unit of the cell
+    zero: Array  # (k,) reading at zero [unit of the cell]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,20 +86,17 @@ def house_layout(source: str, header: str, joints: Sequence[str] | None, preface
     names = checked_head(source, header_names(header))
     _check_header(source, names)
     index = {name: k for k, name in enumerate(names)}
-    there = [name.removesuffix(".position") for name in names if name.endswith(".position")]
-    if not there:
+    recorded = [name.removesuffix(".position") for name in names if name.endswith(".position")]
+    if not recorded:
         raise ForeignHeader(f"{source}: no column NAME.position; columns: {listed(names)}")
-    check_names(f"joint in {source}", joints or (), there)
-    wanted = tuple(there if joints is None else joints)
-    channels = {}
-    for channel, suffix in CHANNELS.items():
-        columns = [f"{name}.{suffix}" for name in wanted]
-        if channel == "temperature" and not any(name in index for name in columns) and suffix in index:
-            columns = [suffix] * len(wanted)  # one for all joints
-        if columns := _all_or_none(source, columns, index):
-            channels[channel] = si_channel([index[name] for name in columns])
-    if columns := _all_or_none(source, [f"wrench.{part}" for part in WRENCH], index):
-        channels["wrench"] = si_channel([index[name] for name in columns])
+    check_names(f"joint in {source}", joints or (), recorded)
+    wanted = tuple(recorded if joints is None else joints)
+    named = {channel: [f"{name}.{suffix}" for name in wanted] for channel, suffix in CHANNELS.items()}
+    if "temperature" in index and index.keys().isdisjoint(named["temperature"]):
+        named["temperature"] = ["temperature"] * len(wanted)  # one for all joints
+    named["wrench"] = [f"wrench.{part}" for part in WRENCH]
+    there = {channel: _all_or_none(source, columns, index) for channel, columns in named.items()}
+    channels = {channel: si_channel([index[name] for name in columns]) for channel, columns in there.items() if columns}
     return Layout(",", preface + 1, tuple(names), index["time"], 1.0, wanted, channels, preface)
 
 
@@ -159,8 +148,7 @@ def _all_or_none(source: str, columns: list[str], index: dict[str, int]) -> list
     missing = [name for name in columns if name not in index]
     if missing and len(missing) < len(columns):
         there = [name for name in columns if name in index]
-        hint = (
-            "; give one column 'temperature' for all joints, or one each" if there[0].endswith(".temperature") else ""
-        )
+        one = "; give one column 'temperature' for all joints, or one each"
+        hint = one if there[0].endswith(".temperature") else ""
         raise InputError(f"{source}: the log has the columns {listed(there)}, but not {listed(missing)}{hint}")
     return [] if missing else columns

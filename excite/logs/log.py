@@ -22,34 +22,19 @@ WRENCH = ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z")
 
 @dataclass(frozen=True, eq=False)
 class Removed:
-    """Rows that were recorded and are left out.
+    """Rows that were recorded and are left out."""
 
-    Parameters
-    ----------
-    kind : str
-        Of the event, see `excite.logs.event.Event`.
-    numbers : ndarray of int
-        Of the rows, increasing, 1 for the first that was recorded.
-    """
-
-    kind: str
-    numbers: Index
+    kind: str  # of the event, see `excite.logs.event.Event`
+    numbers: Index  # of the rows, increasing, 1 for the first that was recorded
 
 
 @dataclass(frozen=True)
 class LogReference:
-    """A log that a result is from.
-
-    Parameters
-    ----------
-    file, sha256 : str
-    left_out : tuple of str
-        What of it was left out, and why.
-    """
+    """A log that a result is from."""
 
     file: str
     sha256: str
-    left_out: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()  # what of it was left out, and why
 
 
 @checked

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from excite.logs.event import LONGEST, gaps, plateaus
 from excite.logs.excitation import mean_speed, moves, span_ends
@@ -133,7 +134,7 @@ def _velocities(case: _Case) -> Findings:
     if dq is None:
         return
     first, last = span_ends(case.log)
-    path = np.vstack([np.zeros(dq.shape[1]), np.cumsum((dq[1:] + dq[:-1]) / 2 * np.diff(time)[:, None], 0)])
+    path = cumulative_trapezoid(dq, time, axis=0, initial=0)
     mean = (path[last] - path[first]) / (time[last] - time[first])[:, None]
     for k in np.flatnonzero(case.moved):
         slope, velocity = case.speed[:, k], mean[:, k]

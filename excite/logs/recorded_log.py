@@ -140,10 +140,7 @@ def _clock(contents: Contents, stream: StreamContents, given: Column, second: fl
 
 def _zero(clock: Numbers, second: float) -> float:
     there = clock[~np.isnan(clock)]
-    if not there.size:
-        return 0.0
-    first = there[0]
-    return whole_seconds((int(first) if there.dtype.kind in "iu" else float(first)) * second)
+    return whole_seconds(there[0].item() * second) if there.size else 0.0
 
 
 _LARGE = 1e6  # [s]

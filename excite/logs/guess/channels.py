@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from excite.logs.guess.units import Clock
 from excite.logs.log import WRENCH
@@ -52,9 +53,7 @@ class ChannelGroup:
         number = first.isdigit()
         if len(self.columns) == 1:
             return f"{'column ' * number}{first}"
-        return (
-            f"{'columns ' * number}{first} ... {last}" if number else f"{first} ... {'column ' * last.isdigit()}{last}"
-        )
+        return f"columns {first} ... {last}" if number else f"{first} ... {'column ' * last.isdigit()}{last}"
 
     @property
     def rank(self) -> tuple[bool, int, int]:
@@ -220,8 +219,7 @@ def motion_columns(time: Array, values: Array, clock: int) -> tuple[tuple[int, .
 
 def _pairs(time: Array, values: Array, clock: int) -> list[tuple[int, int]]:
     """Columns of which the second is the rate of change of the first."""
-    area = np.zeros_like(values)
-    area[1:] = np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time)[:, None], axis=0)
+    area = cumulative_trapezoid(values, time, axis=0, initial=0)
     moved = _unit(values[_WIDTH:] - values[:-_WIDTH])
     integral = _unit(area[_WIDTH:] - area[:-_WIDTH])
     alike = np.abs(moved.T @ integral)  # (positions, velocities)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from excite.logs.event import LEAST, STEPS
 from excite.logs.mapping import SECONDS, PositionSection, VelocitySection
@@ -158,8 +159,7 @@ def velocity_ratios(time: Array, q: Array, dq: Array) -> Array:
     NaN of joints that do not move, or whose velocity is not alike.
     """
     # time (N,); q, dq (N, n)
-    step = np.diff(time)
-    area = np.vstack([np.zeros(q.shape[1]), np.cumsum(0.5 * (dq[1:] + dq[:-1]) * step[:, None], axis=0)])
+    area = cumulative_trapezoid(dq, time, axis=0, initial=0)
     width = max(1, min(20, time.size // 10))
     moved, integral = q[width:] - q[:-width], area[width:] - area[:-width]
     power, both, square = (np.sum(a * b, axis=0) for a, b in ((moved, moved), (moved, integral), (integral, integral)))

@@ -184,9 +184,9 @@ class TextMaker:
     name: str
     marks: frozenset[str]  # columns by which its tables are recognised
     clock: str  # column of the time
-    unit: str  # of the time
     columns: Mapping[str, tuple[str, str]]  # quantity and unit by the pattern of a name, whose group is the joint
     why: str  # source of the definitions
+    unit: str = "s"  # of the time
 
     def meanings(self, names: Sequence[str]) -> dict[str, Meaning]:
         """What the columns of a table are, of those that are defined."""
@@ -203,7 +203,6 @@ MAKERS = (
         "Universal Robots RTDE recording",
         frozenset({"timestamp", "actual_q_0"}),
         "timestamp",
-        "s",
         {
             r"actual_q_(\d)": ("position", "rad"),
             r"actual_qd_(\d)": ("velocity", "rad/s"),
@@ -217,19 +216,18 @@ MAKERS = (
         "libfranka log",
         frozenset({"time", "success_rate", "state.q[0]"}),
         "time",
-        "ms",
         {
             r"state\.q\[(\d)\]": ("position", "rad"),
             r"state\.dq\[(\d)\]": ("velocity", "rad/s"),
             r"state\.tau_J\[(\d)\]": ("effort", "Nm"),
         },
         "franka::logToCSV",
+        "ms",
     ),
     TextMaker(
         "PlotJuggler",
         frozenset({"__time"}),
         "__time",
-        "s",
         {
             r"/(?:.*/)?joint_states/([^/]+)/position": ("position", "rad"),
             r"/(?:.*/)?joint_states/([^/]+)/velocity": ("velocity", "rad/s"),
@@ -243,7 +241,6 @@ HOUSE = TextMaker(
     "excite log",
     frozenset({"time"}),
     "time",
-    "s",
     {
         r"(.+)\.position": ("position", "rad"),
         r"(.+)\.velocity": ("velocity", "rad/s"),
