@@ -68,11 +68,8 @@ _WHAT = {
 
 def event_notes(events: Sequence[Event], step: float) -> list[str]:
     """Notes on events, except those noted where they are found (a file that is read, torques at limits)."""
-    notes = []
-    for kind in KINDS:
-        if those := [event for event in events if event.kind == kind]:
-            notes += _notes(kind, those, step)
-    return notes
+    grouped = ((kind, [event for event in events if event.kind == kind]) for kind in KINDS)
+    return [note for kind, those in grouped if those for note in _notes(kind, those, step)]
 
 
 def _notes(kind: str, those: Sequence[Event], step: float) -> list[str]:

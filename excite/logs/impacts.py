@@ -51,7 +51,8 @@ def impacts(log: Log) -> list[tuple[float, int, float]]:
         return []
     width = 2 * half + 1
     spike = np.abs(log.effort - scipy.ndimage.median_filter(log.effort, size=(width, 1)))
-    strong = spike / np.maximum(_TIMES * _usual(spike, half), _LEAST_TORQUE * _range(log.effort))
+    span = np.ptp(np.quantile(log.effort, [0.01, 0.99], axis=0), axis=0) + np.finfo(float).tiny
+    strong = spike / np.maximum(_TIMES * _usual(spike, half), _LEAST_TORQUE * span)
     felt = scipy.ndimage.maximum_filter1d(strong.max(axis=1), width)
     found = (largest >= 1.0) & ((felt >= 1.0) | (largest >= _ALONE))
     jump = velocity_jumps(log.q, half) / h
@@ -100,10 +101,6 @@ def _usual(x: Array, half: int) -> Array:
     block = _BLOCKS * half
     count = x.shape[0] // block
     return np.asarray(np.quantile(x[: count * block].reshape(count, block, -1).max(axis=1), _QUANTILE, axis=0))
-
-
-def _range(x: Array) -> Array:
-    return np.asarray(np.ptp(np.quantile(x, [0.01, 0.99], axis=0), axis=0)) + np.finfo(float).tiny
 
 
 def impact_events(log: Log, recorded: Log, units: Sequence[str]) -> tuple[Event, ...]:

@@ -174,7 +174,7 @@ def _log(text: Text, layout: Layout, table: Table) -> Log:
         time=table.values[:, place[layout.time]] * layout.second,
         left_out=(*text.mended, *before, *unused, *table.left_out),
         numbers=table.lines - layout.first,
-        removed=table.removed,
+        removed=tuple(table.removed),
         **parts,
     )
 

@@ -272,14 +272,9 @@ class LogMapping(Section):
     @property
     def sections(self) -> dict[str, ChannelSection]:
         """Sections by the names of the channels of `excite.logs.log.Log`."""
-        named = {
-            "q": self.position,
-            "dq": self.velocity,
-            "effort": self.effort or self.current,
-            "temperature": self.temperature,
-            "wrench": self.wrench,
-        }
-        return {name: section for name, section in named.items() if section is not None}
+        given = (self.position, self.velocity, self.effort or self.current, self.temperature, self.wrench)
+        names = ("q", "dq", "effort", "temperature", "wrench")
+        return {name: section for name, section in zip(names, given, strict=True) if section is not None}
 
     def of(self, robot: Robot | None) -> LogMapping:
         """The mapping with the names of its joints: those of the robot, in order, where it does not name them.

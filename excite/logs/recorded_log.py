@@ -163,7 +163,13 @@ def seconds_of(clock: Numbers, second: float, zero: float) -> Array:
     return np.asarray(clock, dtype=float) * second - zero
 
 
-_QUANTITIES = {"q": "positions", "dq": "velocities", "effort": "efforts", "temperature": "temperatures"}
+_QUANTITIES = {
+    "q": "positions",
+    "dq": "velocities",
+    "effort": "efforts",
+    "temperature": "temperatures",
+    "wrench": "wrench",
+}
 
 
 def recorded_log(
@@ -248,8 +254,9 @@ def _inside(source: str, time: Array, others: Sequence[Sampled]) -> NDArray[np.b
         within = (time >= one.time[0]) & (time <= one.time[-1])
         if np.count_nonzero(inside & within) < 2:
             raise InputError(
-                f"{source}: {_what(one)} of {one.stream} were recorded from {one.time[0]:.6g} to {one.time[-1]:.6g} s, "
-                f"the positions from {time[0]:.6g} to {time[-1]:.6g} s; one clock should have stamped both"
+                f"{source}: {_QUANTITIES[one.channel]} of {one.stream} were recorded from {one.time[0]:.6g} to "
+                f"{one.time[-1]:.6g} s, the positions from {time[0]:.6g} to {time[-1]:.6g} s; one clock should have "
+                "stamped both"
             )
         inside &= within
     return inside
@@ -281,14 +288,11 @@ def _rates(base: Sampled, others: Sequence[Sampled]) -> list[str]:
         if not np.array_equal(one.time, base.time):
             own, rate = (1.0 / np.median(np.diff(each.time)) for each in (one, base))
             notes.append(
-                f"{_what(one)} ({one.stream}, {own:.4g} Hz) interpolated linearly onto the rows of the positions "
-                f"({base.stream}, {rate:.4g} Hz); a constant delay between them is estimated by identification"
+                f"{_QUANTITIES[one.channel]} ({one.stream}, {own:.4g} Hz) interpolated linearly onto the rows of "
+                f"the positions ({base.stream}, {rate:.4g} Hz); a constant delay between them is estimated by "
+                "identification"
             )
     return list(dict.fromkeys(notes))
-
-
-def _what(one: Sampled) -> str:
-    return _QUANTITIES.get(one.channel, one.channel)
 
 
 def with_further_files(log: Log, path: Path, mapping: LogMapping, drop: frozenset[str], zero: float = 0.0) -> Log:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,34 +20,18 @@ _AT_ONCE = 50_000  # rows
 _COPIES, _PER_LINE = 2.0, 4.0  # numbers of each cell, and of each line
 
 
-@dataclass(frozen=True, eq=False)
-class Table:
-    """Rows that were read."""
-
-    values: Array  # (N, columns) cells of the layout's used columns, in the units of the file
-    lines: Index  # (N,) line of each row, 1 for the first of the file
-    left_out: tuple[str, ...]  # rows that were left out, with their count
-    removed: tuple[Removed, ...] = ()  # which, by their numbers
-
-
 def table_of(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None = None) -> Table:
     """Numbers in the rows of a text."""
-    reader = _Reader(text, layout, drop, "nan" in drop)
-    values, lines = reader.read(only)
-    if not (keep := reader.finite(values, lines)).all():
-        reader.leave(lines[~keep], "with cells that are empty, NaN or infinite")
-        values, lines = values[keep], lines[keep]
-    if not (keep := reader.later(values[:, layout.used.index(layout.time)], lines)).all():
-        reader.leave(lines[~keep], "with time repeated")
-        values, lines = values[keep], lines[keep]
-    reader.check_left(lines.size)
-    return Table(values, lines, tuple(reader.left_out), tuple(reader.removed))
+    table = Table(text, layout, drop, only, "nan" in drop)
+    table.keep(table.finite(), "with cells that are empty, NaN or infinite")
+    table.keep(table.later(), "with time repeated")
+    table.check_left(table.lines.size)
+    return table
 
 
 def sparse_table(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None = None) -> Table:
     """Numbers in the rows of a text whose cells may be empty, which is NaN, and whose time may be anything."""
-    reader = _Reader(text, layout, drop, True)
-    return Table(*reader.read(only), tuple(reader.left_out), tuple(reader.removed))
+    return Table(text, layout, drop, only, True)
 
 
 def rows_in_memory(text: Text, layout: Layout, rows: int) -> WorkPrediction:
@@ -58,23 +41,32 @@ def rows_in_memory(text: Text, layout: Layout, rows: int) -> WorkPrediction:
     return WorkPrediction(f"reading {text.source}", (MemoryPart("rows", rows, columns, held, remedy=remedy),))
 
 
-class _Reader:
-    """Reads the rows of a text, and keeps in mind what it leaves out."""
+class Table:
+    """Rows of a text that were read, and what of it was left out."""
 
-    def __init__(self, text: Text, layout: Layout, drop: frozenset[str], empty_is_nan: bool) -> None:
+    def __init__(
+        self, text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None, empty_is_nan: bool
+    ) -> None:
         self.text, self.layout, self.drop, self.empty_is_nan = text, layout, drop, empty_is_nan
-        self.left_out: list[str] = []
-        self.removed: list[Removed] = []
+        self.left_out: list[str] = []  # rows that were left out, with their count
+        self.removed: list[Removed] = []  # which, by their numbers
+        # (N, columns) cells of the layout's used columns, in the units of the file; (N,) line of each row, 1 for the
+        # first of the file
+        self.values, self.lines = self._read(only)
 
-    def leave(self, lines: Index, why: str) -> None:
-        self.left_out.append(f"{counted(lines.size, 'row')} {why}")
-        self.removed.append(Removed(DROPPED, lines - self.layout.first))
+    def keep(self, rows: NDArray[np.bool_], why: str) -> None:
+        """Leave the other rows out, which are as it says."""
+        if not rows.all():
+            self.left_out.append(f"{counted(int(np.sum(~rows)), 'row')} {why}")
+            self.removed.append(Removed(DROPPED, self.lines[~rows] - self.layout.first))
+            self.values, self.lines = self.values[rows], self.lines[rows]
 
     def check_left(self, count: int) -> None:
+        """Refuse a table of one row."""
         if count < 2:
             raise InputError(f"{self.text.source}: fewer than two rows are left; left out: {', '.join(self.left_out)}")
 
-    def read(self, only: tuple[int, int] | None) -> tuple[Array, Index]:
+    def _read(self, only: tuple[int, int] | None) -> tuple[Array, Index]:
         """Numbers of the rows, and their lines; those that are garbage are left out."""
         text, layout = self.text, self.layout
         rows, first = text.lines[layout.first :], layout.first
@@ -134,21 +126,22 @@ class _Reader:
     def _place(self, line: int, column: int) -> str:
         return f"{self.text.source}, line {line}, column {cut(self.layout.names[column])}"
 
-    def finite(self, values: Array, lines: Index) -> NDArray[np.bool_]:
+    def finite(self) -> NDArray[np.bool_]:
         """Which rows hold finite numbers only; others are refused unless they are to be dropped."""
-        finite = np.isfinite(values)
+        finite = np.isfinite(self.values)
         whole = finite.all(axis=1)
         if "nan" not in self.drop and not whole.all():
             row = int(np.argmin(whole))
             column = int(np.argmin(finite[row]))
             raise InputError(
-                f"{self._place(lines[row], self.layout.used[column])}: {values[row, column]} is not a measurement; "
-                f"{counted(int(np.sum(~whole)), 'row')} like this (`drop='nan'` leaves them out)"
+                f"{self._place(self.lines[row], self.layout.used[column])}: {self.values[row, column]} is not a "
+                f"measurement; {counted(int(np.sum(~whole)), 'row')} like this (`drop='nan'` leaves them out)"
             )
         return np.asarray(whole)
 
-    def later(self, time: Array, lines: Index) -> NDArray[np.bool_]:
+    def later(self) -> NDArray[np.bool_]:
         """Which rows are later than the row before; earlier ones are refused, and repeated ones unless dropped."""
+        time, lines = self.values[:, self.layout.used.index(self.layout.time)], self.lines
         step = np.diff(time)
         if np.any(step < 0):
             k = int(np.argmax(step < 0))

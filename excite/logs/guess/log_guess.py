@@ -309,7 +309,7 @@ def mapping_text(guess: LogGuess) -> str:
         ]
     )
     fields = [name for name, default in _DEFAULTS.items() if content.get(name, default) != default]
-    fields += ["joints"] if content.get("joints") else []
+    fields += ["joints"] * bool(content.get("joints"))
     lines += [f"{name}: {_value(content[name])}" for name in fields]
     for name in ("time", *_PLURAL):
         if name in content:

@@ -182,13 +182,9 @@ def _padded(flat: Numbers, lengths: NDArray[Any], column: _Column) -> NDArray[An
 
 def _values_of(table: Any, name: str) -> int:
     """Values of a column, as the file declares them."""
-    metadata = table.metadata
-    count = 0
-    for k in range(metadata.num_row_groups):
-        group = metadata.row_group(k)
-        chunks = (group.column(j) for j in range(group.num_columns))
-        count += sum(chunk.num_values for chunk in chunks if f"{chunk.path_in_schema}.".startswith(f"{name}."))
-    return count
+    groups = (table.metadata.row_group(k) for k in range(table.metadata.num_row_groups))
+    chunks = (group.column(k) for group in groups for k in range(group.num_columns))
+    return sum(chunk.num_values for chunk in chunks if f"{chunk.path_in_schema}.".startswith(f"{name}."))
 
 
 def _episode_notes(episodes: list[Numbers]) -> tuple[str, ...]:

@@ -111,10 +111,6 @@ class Recording:
 Wanted: TypeAlias = Mapping[str, Sequence[str]]  # columns by the names of their streams
 
 
-def _none(path: Path) -> Mapping[str, object]:
-    return {}
-
-
 @dataclass(frozen=True)
 class RecordingFormat:
     """A format of recordings; a new one is one of these, and its line in `excite.logs.recordings.formats`.
@@ -130,7 +126,7 @@ class RecordingFormat:
     read: Callable[[Path, Wanted], Recording]  # some columns
     glance: Callable[[Path, Wanted], Recording] | None = None  # of as many rows as show what they are; else of all
     # fields of `excite.logs.mapping.LogMapping` that say how such a file is laid out; none for most formats
-    mapping_fields: Callable[[Path], Mapping[str, object]] = _none
+    mapping_fields: Callable[[Path], Mapping[str, object]] = lambda _: {}
 
 
 def check_table(source: Path, rows: float, columns: float, copies: float = _COPIES) -> None:

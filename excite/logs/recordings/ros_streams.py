@@ -5,7 +5,7 @@ A bag is read twice: once to find topics and layouts, whose result is kept, and 
 
 from __future__ import annotations
 
-from collections.abc import Container, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Container, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -252,11 +252,8 @@ class _TopicRows:
             left = left[~taken[left]]
             if not left.size:
                 return
-        found: dict[int, tuple[_Known, list[int]]] = {}
-        for k in left.tolist():
-            if (new := self._found_or_new(known, content[k], self.met + int(rows[k]))) is not None:
-                found.setdefault(id(new), (new, []))[1].append(k)
-        for one, several in found.values():
+        found = [(self._found_or_new(known, content[k], self.met + int(rows[k])), k) for k in left.tolist()]
+        for one, several in _grouped(found):
             yield one, rows[several], content[several]
 
     def _found_or_new(self, known: list[_Alike], message: Bytes, number: int) -> _Known | None:
@@ -334,9 +331,15 @@ def _by_layout(alike: _Alike, content: Bytes, rows: Index) -> Iterator[tuple[_Kn
         yield one, rows
         return
     raw, width = fixed.tobytes(), places.size
-    found: dict[int, tuple[_Known, list[int]]] = {}
-    for k, row in enumerate(rows.tolist()):
-        if (one := layouts.get(raw[k * width : (k + 1) * width])) is not None:
-            found.setdefault(id(one), (one, []))[1].append(row)
-    for one, several in found.values():
+    keys = (raw[k * width : (k + 1) * width] for k in range(rows.size))
+    yield from _grouped(zip(map(layouts.get, keys), rows.tolist(), strict=True))
+
+
+def _grouped(found: Iterable[tuple[_Known | None, int]]) -> Iterator[tuple[_Known, Index]]:
+    """Rows of each layout; those without one are left out."""
+    groups: dict[int, tuple[_Known, list[int]]] = {}
+    for one, row in found:
+        if one is not None:
+            groups.setdefault(id(one), (one, []))[1].append(row)
+    for one, several in groups.values():
         yield one, np.array(several)
