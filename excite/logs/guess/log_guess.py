@@ -32,7 +32,7 @@ from excite.logs.guess.units import (
 from excite.logs.mapping import LogMapping
 from excite.logs.recorded_log import seconds_of
 from excite.logs.recordings.formats import preloaded, recording_format
-from excite.logs.recordings.recording import JOINT_STATE, Contents, Recording, RecordingFormat
+from excite.logs.recordings.recording import JOINT_STATE, SI_UNITS, Contents, Recording, RecordingFormat
 from excite.storage.atomic import replacing
 from excite.storage.result_folder import replace_files, result_file
 from regressors.arguments import checked
@@ -46,7 +46,6 @@ _PLURAL = {
     "position": "positions", "velocity": "velocities", "effort": "efforts", "current": "currents",
     "temperature": "temperatures", "wrench": "wrenches",
 }  # fmt: skip
-_DEFAULT = {"velocity": "rad/s", "effort": "Nm", "current": "A", "temperature": "degC", "wrench": "N"}
 _CURRENTS = (
     "Some drivers of robots publish motor currents [A] as efforts, such as those of Universal Robots: see its manual."
 )
@@ -282,7 +281,7 @@ class _Guessing:
         content: dict[str, Any] = dict(self.fields) | ({} if joints is None else {"joints": list(joints)})
         content["time"] = {"column": column(self.clocks[home].column), "unit": units["time"].unit}
         for quantity, group in chosen.items():
-            unit = units[quantity].unit if quantity in units else group.unit or _DEFAULT[quantity]
+            unit = units[quantity].unit if quantity in units else group.unit or SI_UNITS[quantity]
             content[quantity] = section = {"columns": list(map(column, group.names)), "unit": [unit]}
             if group.stream != home and (clock := self.clocks.get(group.stream)) is not None:
                 section["time"] = {"column": clock.column, "unit": clock.unit or units["time"].unit}

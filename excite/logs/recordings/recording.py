@@ -24,6 +24,9 @@ from regressors.errors import ExciteError, InputError, cut, listed_names, one_li
 HEAD = 4096  # bytes by which a file is recognised
 LARGEST_ARRAY = 100  # elements of one row; what has more, such as an image, is no measurement of joints
 JOINT_STATE = "sensor_msgs/JointState"
+SI_UNITS = {
+    "position": "rad", "velocity": "rad/s", "effort": "Nm", "current": "A", "temperature": "degC", "wrench": "N",
+}  # fmt: skip
 Numbers = NDArray[np.floating[Any] | np.integer[Any]]
 _COPIES = 2.0  # what was read, and what it becomes
 _REASON = 120  # characters of what a library says

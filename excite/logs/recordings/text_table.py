@@ -21,9 +21,10 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
-from excite.logs.layout import MOST_COLUMNS, Layout, cells, is_number, listed, si_channel, twice
+from excite.logs.layout import CHANNELS, MOST_COLUMNS, Layout, cells, is_number, listed, si_channel, twice
 from excite.logs.recordings.recording import (
     JOINT_STATE,
+    SI_UNITS,
     Contents,
     Meaning,
     Recording,
@@ -184,7 +185,7 @@ class TextMaker:
     name: str
     marks: frozenset[str]  # columns by which its tables are recognised
     clock: str  # column of the time
-    columns: Mapping[str, tuple[str, str]]  # quantity and unit by the pattern of a name, whose group is the joint
+    columns: Mapping[str, str]  # pattern of the names of each quantity, whose group is the joint
     why: str  # source of the definitions
     unit: str = "s"  # of the time
 
@@ -192,9 +193,9 @@ class TextMaker:
         """What the columns of a table are, of those that are defined."""
         meanings = {}
         for name in names:
-            for pattern, (quantity, unit) in self.columns.items():
+            for quantity, pattern in self.columns.items():
                 if match := re.fullmatch(pattern, name):
-                    meanings[name] = Meaning(quantity, match[1], unit, self.why)
+                    meanings[name] = Meaning(quantity, match[1], SI_UNITS[quantity], self.why)
         return meanings
 
 
@@ -204,11 +205,11 @@ MAKERS = (
         frozenset({"timestamp", "actual_q_0"}),
         "timestamp",
         {
-            r"actual_q_(\d)": ("position", "rad"),
-            r"actual_qd_(\d)": ("velocity", "rad/s"),
-            r"actual_current_(\d)": ("current", "A"),
-            r"actual_current_as_torque_(\d)": ("effort", "Nm"),
-            r"joint_temperatures_(\d)": ("temperature", "degC"),
+            "position": r"actual_q_(\d)",
+            "velocity": r"actual_qd_(\d)",
+            "current": r"actual_current_(\d)",
+            "effort": r"actual_current_as_torque_(\d)",
+            "temperature": r"joint_temperatures_(\d)",
         },
         "RTDE Guide of Universal Robots",
     ),
@@ -216,11 +217,7 @@ MAKERS = (
         "libfranka log",
         frozenset({"time", "success_rate", "state.q[0]"}),
         "time",
-        {
-            r"state\.q\[(\d)\]": ("position", "rad"),
-            r"state\.dq\[(\d)\]": ("velocity", "rad/s"),
-            r"state\.tau_J\[(\d)\]": ("effort", "Nm"),
-        },
+        {"position": r"state\.q\[(\d)\]", "velocity": r"state\.dq\[(\d)\]", "effort": r"state\.tau_J\[(\d)\]"},
         "franka::logToCSV",
         "ms",
     ),
@@ -228,11 +225,7 @@ MAKERS = (
         "PlotJuggler",
         frozenset({"__time"}),
         "__time",
-        {
-            r"/(?:.*/)?joint_states/([^/]+)/position": ("position", "rad"),
-            r"/(?:.*/)?joint_states/([^/]+)/velocity": ("velocity", "rad/s"),
-            r"/(?:.*/)?joint_states/([^/]+)/effort": ("effort", "Nm"),
-        },
+        {quantity: rf"/(?:.*/)?joint_states/([^/]+)/{quantity}" for quantity in ("position", "velocity", "effort")},
         JOINT_STATE,
     ),
 )
@@ -242,11 +235,8 @@ HOUSE = TextMaker(
     frozenset({"time"}),
     "time",
     {
-        r"(.+)\.position": ("position", "rad"),
-        r"(.+)\.velocity": ("velocity", "rad/s"),
-        r"(.+)\.effort": ("effort", "Nm"),
-        r"(.+)\.temperature": ("temperature", "degC"),
-        r"wrench\.((?:force|torque)\.[xyz])": ("wrench", "N"),
+        "wrench": r"wrench\.((?:force|torque)\.[xyz])",
+        **{quantity: rf"(.+)\.{quantity}" for quantity in CHANNELS.values()},
     },
     "the house format",
 )
