@@ -157,11 +157,7 @@ class ChannelSection(Section):
 
 
 class GearedSection(ChannelSection):
-    """A channel of the joints, or of their motors.
-
-    On the motors' side it goes through the gears and the coupling that the robot's description states, see
-    `excite.logs.log_reading`; a `ratio` that is given replaces the gears.
-    """
+    """A channel of the joints, or of their motors, which goes through gears or a ratio that replaces these."""
 
     side: Literal["joint", "motor"] = "joint"
     ratio: Ratios = [1.0]
@@ -277,17 +273,7 @@ class LogMapping(Section):
         return {name: section for name, section in zip(names, given, strict=True) if section is not None}
 
     def of(self, robot: Robot | None) -> LogMapping:
-        """The mapping with the names of its joints: those of the robot, in order, where it does not name them.
-
-        Parameters
-        ----------
-        robot : Robot, optional
-
-        Raises
-        ------
-        InputError
-            No joints are named and no robot is given, or it has another number of joints than there are columns.
-        """
+        """The mapping with the names of its joints: those of the robot, in order, where it does not name them."""
         if self.joints is not None:
             return self
         if robot is None:
@@ -301,21 +287,7 @@ class LogMapping(Section):
         return self.model_copy(update={"joints": list(robot.joint_names)})
 
     def layout(self, source: str, lines: Sequence[str], file: str | None = None) -> Layout:
-        """Layout of a file's lines.
-
-        Parameters
-        ----------
-        source : str
-            Name of the file, for messages.
-        lines : sequence of str
-        file : str, optional
-            Name of the file in the mapping; that of the log itself if not given.
-
-        Raises
-        ------
-        InputError
-            The file does not have the lines or the columns that the mapping refers to.
-        """
+        """Layout of the lines of a file, which is the log itself where the mapping's name of another is not given."""
         if len(lines) <= self.skip:
             raise InputError(f"{source} has {len(lines)} lines, of which the mapping skips {self.skip}")
         separator = _SEPARATORS[self.separator]

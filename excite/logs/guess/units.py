@@ -154,10 +154,7 @@ _OF_FILE = "as the file says"
 
 
 def velocity_ratios(time: Array, q: Array, dq: Array) -> Array:
-    """Ratio of velocities to the rate of change of positions, by their integrals over short windows, shape (n,).
-
-    NaN of joints that do not move, or whose velocity is not alike.
-    """
+    """Ratio of velocities to the rate of change of positions, shape (n,); NaN of joints that do not move alike."""
     # time (N,); q, dq (N, n)
     area = cumulative_trapezoid(dq, time, axis=0, initial=0)
     width = max(1, min(20, time.size // 10))

@@ -103,10 +103,7 @@ class ArrayFile:
             self.arrays.append(array)
 
     def streams(self) -> dict[str, tuple[int, list[NamedArray]]]:
-        """Rows and arrays of each stream: of equal length, and of the group that has their clock.
-
-        An array belongs to the nearest group around it in which a time of its length is named, else to the file.
-        """
+        """Rows and arrays of each stream: of equal length, of the nearest group around them with their clock."""
         clocks = {(array.group, array.sides[0]) for array in self.arrays if array.is_clock}
         lengths = {array.sides[0] for array in self.arrays if len(array.sides) == 1}
         found: dict[tuple[_Group, int], list[NamedArray]] = {}

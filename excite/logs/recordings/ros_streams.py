@@ -84,30 +84,28 @@ def bag_columns(messages: BagReader, path: Path, state: Hashable, form: str, wan
     topics, notes = _scan_of(messages, path, state)
     check_wanted(path, dict.fromkeys(wanted, ()), {name: () for rows in topics.values() for name in rows.streams()})
     tables: dict[str, _Table] = {}
-    by_topic: dict[Topic, dict[int, _Table]] = {}
+    by_topic: dict[Topic, dict[_Known, _Table]] = {}
     for topic, rows in topics.items():
         for name, layouts in rows.streams().items():
             if name in wanted:
                 check_table(path, sum(one.rows for one in layouts), len(wanted[name]))
                 tables[name] = table = _Table(topic, wanted[name], layouts)
                 rows.faulty = 0
-                by_topic.setdefault(topic, {}).update({id(one): table for one in layouts})
+                by_topic.setdefault(topic, {}).update(dict.fromkeys(layouts, table))
     for topic, times, raws in _batches(messages(path, by_topic.__contains__, [])):
         _fill(by_topic[topic], topics[topic], times, raws)
     streams = {name: Stream(name, table.columns) for name, table in tables.items()}
     return Recording(str(path), form, streams, notes)
 
 
-def _fill(tables: Mapping[int, _Table], rows: _TopicRows, times: list[int], raws: list[bytes]) -> None:
+def _fill(tables: Mapping[_Known, _Table], rows: _TopicRows, times: list[int], raws: list[bytes]) -> None:
     """Decode some messages of a topic into the tables of its streams."""
-    groups: dict[int, list[_Group]] = {}
-    for one, numbers, content in rows.groups(raws):
-        if (table := tables.get(id(one))) is not None:
-            groups.setdefault(id(table), []).append((one, numbers, content))
-    stamps = np.array(times, dtype=np.int64)
-    for table in {id(table): table for table in tables.values()}.values():
-        if id(table) in groups:
-            table.add(groups[id(table)], stamps)
+    groups: dict[_Table, list[_Group]] = {}
+    for group in rows.groups(raws):
+        if (table := tables.get(group[0])) is not None:
+            groups.setdefault(table, []).append(group)
+    for table, several in groups.items():
+        table.add(several, np.array(times, dtype=np.int64))
 
 
 class _Table:
@@ -337,9 +335,9 @@ def _by_layout(alike: _Alike, content: Bytes, rows: Index) -> Iterator[tuple[_Kn
 
 def _grouped(found: Iterable[tuple[_Known | None, int]]) -> Iterator[tuple[_Known, Index]]:
     """Rows of each layout; those without one are left out."""
-    groups: dict[int, tuple[_Known, list[int]]] = {}
+    groups: dict[_Known, list[int]] = {}
     for one, row in found:
         if one is not None:
-            groups.setdefault(id(one), (one, []))[1].append(row)
-    for one, several in groups.values():
+            groups.setdefault(one, []).append(row)
+    for one, several in groups.items():
         yield one, np.array(several)

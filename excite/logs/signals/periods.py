@@ -64,10 +64,7 @@ def repeats(time: Array, q: Array) -> bool:
 
 
 def _difference(q: Array) -> Array:
-    """Mean square difference of q and q shifted by k samples, summed over joints; by FFT.
-
-    For k = 0 ... N/2 + 1, so that a lag of half the time has neighbours on both sides.
-    """
+    """Mean square difference of q and q shifted by k = 0 ... N/2 + 1 samples, summed over joints; by FFT."""
     x = q - q.mean(axis=0)
     count, most = x.shape[0], x.shape[0] // 2 + 1
     spectrum = scipy.fft.rfft(x, scipy.fft.next_fast_len(2 * count), axis=0)
