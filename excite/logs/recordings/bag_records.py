@@ -20,7 +20,7 @@ from typing import Any, BinaryIO, TypeAlias
 
 from excite.logs.recordings.recording import check_bytes, foreign_reader, optional_package
 from excite.logs.text import log_opened
-from regressors.errors import InputError, cut
+from regressors.errors import InputError, cut, reading
 
 MCAP = b"\x89MCAP0\r\n"
 _LATEST = 2**63 - 1  # [ns]
@@ -54,10 +54,8 @@ BagReader: TypeAlias = Callable[[Path, Callable[[Topic], bool], list[str]], Iter
 
 def state_of(path: Path, files: Iterable[Path]) -> Hashable:
     """What changes when the files of a bag do."""
-    try:
+    with reading(str(path)):
         statuses = [file.stat() for file in files]
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from error
     return tuple((status.st_size, status.st_mtime_ns, status.st_ino) for status in statuses)
 
 

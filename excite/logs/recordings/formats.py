@@ -33,7 +33,7 @@ from excite.logs.recordings.recording import (
 from excite.logs.recordings.text_table import TEXT
 from excite.storage.manifest import sha256_of
 from regressors.arguments import checked
-from regressors.errors import InputError, check_names
+from regressors.errors import InputError, check_names, reading
 
 _MOST_FILES = 1000
 
@@ -88,10 +88,8 @@ FOLDER = RecordingFormat("folder of signals", _is_folder, _contents, _read)
 
 
 def _files(folder: Path) -> list[Path]:
-    try:
+    with reading(f"log {folder}"):
         files = sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
-    except OSError as error:
-        raise InputError(f"cannot read log {folder}: {error.strerror}") from error
     if len(files) > _MOST_FILES:
         raise InputError(f"{folder} holds {len(files)} files, more than the {_MOST_FILES} that a log may have")
     return files
