@@ -48,11 +48,8 @@ _MOSTLY = 0.8
 def without_held_rows(log: Log) -> Clean:
     """Leave out the rows that repeat the row before while the robot moves.
 
-    A row is held if all positions, or all torques, are equal to the last bit to those of the row before, although a
-    joint has moved by four steps of its encoder since then, or the torques are otherwise never equal; or if the
-    position of one joint hangs and then jumps by what the joint moved meanwhile. Where fresh rows
-    come at even intervals of two rows or more, or at even intervals in all, the values were updated more slowly than
-    they were recorded: that is their rate, and no event.
+    Where fresh rows come at even intervals of two rows or more, or at even intervals in all, the values were updated
+    more slowly than they were recorded: that is their rate, and no event.
     """
     held = held_rows(log)
     if not held.any():
@@ -70,7 +67,7 @@ def _of_whole(log: Log, kind: str, time: Array, text: str) -> Event:
 
 
 def held_rows(log: Log) -> NDArray[np.bool_]:
-    """Which rows are held, shape (N,)."""
+    """Which rows have all positions, or all torques, or one hanging position, of the row before in motion, (N,)."""
     moving = np.any(moves(log), axis=1)
     still, caught_up = _long_runs(log)
     at_once = _held_positions(log) | _held_torques(log, moving)
@@ -114,11 +111,8 @@ def _hung_joints(log: Log) -> NDArray[np.bool_]:
 
 
 def _held_positions(log: Log) -> NDArray[np.bool_]:
-    held = _equal(log.q)
-    if not held.any():
-        return held
     step = float(np.median(np.diff(log.time)))
-    return np.asarray(held & np.any(np.abs(mean_speed(log)) * step > _STEPS * _grain(log.q), axis=1))
+    return np.asarray(_equal(log.q) & np.any(np.abs(mean_speed(log)) * step > _STEPS * _grain(log.q), axis=1))
 
 
 def _grain(q: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.logs.excitation import moves, quantum, runs
-from excite.logs.log import Log
+from excite.logs.log import Log, counted
 from excite.storage.codec import named
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
@@ -55,13 +55,8 @@ def row_ranges(ranges: Sequence[tuple[int, int]]) -> str:
 
 def ranges_of(numbers: Sequence[int]) -> list[tuple[int, int]]:
     """Increasing numbers as ranges of successive ones, first and last of each."""
-    ranges: list[tuple[int, int]] = []
-    for number in numbers:
-        if ranges and number == ranges[-1][1] + 1:
-            ranges[-1] = ranges[-1][0], int(number)
-        else:
-            ranges.append((int(number), int(number)))
-    return ranges
+    parts = np.split(np.asarray(numbers, dtype=int), np.flatnonzero(np.diff(numbers) != 1) + 1)
+    return [(int(part[0]), int(part[-1])) for part in parts if part.size]
 
 
 LEFT_OUT = "left out:"  # begins the notes on what makes no equations
@@ -73,36 +68,23 @@ _WHAT = {
 
 def event_notes(events: Sequence[Event], step: float) -> list[str]:
     """Notes on events, except those noted where they are found (a file that is read, torques at limits)."""
-    notes = []
-    for kind in KINDS:
-        if those := [event for event in events if event.kind == kind]:
-            notes += _notes(kind, those, step)
-    return notes
+    grouped = ((kind, [event for event in events if event.kind == kind]) for kind in KINDS)
+    return [note for kind, those in grouped if those for note in _notes(kind, those, step)]
 
 
 def _notes(kind: str, those: Sequence[Event], step: float) -> list[str]:
-    where = row_ranges([event.rows for event in those])
+    where, seconds = row_ranges([event.rows for event in those]), sum(event.seconds for event in those)
     if kind in _WHAT:
         count = sum(last - first + 1 for first, last in (event.rows for event in those))
-        rows = f"{count} row{'s' * (count != 1)} ({count * step:.3g} s)"
+        rows = f"{counted(count, 'row')} ({count * step:.3g} s)"
         return [f"{LEFT_OUT} {_WHAT[kind].format(rows=rows)}: rows {where}"]
     if kind == MISSING:
-        seconds = sum(event.seconds for event in those)
         where = where.replace(" to ", " and ")
-        return [f"{LEFT_OUT} {seconds:.3g} s about {_counted(those, 'gap')} between rows {where}"]
+        return [f"{LEFT_OUT} {seconds:.3g} s about {counted(len(those), 'gap')} between rows {where}"]
     if kind == IMPACT:
-        return [_impact_note(those, where)]
+        how = LEFT_OUT if those[0].left_out else "used, since all rows were asked for:"
+        return [f"{how} {seconds:.3g} s about {counted(len(those), 'impact')}: rows {where}; {those[0].text}"]
     return [event.text for event in those if not event.left_out]
-
-
-def _impact_note(those: Sequence[Event], where: str) -> str:
-    seconds = sum(event.seconds for event in those)
-    what = f"{seconds:.3g} s about {_counted(those, 'impact')}: rows {where}; {those[0].text}"
-    return f"{LEFT_OUT} {what}" if those[0].left_out else f"used, since all rows were asked for: {what}"
-
-
-def _counted(those: Sequence[Event], what: str) -> str:
-    return f"{len(those)} {what}{'s' * (len(those) != 1)}"
 
 
 STEPS = 3.5  # three samples missing or more
@@ -145,10 +127,8 @@ def segments(log: Log, shortest: float = SHORTEST) -> tuple[Log, ...]:
             f"{log.source}: gaps leave no part of {shortest:g} s or more: {'; '.join(map(str, intervals))}"
         )
     lost = log.count - sum(part.count for part in kept)
-    left_out = (
-        (*log.left_out, f"{lost} rows in parts shorter than {shortest:g} s between gaps") if lost else log.left_out
-    )
-    return tuple(replace(part, left_out=left_out) for part in kept)
+    note = (f"{lost} rows in parts shorter than {shortest:g} s between gaps",) * bool(lost)
+    return tuple(replace(part, left_out=(*log.left_out, *note)) for part in kept)
 
 
 _TEXT = {
@@ -173,7 +153,8 @@ def missing_rows(log: Log) -> tuple[Event, ...]:
         return ()
     step, jump = np.diff(log.time), np.diff(log.row_numbers)
     usual = float(np.median(step / jump))
-    long = (jump > 1) | (step > _most(step / jump, usual) * usual)
+    regular = np.mean(np.abs(step / jump - usual) < _EVEN * usual) >= _MOSTLY
+    long = (jump > 1) | (step > (_TWO if regular else max(STEPS, LEAST / usual)) * usual)
     kinds = {int(number): part.kind for part in log.removed for number in part.numbers}
     events = []
     for k in np.flatnonzero(long):
@@ -187,11 +168,6 @@ def missing_rows(log: Log) -> tuple[Event, ...]:
     return tuple(events)
 
 
-def _most(step: Array, usual: float) -> float:
-    regular = np.mean(np.abs(step - usual) < _EVEN * usual) >= _MOSTLY
-    return _TWO if regular else max(STEPS, LEAST / usual)
-
-
 Spans = tuple[tuple[float, float], ...]  # first and last instant of each [s]
 _HELD = 5  # samples at an extreme
 _AT_LIMIT = 0.999  # of the limit: rounding, and the tolerance of a drive's own limiter
@@ -199,26 +175,13 @@ _AT_LIMIT = 0.999  # of the limit: rounding, and the tolerance of a drive's own 
 
 @dataclass(frozen=True)
 class Saturation:
-    """One limited torque, and when it was at its limit.
+    """One limited torque, and when it was at its limit."""
 
-    Parameters
-    ----------
-    label : str
-        Such as ``joint q2`` or ``drive z2``.
-    limit : float
-        [unit]
-    unit : str
-    rows : int
-        Number of samples at the limit.
-    spans : tuple of (float, float)
-        First and last instant of each stretch of them [s].
-    """
-
-    label: str = field(metadata=named("torque"))
-    limit: float
+    label: str = field(metadata=named("torque"))  # such as ``joint q2`` or ``drive z2``
+    limit: float  # [unit]
     unit: str
-    rows: int
-    spans: Spans = field(repr=False)
+    rows: int  # number of samples at the limit
+    spans: Spans = field(repr=False)  # first and last instant of each stretch of them [s]
 
 
 def saturation_of(label: str, limit: float, unit: str, time: Array, at_limit: NDArray[np.bool_]) -> Saturation:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -19,15 +19,6 @@ _SHARE = 0.2
 _FEWEST = 10
 
 
-@dataclass(frozen=True)
-class Stretch:
-    """Rows from ``start`` to before ``stop`` in which some joint moves; ``single`` if no joint reverses."""
-
-    start: int
-    stop: int
-    single: bool
-
-
 def exciting_rows(log: Log) -> tuple[slice, str]:
     """Select the rows of a log with the exciting motion, and summarise the choice.
 
@@ -36,47 +27,50 @@ def exciting_rows(log: Log) -> tuple[slice, str]:
     where all stretches are point-to-point motions, only their length counts. A tenth of a second of rest is kept at
     both ends.
     """
-    stretches = _stretches(log) if log.count >= _FEWEST else []
+    stretches, reversing = _stretches(log) if log.count >= _FEWEST else ([], [])
     if not stretches:
         raise InputError(f"{log.source}: no joint moves in its {log.count} rows ({log.duration:.3g} s)")
-    candidates = [s for s in stretches if not s.single] or stretches
-    longest = max(_seconds(log, s.start, s.stop) for s in candidates)
-    chosen = [s for s in candidates if _seconds(log, s.start, s.stop) >= _SHARE * longest]
-    start, stop = _with_rest(log, stretches, chosen[0].start, chosen[-1].stop)
+    candidates = reversing or stretches
+    longest = max(_seconds(log, *s) for s in candidates)
+    chosen = [s for s in candidates if _seconds(log, *s) >= _SHARE * longest]
+    start, stop = _with_rest(log, stretches, chosen[0][0], chosen[-1][1])
     return slice(start, stop), _summary(log, stretches, start, stop)
 
 
-def _with_rest(log: Log, stretches: list[Stretch], start: int, stop: int) -> tuple[int, int]:
+_Rows: TypeAlias = tuple[int, int]  # the first, and the one after the last
+
+
+def _with_rest(log: Log, stretches: list[_Rows], start: int, stop: int) -> _Rows:
     """Add a short rest at both ends, where motion is too slow to be detected, but no other motion."""
-    first = max([s.stop for s in stretches if s.stop <= start], default=0)
-    last = min([s.start for s in stretches if s.start >= stop], default=log.count)
+    first = max([end for _, end in stretches if end <= start], default=0)
+    last = min([begin for begin, _ in stretches if begin >= stop], default=log.count)
     early = int(np.searchsorted(log.time, log.time[start] - REST))
     late = int(np.searchsorted(log.time, log.time[stop - 1] + REST, side="right"))
     return max(first, early), min(last, late)
 
 
-def _stretches(log: Log) -> list[Stretch]:
+def _stretches(log: Log) -> tuple[list[_Rows], list[_Rows]]:
+    """Rows in which some joint moves, and those of them in which one reverses."""
     moving = moves(log)
     speed = np.where(moving, mean_speed(log), 0.0)
-    joined: list[tuple[int, int]] = []
+    joined: list[_Rows] = []
     for start, stop in runs(np.any(moving, axis=1)):
         if joined and log.time[start] - log.time[joined[-1][1] - 1] < PAUSE:
             start = joined.pop()[0]
         joined.append((start, stop))
-    turns = (np.any((v > 0).any(axis=0) & (v < 0).any(axis=0)) for v in (speed[a:b] for a, b in joined))
-    return [Stretch(a, b, not back) for (a, b), back in zip(joined, turns, strict=True)]
+    return joined, [(a, b) for a, b in joined if np.any((speed[a:b] > 0).any(axis=0) & (speed[a:b] < 0).any(axis=0))]
 
 
 def _seconds(log: Log, start: int, stop: int) -> float:
     return float(log.time[stop - 1] - log.time[start])
 
 
-def _summary(log: Log, stretches: list[Stretch], start: int, stop: int) -> str:
+def _summary(log: Log, stretches: list[_Rows], start: int, stop: int) -> str:
     first, last, end = (log.row_numbers[k] for k in (start, stop - 1, -1))
     text = f"rows {first} to {last} of {end} excite ({_seconds(log, start, stop):.3g} s)"
     for where, a, b in (("before", 0, start), ("after", stop, log.count)):
         if a < b:
-            lengths = [f"{_seconds(log, s.start, s.stop):.2g} s" for s in stretches if a <= s.start and s.stop <= b]
+            lengths = [f"{_seconds(log, *s):.2g} s" for s in stretches if a <= s[0] and s[1] <= b]
             kind = "no motion" if not lengths else f"motion of {', '.join(lengths)}"
             text += f"; left out {where} them: {b - a} rows ({_seconds(log, a, b):.3g} s) with {kind}"
     return text

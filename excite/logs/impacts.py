@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 import scipy.ndimage
@@ -32,18 +32,8 @@ _SETTLING = 0.1  # [s] in which the controller answers an impact
 _ENDS = 0.2  # [s] that are cut by the filters anyway
 
 
-@dataclass(frozen=True)
-class Impact:
-    """One impact."""
-
-    time: float  # [s]
-    joint: int  # whose velocity jumped most
-    jump: float  # of the velocity [rad/s or m/s]
-    torque: float  # height of the largest spike [Nm or N]
-
-
-def impacts(log: Log) -> list[Impact]:
-    """Impacts in a log.
+def impacts(log: Log) -> list[tuple[float, int, float]]:
+    """Impacts in a log: when [s], the joint whose velocity jumped most, and its jump [rad/s or m/s].
 
     About each instant, ``q(t) = polynomial of degree 3 + a (t)_+^2 + v t_+`` is fitted over 30 ms, or six samples, on
     either side; v is the jump of the velocity. A spike of the torque is what its running median leaves. Both have to be
@@ -61,16 +51,15 @@ def impacts(log: Log) -> list[Impact]:
         return []
     width = 2 * half + 1
     spike = np.abs(log.effort - scipy.ndimage.median_filter(log.effort, size=(width, 1)))
-    strong = spike / np.maximum(_TIMES * _usual(spike, half), _LEAST_TORQUE * _range(log.effort))
+    span = np.ptp(np.quantile(log.effort, [0.01, 0.99], axis=0), axis=0) + np.finfo(float).tiny
+    strong = spike / np.maximum(_TIMES * _usual(spike, half), _LEAST_TORQUE * span)
     felt = scipy.ndimage.maximum_filter1d(strong.max(axis=1), width)
     found = (largest >= 1.0) & ((felt >= 1.0) | (largest >= _ALONE))
     jump = velocity_jumps(log.q, half) / h
     hits = []
     for a, b in runs(scipy.ndimage.binary_closing(found, np.ones(width))):
         row, joint = divmod(int(np.argmax(np.abs(jump[a:b]) * (sharp[a:b] >= 1.0))), sharp.shape[1])
-        near = slice(max(0, a - half), b + half)
-        torque = float(spike[near].flat[int(np.argmax(strong[near]))])
-        hits.append(Impact(float(log.time[a + row]), joint, float(jump[a + row, joint]), torque))
+        hits.append((float(log.time[a + row]), joint, float(jump[a + row, joint])))
     return hits
 
 
@@ -114,21 +103,14 @@ def _usual(x: Array, half: int) -> Array:
     return np.asarray(np.quantile(x[: count * block].reshape(count, block, -1).max(axis=1), _QUANTILE, axis=0))
 
 
-def _range(x: Array) -> Array:
-    return np.asarray(np.ptp(np.quantile(x, [0.01, 0.99], axis=0), axis=0)) + np.finfo(float).tiny
-
-
 def impact_events(log: Log, recorded: Log, units: Sequence[str]) -> tuple[Event, ...]:
     """Impacts as events, from just before them until the controller has answered."""
     events = []
-    for hit in impacts(log):
-        begin, end = hit.time - _HALF, hit.time + _SETTLING
+    for time, joint, jump in impacts(log):
+        begin, end = time - _HALF, time + _SETTLING
         inside = np.searchsorted(recorded.time, [begin, end])
         rows = recorded.row_numbers[np.minimum(inside, recorded.count - 1)]
-        unit = units[hit.joint]
-        text = (
-            f"the velocity of joint {log.joints[hit.joint]} jumped by {hit.jump:.2g} {unit}/s at t = {hit.time:.6g} s"
-        )
+        text = f"the velocity of joint {log.joints[joint]} jumped by {jump:.2g} {units[joint]}/s at t = {time:.6g} s"
         events.append(Event(IMPACT, begin, end, (int(rows[0]), int(rows[1])), text))
     return tuple(events)
 
@@ -143,13 +125,9 @@ _RARE = 0.01  # of the rows: what jumps more often is no jump, but of another un
 _ALIKE = 0.2  # of a jump, by which the jump back may differ
 
 
-@dataclass(frozen=True)
-class Jump:
-    """A joint's position that is another from a row on."""
-
-    joint: int
-    row: int  # first row after it, 0 for the first of the log
-    size: float  # beyond the joint's motion [rad or m]
+# Of a joint's position that is another from a row on: this row, 0 for the first of the log, and how much it jumps
+# beyond the joint's motion [rad or m]
+_Jump: TypeAlias = tuple[int, float]
 
 
 def without_spikes(log: Log, robot: Robot) -> Log:
@@ -159,49 +137,48 @@ def without_spikes(log: Log, robot: Robot) -> Log:
     12 times its noise. Of a joint without a limit, three times the speed of its motion stands for it.
     """
     lost = np.zeros(log.count, dtype=bool)
-    for jumps, _ in _all_jumps(log, robot):
-        for jump, back in _pairs(jumps):
+    for _, jumps in _all_jumps(log, robot):
+        for (row, _), back in _pairs(jumps):
             if back is not None:
-                lost[jump.row : back.row] = True
+                lost[row:back] = True
     return log.without(SPIKE, lost) if lost.any() else log
 
 
 def check_resets(log: Log, robot: Robot) -> None:
     """Refuse a log whose positions jump and do not come back."""
-    for jumps, unit in _all_jumps(log, robot):
-        for jump, back in _pairs(jumps):
+    for name, jumps in _all_jumps(log, robot):
+        for (row, size), back in _pairs(jumps):
             if back is None:
-                number, first, last = (int(log.row_numbers[k]) for k in (jump.row, 0, -1))
+                number, first, last = (int(log.row_numbers[k]) for k in (row, 0, -1))
+                unit = robot.joints[robot.joint_index(name)].unit
                 raise InputError(
-                    f"{log.source}: the position of joint {log.joints[jump.joint]} jumps by {jump.size:.3g} {unit} in "
-                    f"row {number}, more than it can move: its encoder was reset, or two recordings are joined; use "
+                    f"{log.source}: the position of joint {name} jumps by {size:.3g} {unit} in row {number}, more than "
+                    "it can move: its encoder was reset, or two recordings are joined; use "
                     f"the rows before it (`rows='{first}:{number - 1}'`) or from it on (`rows='{number}:{last}'`), "
                     "whichever positions are right"
                 )
 
 
-def _all_jumps(log: Log, robot: Robot) -> Iterator[tuple[list[Jump], str]]:
-    """Jumps of each joint that the robot has, and the unit of its position."""
+def _all_jumps(log: Log, robot: Robot) -> Iterator[tuple[str, list[_Jump]]]:
+    """Jumps of each joint that the robot has."""
     if log.count < 4 * _AROUND:
         return
     for k, name in enumerate(log.joints):
         if name in robot.joint_names:
-            j = robot.joint_index(name)
-            yield _jumps(log, k, float(robot.limits.velocity[j])), robot.joints[j].unit
+            yield name, _jumps(log.time, log.q[:, k], float(robot.limits.velocity[robot.joint_index(name)]))
 
 
-def _pairs(jumps: list[Jump]) -> Iterator[tuple[Jump, Jump | None]]:
-    """Jumps with the ones that undo them, where they are undone soon."""
+def _pairs(jumps: list[_Jump]) -> Iterator[tuple[_Jump, int | None]]:
+    """Jumps with the rows of those that undo them, where they are undone soon."""
     while jumps:
-        first, *jumps = jumps
-        near = [k for k, jump in enumerate(jumps) if jump.row - first.row <= _BACK]
-        back = next((k for k in near if abs(first.size + jumps[k].size) <= _ALIKE * abs(first.size)), None)
-        yield first, None if back is None else jumps[back]
+        (first, size), *jumps = jumps
+        near = [k for k, (row, _) in enumerate(jumps) if row - first <= _BACK]
+        back = next((k for k in near if abs(size + jumps[k][1]) <= _ALIKE * abs(size)), None)
+        yield (first, size), None if back is None else jumps[back][0]
         jumps = jumps if back is None else jumps[back + 1 :]
 
 
-def _jumps(log: Log, joint: int, fastest: float) -> list[Jump]:
-    q, time = log.q[:, joint], log.time
+def _jumps(time: Array, q: Array, fastest: float) -> list[_Jump]:
     usual = float(np.median(np.diff(time)))
     change = np.diff(q)
     if 2.0 * float(np.abs(change).max()) <= _TIMES_SPEED * fastest * usual < np.inf:
@@ -215,7 +192,7 @@ def _jumps(log: Log, joint: int, fastest: float) -> list[Jump]:
     noise = max(_NOISE * deviation, 3.0 * float(quantum(q[:, None])[0]))
     most = np.maximum(_TIMES_SPEED * fastest * np.maximum(np.diff(time), usual), noise)
     rows = np.flatnonzero((np.abs(beyond) > most) & ~_accompanied(beyond))
-    return [] if rows.size > _RARE * q.size + 2 else [Jump(joint, int(k) + 1, float(beyond[k])) for k in rows]
+    return [] if rows.size > _RARE * q.size + 2 else [(int(k) + 1, float(beyond[k])) for k in rows]
 
 
 def _accompanied(beyond: Array) -> NDArray[np.bool_]:

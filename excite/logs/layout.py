@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.logs.log import WRENCH
 from excite.storage.sampled_motion import header_names
-from regressors.errors import InputError, UnknownName, cut, shortened
+from regressors.errors import InputError, check_names, listed_names, shortened
 from regressors.samples import Array
 
 CHANNELS = {"q": "position", "dq": "velocity", "effort": "effort", "temperature": "temperature"}
@@ -24,19 +24,11 @@ class ForeignHeader(InputError):
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """Columns of one channel: ``value = scale (cell - zero)``.
+    """Columns of one channel: ``value = scale (cell - zero)``."""
 
-    Parameters
-    ----------
-    columns : tuple of int
-        0 for the first column of the file.
-    scale, zero : ndarray, shape (k,)
-        SI unit per unit of the cell; reading at zero [unit of the cell].
-    """
-
-    columns: tuple[int, ...]
-    scale: Array
-    zero: Array
+    columns: tuple[int, ...]  # 0 for the first column of the file
+    scale: Array  # (k,) SI unit per unit of the cell
+    zero: Array  # (k,) reading at zero [unit of the cell]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +62,8 @@ def cells(line: str, separator: str | None) -> list[str]:
     return [cell.strip().strip('"') for cell in line.split(separator)]
 
 
-def head_cells(source: str, line: str, separator: str | None) -> list[str]:
+def checked_head(source: str, head: list[str]) -> list[str]:
     """Cells of the line that says how many columns there are."""
-    return _columns(source, cells(line, separator))
-
-
-def _columns(source: str, head: list[str]) -> list[str]:
     if len(head) > MOST_COLUMNS:
         raise InputError(f"{source} has {len(head)} columns, more than the {MOST_COLUMNS} that a log may have")
     return head
@@ -83,12 +71,11 @@ def _columns(source: str, head: list[str]) -> list[str]:
 
 def header_line(lines: Sequence[str]) -> int:
     """Line with the names of the columns, 0 for the first, which it is where no other one can be."""
-    return next((k for k, line in enumerate(lines[:_PREFACE]) if _is_header(line)), 0)
-
-
-def _is_header(line: str) -> bool:
-    names = header_names(line) if "time" in line else []
-    return "time" in names and any(name.endswith(".position") for name in names)
+    for k, line in enumerate(lines[:_PREFACE]):
+        names = header_names(line) if "time" in line else []
+        if "time" in names and any(name.endswith(".position") for name in names):
+            return k
+    return 0
 
 
 def house_layout(source: str, header: str, joints: Sequence[str] | None, preface: int = 0) -> Layout:
@@ -96,25 +83,20 @@ def house_layout(source: str, header: str, joints: Sequence[str] | None, preface
 
     A column ``temperature`` without a joint's name applies to all joints.
     """
-    names = _columns(source, header_names(header))
+    names = checked_head(source, header_names(header))
     _check_header(source, names)
     index = {name: k for k, name in enumerate(names)}
-    there = [name.removesuffix(".position") for name in names if name.endswith(".position")]
-    if not there:
+    recorded = [name.removesuffix(".position") for name in names if name.endswith(".position")]
+    if not recorded:
         raise ForeignHeader(f"{source}: no column NAME.position; columns: {listed(names)}")
-    for name in joints or ():
-        if name not in there:
-            raise UnknownName(f"joint in {source}", name, there)
-    wanted = tuple(there if joints is None else joints)
-    channels = {}
-    for channel, suffix in CHANNELS.items():
-        columns = [f"{name}.{suffix}" for name in wanted]
-        if channel == "temperature" and not any(name in index for name in columns) and suffix in index:
-            columns = [suffix] * len(wanted)  # one for all joints
-        if columns := _all_or_none(source, columns, index):
-            channels[channel] = si_channel([index[name] for name in columns])
-    if columns := _all_or_none(source, [f"wrench.{part}" for part in WRENCH], index):
-        channels["wrench"] = si_channel([index[name] for name in columns])
+    check_names(f"joint in {source}", joints or (), recorded)
+    wanted = tuple(recorded if joints is None else joints)
+    named = {channel: [f"{name}.{suffix}" for name in wanted] for channel, suffix in CHANNELS.items()}
+    if "temperature" in index and index.keys().isdisjoint(named["temperature"]):
+        named["temperature"] = ["temperature"] * len(wanted)  # one for all joints
+    named["wrench"] = [f"wrench.{part}" for part in WRENCH]
+    there = {channel: _all_or_none(source, columns, index) for channel, columns in named.items()}
+    channels = {channel: si_channel([index[name] for name in columns]) for channel, columns in there.items() if columns}
     return Layout(",", preface + 1, tuple(names), index["time"], 1.0, wanted, channels, preface)
 
 
@@ -135,8 +117,7 @@ def twice(names: Sequence[str]) -> str | None:
 
 def listed(names: Sequence[str]) -> str:
     """Names in a message, the last of many left out."""
-    more = len(names) - _SHOWN
-    return ", ".join(map(cut, names[:_SHOWN])) + (f" and {more} more" if more > 0 else "")
+    return listed_names(names, _SHOWN)
 
 
 def is_number(cell: str) -> bool:
@@ -167,8 +148,7 @@ def _all_or_none(source: str, columns: list[str], index: dict[str, int]) -> list
     missing = [name for name in columns if name not in index]
     if missing and len(missing) < len(columns):
         there = [name for name in columns if name in index]
-        hint = (
-            "; give one column 'temperature' for all joints, or one each" if there[0].endswith(".temperature") else ""
-        )
+        one = "; give one column 'temperature' for all joints, or one each"
+        hint = one if there[0].endswith(".temperature") else ""
         raise InputError(f"{source}: the log has the columns {listed(there)}, but not {listed(missing)}{hint}")
     return [] if missing else columns

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.samples import Array, Index
 
 if TYPE_CHECKING:
@@ -22,34 +22,19 @@ WRENCH = ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z")
 
 @dataclass(frozen=True, eq=False)
 class Removed:
-    """Rows that were recorded and are left out.
+    """Rows that were recorded and are left out."""
 
-    Parameters
-    ----------
-    kind : str
-        Of the event, see `excite.logs.event.Event`.
-    numbers : ndarray of int
-        Of the rows, increasing, 1 for the first that was recorded.
-    """
-
-    kind: str
-    numbers: Index
+    kind: str  # of the event, see `excite.logs.event.Event`
+    numbers: Index  # of the rows, increasing, 1 for the first that was recorded
 
 
 @dataclass(frozen=True)
 class LogReference:
-    """A log that a result is from.
-
-    Parameters
-    ----------
-    file, sha256 : str
-    left_out : tuple of str
-        What of it was left out, and why.
-    """
+    """A log that a result is from."""
 
     file: str
     sha256: str
-    left_out: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()  # what of it was left out, and why
 
 
 @checked
@@ -112,9 +97,8 @@ class Log:
     def __post_init__(self) -> None:
         if self.time.ndim != 1:
             raise InputError(f"{self.source}: time has shape {self.time.shape}, expected one number per instant")
-        for name in ("time", *_CHANNELS):
-            if (channel := getattr(self, name)) is not None:
-                self._check(name, channel)
+        for name, channel in {"time": self.time, **channels_of(self)}.items():
+            self._check(name, channel)
         if np.any(late := np.diff(self.time) <= 0):
             k = int(np.argmax(late))
             before, after = self.time[k : k + 2]
@@ -150,8 +134,7 @@ class Log:
 
     def __repr__(self) -> str:
         """One line."""
-        channels = [name for name in _CHANNELS if getattr(self, name) is not None]
-        return f"<Log {self.source}: {self.count} instants in {self.duration:g} s, {', '.join(channels)}>"
+        return f"<Log {self.source}: {self.count} instants in {self.duration:g} s, {', '.join(channels_of(self))}>"
 
     @property
     def count(self) -> int:
@@ -177,7 +160,7 @@ class Log:
         """The same log, limited to some of its rows, which keep their numbers."""
         if isinstance(part, slice) and part.indices(self.count) == (0, self.count, 1):
             return self
-        cut: dict[str, Any] = {name: None if (x := getattr(self, name)) is None else x[part] for name in _CHANNELS}
+        cut = {name: x[part] for name, x in channels_of(self).items()}
         return replace(self, time=self.time[part], numbers=self.row_numbers[part], **cut)
 
     def without(self, kind: str, lost: NDArray[np.bool_]) -> Log:
@@ -201,15 +184,22 @@ class Log:
         UnknownName
             A joint that the log does not have.
         """
-        for name in joints:
-            if name not in self.joints:
-                raise UnknownName(f"joint in {self.source}", name, self.joints)
+        check_names(f"joint in {self.source}", joints, self.joints)
         if tuple(joints) == self.joints:
             return self
         index = [self.joints.index(name) for name in joints]
-        cut: dict[str, Any] = {name: None if (x := getattr(self, name)) is None else x[:, index] for name in _PER_JOINT}
+        cut = {name: x[:, index] for name, x in channels_of(self).items() if name != "wrench"}
         return replace(self, joints=tuple(joints), **cut)
 
 
-_PER_JOINT = ("q", "dq", "effort", "temperature")
-_CHANNELS = (*_PER_JOINT, "wrench")
+_CHANNELS = ("q", "dq", "effort", "temperature", "wrench")
+
+
+def channels_of(log: Log) -> dict[str, Any]:
+    """Channels that were recorded, by their names."""
+    return {name: x for name in _CHANNELS if (x := getattr(log, name)) is not None}
+
+
+def counted(count: int, what: str) -> str:
+    """How many there are of something, such as ``1 row`` or ``2 rows``."""
+    return f"{count} {what}{'s' * (count != 1)}"

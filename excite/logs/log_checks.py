@@ -5,9 +5,10 @@ Each check yields pairs: whether the log is refused, and a sentence, which else 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from excite.logs.event import LONGEST, gaps, plateaus
 from excite.logs.excitation import mean_speed, moves, span_ends
@@ -34,7 +35,17 @@ def check_log(log: Log, robot: Robot, should_move: Sequence[str] | None = None) 
     if log.count < 3:
         raise InputError(f"{log.source}: {log.count} rows are too few to be checked")
     case = _Case(log.of(known), robot, should_move)
-    findings = [finding for check in _CHECKS for finding in check(case)]
+    checks = (
+        _rates,
+        _missing_instants,
+        _positions,
+        _speeds,
+        _velocities,
+        _resting_joints,
+        _constant_channels,
+        _torques,
+    )
+    findings = [finding for check in checks for finding in check(case)]
     if wrong := [text for refused, text in findings if refused]:
         raise InputError(f"{log.source}: {'; '.join(wrong)}")
     notes = [f"{', '.join(others)}: no joints of {robot.name}, not checked"] if others else []
@@ -71,11 +82,8 @@ class _Case:
 
 def _rates(case: _Case) -> Findings:
     if case.log.rate < _SLOWEST_RATE:
-        yield (
-            True,
-            f"{case.log.rate:.3g} samples per second; check that time is in seconds, or "
-            "give its unit in a mapping (unit: ms)",
-        )
+        how = "check that time is in seconds, or give its unit in a mapping (unit: ms)"
+        yield True, f"{case.log.rate:.3g} samples per second; {how}"
 
 
 def _missing_instants(case: _Case) -> Findings:
@@ -95,11 +103,8 @@ def _positions(case: _Case) -> Findings:
     within = (low / _DEGREES > lower) & (high / _DEGREES < upper)
     if np.any(far & case.revolute) and np.all(within[case.revolute]):
         worst = int(np.argmax(np.where(case.revolute & far, np.maximum(-low, high), 0.0)))
-        yield (
-            True,
-            f"{case.log.joints[worst]}.position from {low[worst]:.4g} to {high[worst]:.4g} rad looks like degrees "
-            f"(limits {lower[worst]:.4g} to {upper[worst]:.4g} rad); {_HINT}",
-        )
+        looks = f"looks like degrees (limits {lower[worst]:.4g} to {upper[worst]:.4g} rad); {_HINT}"
+        yield True, f"{case.log.joints[worst]}.position from {low[worst]:.4g} to {high[worst]:.4g} rad {looks}"
         return
     for k in np.flatnonzero(np.isinf(upper - lower) & case.revolute & (np.maximum(-low, high) > _MOST_TURNS)):
         turns = f"{case.log.joints[k]}.position reaches {max(-low[k], high[k]):.4g} rad, many turns"
@@ -117,12 +122,10 @@ def _speeds(case: _Case) -> Findings:
     within = np.all((q >= limits.lower) & (q <= limits.upper), axis=0) & np.isfinite(limits.upper - limits.lower)
     for k in np.flatnonzero(fastest > _TIMES_LIMIT * limits.velocity):
         unit, usable = f"{case.units[k]}/s", bool(within[k]) and case.log.rate < _FASTEST_RATE
-        yield (
-            not usable,
-            f"{case.log.joints[k]} moves at up to {fastest[k]:.4g} {unit} by its positions, but its limit is "
-            f"{limits.velocity[k]:.4g} {unit}; check the units of position (degrees?) and of time"
-            + (", and whether the limit is a placeholder" if usable else ""),
-        )
+        check = "check the units of position (degrees?) and of time"
+        check += ", and whether the limit is a placeholder" * usable
+        fast = f"{case.log.joints[k]} moves at up to {fastest[k]:.4g} {unit} by its positions"
+        yield not usable, f"{fast}, but its limit is {limits.velocity[k]:.4g} {unit}; {check}"
 
 
 def _velocities(case: _Case) -> Findings:
@@ -131,7 +134,7 @@ def _velocities(case: _Case) -> Findings:
     if dq is None:
         return
     first, last = span_ends(case.log)
-    path = np.vstack([np.zeros(dq.shape[1]), np.cumsum((dq[1:] + dq[:-1]) / 2 * np.diff(time)[:, None], 0)])
+    path = cumulative_trapezoid(dq, time, axis=0, initial=0)
     mean = (path[last] - path[first]) / (time[last] - time[first])[:, None]
     for k in np.flatnonzero(case.moved):
         slope, velocity = case.speed[:, k], mean[:, k]
@@ -191,15 +194,3 @@ def _torques(case: _Case) -> Findings:
             if count := sum(b - a for a, b in plateaus(tau, extreme, case.moving)):
                 held = f"is held at {extreme:.4g} in {count} rows, so it may be saturated"
                 yield False, f"{case.log.joints[k]}.effort {held}"
-
-
-_CHECKS: tuple[Callable[[_Case], Findings], ...] = (
-    _rates,
-    _missing_instants,
-    _positions,
-    _speeds,
-    _velocities,
-    _resting_joints,
-    _constant_channels,
-    _torques,
-)

@@ -13,7 +13,7 @@ import numpy as np
 from excite.logs.event import Saturation
 from excite.logs.guess.log_guess import certain_mapping
 from excite.logs.layout import CHANNELS, ForeignHeader, Layout, cells, header_line, house_layout, listed
-from excite.logs.log import WRENCH, Log
+from excite.logs.log import WRENCH, Log, counted
 from excite.logs.mapping import GearedSection, LogMapping
 from excite.logs.recorded_log import (
     recorded_log,
@@ -29,13 +29,13 @@ from excite.logs.table import Table, sparse_table, table_of
 from excite.logs.text import Text, text_of
 from excite.registry import DROPPABLE
 from excite.storage.atomic import check_table, read_json, replacing
-from excite.storage.codec import content_of, record_of
+from excite.storage.codec import record_of
 from excite.storage.manifest import sha256_of
 from excite.storage.migrations import is_of_kind, schema_of
 from excite.storage.result_folder import settle_files
 from excite.storage.sampled_motion import header_text
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.robot.gears import ConstantRatio
 from regressors.robot.robot import Drive, Robot
 from regressors.samples import Array
@@ -85,50 +85,34 @@ def read_log(
         A joint that the file does not have, or a kind of fault that does not exist.
     """
     allowed = frozenset(drop)
-    for name in sorted(allowed - set(DROPPABLE)):
-        raise UnknownName("kind of row to drop", name, DROPPABLE)
+    check_names("kind of row to drop", sorted(allowed), DROPPABLE)
     if joints is not None and not joints:
         raise InputError("joints: expected one or more names, given none; leave it out for all joints of the file")
     settle_files(path := Path(path))
-    form = binary_format(path)
-    if mapping is not None:
-        log = _mapped(path, form, mapping, allowed, only, robot)
-    elif form is not None:
-        log = _guessed(path, allowed, only, robot)
+    form, notes = binary_format(path), tuple[str, ...]()
+    if mapping is None:
+        house: ForeignHeader | None = None
+        if form is None:
+            try:
+                return _in_house(path, joints, allowed, only)
+            except ForeignHeader as error:
+                house = error
+        mapping, form, notes = _recognised(path, robot, house)
+    mapping = mapping.of(robot)
+    if form is None:
+        log, zero = _of_text(path, mapping, allowed, only)
     else:
-        try:
-            return _in_house(path, joints, allowed, only)
-        except ForeignHeader as error:
-            log = _guessed(path, allowed, only, robot, error)
+        samples = sampled_channels(form, path, mapping)
+        log, zero = recorded_log(path, samples, tuple(mapping.joints or ()), allowed, only), samples[2]
+    log = at_the_joints(with_further_files(log, path, mapping, allowed, zero), mapping, robot)
+    log = replace(log, left_out=(*log.left_out, *notes))
     return log if joints is None else log.of(joints)
 
 
-def _mapped(
-    path: Path,
-    form: RecordingFormat | None,
-    mapping: LogMapping,
-    drop: frozenset[str],
-    only: tuple[int, int] | None,
-    robot: Robot | None,
-) -> Log:
-    """Log of a file of a format, None for a text, through a mapping."""
-    mapping = mapping.of(robot)
-    if form is None:
-        log, zero = _of_text(path, mapping, drop, only)
-    else:
-        channels = sampled_channels(form, path, mapping)
-        log, zero = recorded_log(path, channels, tuple(mapping.joints or ()), drop, only), channels.zero
-    return at_the_joints(with_further_files(log, path, mapping, drop, zero), mapping, robot)
-
-
-def _guessed(
-    path: Path,
-    drop: frozenset[str],
-    only: tuple[int, int] | None,
-    robot: Robot | None,
-    error: ForeignHeader | None = None,
-) -> Log:
-    """Log of a recording that says itself what its columns are; a text that does not is no log in the house format."""
+def _recognised(
+    path: Path, robot: Robot | None, error: ForeignHeader | None
+) -> tuple[LogMapping, RecordingFormat | None, tuple[str, ...]]:
+    """Mapping of a recording that says itself what its columns are; a text that does not is no log in house format."""
     if error is not None and not path.is_file():  # what comes through a pipe can be read once
         raise error
     guess, loaded = certain_mapping(path, robot, error)
@@ -137,9 +121,8 @@ def _guessed(
     if robot is None and mapping.joints is None:
         numbers = [f"{k}" for k in range(1, len(mapping.position.columns) + 1)]
         mapping = mapping.model_copy(update={"joints": numbers})
-    log = _mapped(path, loaded if error is None else None, mapping, drop, only, robot)
     note = f"read as {guess.contents.format}, without a mapping: {' '.join(guess.recognised)}"
-    return replace(log, left_out=(*log.left_out, note))
+    return mapping, loaded if error is None else None, (note,)
 
 
 def _in_house(path: Path, joints: Sequence[str] | None, drop: frozenset[str], only: tuple[int, int] | None) -> Log:
@@ -154,12 +137,12 @@ def _of_text(path: Path, mapping: LogMapping, drop: frozenset[str], only: tuple[
     with text_of(path) as text:
         layout = mapping.layout(text.source, text.lines)
         if not _is_sparse(text, layout):
-            return _counted(_log(text, layout, table_of(text, layout, drop, only)))
+            return _from_zero(_log(text, layout, table_of(text, layout, drop, only)))
         samples = samples_of_table(text.source, layout, sparse_table(text, layout, drop))
-    return recorded_log(path, samples, layout.joints, drop, only), samples.zero
+    return recorded_log(path, samples, layout.joints, drop, only), samples[2]
 
 
-def _counted(log: Log) -> tuple[Log, float]:
+def _from_zero(log: Log) -> tuple[Log, float]:
     """Log whose times do not count so many seconds that a float loses digits, and what was subtracted [s]."""
     zero = whole_seconds(float(log.time[0]))
     if not zero:
@@ -181,9 +164,9 @@ def _log(text: Text, layout: Layout, table: Table) -> Log:
         parts[name] = values = table.values[:, [place[column] for column in channel.columns]]
         values -= channel.zero
         values *= channel.scale
-    count = len(names := layout.unused)
-    unused = (f"{count} column{'s' * (count != 1)} not used: {listed(names)}",) if count else ()
-    before = (f"{layout.preface} line{'s' * (layout.preface != 1)} before the header not read",) * bool(layout.preface)
+    names = layout.unused
+    unused = (f"{counted(len(names), 'column')} not used: {listed(names)}",) * bool(names)
+    before = (f"{counted(layout.preface, 'line')} before the header not read",) * bool(layout.preface)
     return Log(
         source=text.source,
         sha256=text.sha256,
@@ -191,7 +174,7 @@ def _log(text: Text, layout: Layout, table: Table) -> Log:
         time=table.values[:, place[layout.time]] * layout.second,
         left_out=(*text.mended, *before, *unused, *table.left_out),
         numbers=table.lines - layout.first,
-        removed=table.removed,
+        removed=tuple(table.removed),
         **parts,
     )
 
@@ -316,11 +299,6 @@ def read_sidecar(log: str | Path) -> dict[str, Any] | None:
         raise InputError(f"{path}: log should have a sha256")
     saturated_torques(content, path)
     return content
-
-
-def saturation_content(one: Saturation) -> dict[str, Any]:
-    """Saturation as plain JSON values."""
-    return content_of(one)[0]
 
 
 def saturated_torques(content: Mapping[str, Any], source: str | Path) -> tuple[Saturation, ...]:

@@ -34,7 +34,7 @@ The logs of an arm that records motor currents, six joints in 31 columns without
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -50,7 +50,7 @@ from pydantic import (
     model_validator,
 )
 
-from excite.logs.layout import Channel, Layout, cells, head_cells, is_number, listed, twice
+from excite.logs.layout import Channel, Layout, cells, checked_head, is_number, listed, twice
 from excite.logs.log import WRENCH
 from excite.logs.table import MOST
 from excite.storage.result_folder import settle_files
@@ -157,11 +157,7 @@ class ChannelSection(Section):
 
 
 class GearedSection(ChannelSection):
-    """A channel of the joints, or of their motors.
-
-    On the motors' side it goes through the gears and the coupling that the robot's description states, see
-    `excite.logs.log_reading`; a `ratio` that is given replaces the gears.
-    """
+    """A channel of the joints, or of their motors, which goes through gears or a ratio that replaces these."""
 
     side: Literal["joint", "motor"] = "joint"
     ratio: Ratios = [1.0]
@@ -256,46 +252,28 @@ class LogMapping(Section):
     @field_validator("position", "velocity", "effort", "current", "temperature", "wrench")
     @classmethod
     def _each(cls, value: ChannelSection | None, info: ValidationInfo) -> ChannelSection | None:
-        names = info.data.get("joints")
-        expected = len(WRENCH) if info.field_name == "wrench" else names and len(names)
-        if value is not None and expected and len(value.columns) != expected:
-            what = "components" if info.field_name == "wrench" else "joints"
+        if value is None:
+            return None
+        expected, what = len(info.data.get("joints") or ()), "joints"
+        if info.field_name == "wrench":
+            expected, what = len(WRENCH), "components"
+        if expected and len(value.columns) != expected:
             raise ValueError(f"has {len(value.columns)} columns for {expected} {what}")
-        if value is not None and value.file is not None and info.field_name == "position":
+        if value.file is not None and info.field_name == "position":
             raise ValueError("positions are in the log itself; give a file for other quantities")
-        return value
-
-    @field_validator("current")
-    @classmethod
-    def _either(cls, value: CurrentSection | None, info: ValidationInfo) -> CurrentSection | None:
-        if value is not None and info.data.get("effort") is not None:
+        if info.field_name == "current" and info.data.get("effort") is not None:
             raise ValueError("is given as well as effort; give one of them")
         return value
 
     @property
     def sections(self) -> dict[str, ChannelSection]:
         """Sections by the names of the channels of `excite.logs.log.Log`."""
-        named = {
-            "q": self.position,
-            "dq": self.velocity,
-            "effort": self.effort or self.current,
-            "temperature": self.temperature,
-            "wrench": self.wrench,
-        }
-        return {name: section for name, section in named.items() if section is not None}
+        given = (self.position, self.velocity, self.effort or self.current, self.temperature, self.wrench)
+        names = ("q", "dq", "effort", "temperature", "wrench")
+        return {name: section for name, section in zip(names, given, strict=True) if section is not None}
 
     def of(self, robot: Robot | None) -> LogMapping:
-        """The mapping with the names of its joints: those of the robot, in order, where it does not name them.
-
-        Parameters
-        ----------
-        robot : Robot, optional
-
-        Raises
-        ------
-        InputError
-            No joints are named and no robot is given, or it has another number of joints than there are columns.
-        """
+        """The mapping with the names of its joints: those of the robot, in order, where it does not name them."""
         if self.joints is not None:
             return self
         if robot is None:
@@ -309,29 +287,20 @@ class LogMapping(Section):
         return self.model_copy(update={"joints": list(robot.joint_names)})
 
     def layout(self, source: str, lines: Sequence[str], file: str | None = None) -> Layout:
-        """Layout of a file's lines.
-
-        Parameters
-        ----------
-        source : str
-            Name of the file, for messages.
-        lines : sequence of str
-        file : str, optional
-            Name of the file in the mapping; that of the log itself if not given.
-
-        Raises
-        ------
-        InputError
-            The file does not have the lines or the columns that the mapping refers to.
-        """
+        """Layout of the lines of a file, which is the log itself where the mapping's name of another is not given."""
         if len(lines) <= self.skip:
             raise InputError(f"{source} has {len(lines)} lines, of which the mapping skips {self.skip}")
         separator = _SEPARATORS[self.separator]
         first = self.skip
-        head = head_cells(source, lines[first], separator)
+        head = checked_head(source, cells(lines[first], separator))
         if not self.header:  # garbage before the first row is found with the rest
-            head = next((row for row in _first_rows(lines[first:], separator) if _is_row(row)), head)
-        self._check_head(source, head)
+            few = lines[first : first + int(MOST * (len(lines) - first)) + 1]
+            head = next((row for line in few if _is_row(row := cells(line, separator))), head)
+        here = f"{source}, line {self.skip + 1}"
+        if self.header and all(is_number(cell) for cell in head):
+            raise InputError(f"{here} holds numbers, but the mapping expects a header; give header: false")
+        if not self.header and not any(is_number(cell) for cell in head):
+            raise InputError(f"{here} holds no number: {listed(head)}; check header, skip and separator of the mapping")
         numbers = [f"{k}" for k in range(1, len(head) + 1)]
         index = {name: k for k, name in reversed(list(enumerate(head)))} if self.header else {}
         sections = {name: section for name, section in self.sections.items() if section.file == file}
@@ -349,19 +318,6 @@ class LogMapping(Section):
             tuple(self.joints or ()),
             channels,
         )
-
-    def _check_head(self, source: str, head: list[str]) -> None:
-        """Raise `InputError` if the first line does not match the mapping."""
-        here = f"{source}, line {self.skip + 1}"
-        if self.header and all(is_number(cell) for cell in head):
-            raise InputError(f"{here} holds numbers, but the mapping expects a header; give header: false")
-        if not self.header and not any(is_number(cell) for cell in head):
-            raise InputError(f"{here} holds no number: {listed(head)}; check header, skip and separator of the mapping")
-
-
-def _first_rows(lines: Sequence[str], separator: str | None) -> Iterator[list[str]]:
-    """Cells of the first lines, as many as may be garbage, and one more."""
-    return (cells(line, separator) for line in lines[: int(MOST * len(lines)) + 1])
 
 
 def _is_row(row: list[str]) -> bool:

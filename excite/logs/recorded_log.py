@@ -9,20 +9,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.logs.event import DROPPED, STEPS
 from excite.logs.layout import Channel, Layout, listed
-from excite.logs.log import Log, Removed
+from excite.logs.log import Log, Removed, counted
 from excite.logs.mapping import SECONDS, Column, LogMapping
 from excite.logs.recordings.formats import binary_format, recording_sha256
 from excite.logs.recordings.recording import Contents, Numbers, RecordingFormat, StreamContents
 from excite.logs.table import Table, table_of
 from excite.logs.text import text_of
-from regressors.errors import InputError, UnknownName, cut
+from regressors.errors import InputError, check_names, cut
 from regressors.samples import Array, Index
 
 
@@ -38,23 +38,18 @@ class Sampled:
     rows: Index  # (N,) rows of the stream, 1 for the first
 
 
-@dataclass(frozen=True, eq=False)
-class SampledChannels:
-    """What a mapping names of one recording."""
-
-    columns: tuple[Sampled, ...]
-    notes: tuple[str, ...]
-    zero: float = 0.0  # what was subtracted from all times [s]
+# What a mapping names of one recording: its columns, notes on them, and what was subtracted from all times [s]
+Samples: TypeAlias = tuple[list[Sampled], list[str], float]
 
 
-def samples_of_table(source: str, layout: Layout, table: Table, zero: float | None = None) -> SampledChannels:
+def samples_of_table(source: str, layout: Layout, table: Table, zero: float | None = None) -> Samples:
     """Columns of a table in text, whose cells may be NaN, in SI."""
     place = {column: k for k, column in enumerate(layout.used)}
     time = table.values[:, place[layout.time]] * layout.second
-    notes = table.left_out
+    notes = list(table.left_out)
     if zero is None:
         zero = whole_seconds(float(time[0]))
-        notes += (zero_note(zero),) * bool(zero)
+        notes += [zero_note(zero)] * bool(zero)
     time -= zero
     columns = []
     for name, channel in layout.channels.items():
@@ -64,7 +59,7 @@ def samples_of_table(source: str, layout: Layout, table: Table, zero: float | No
             values = channel.scale[k] * (cells[k] - channel.zero[k])
             where = f"{source}, column {cut(layout.names[column])}"
             columns.append(_there(name, k, label, time, values, table.lines - layout.first, where))
-    return SampledChannels(tuple(columns), notes, zero)
+    return columns, notes, zero
 
 
 def _there(channel: str, place: int, column: str, time: Array, values: Array, rows: Index, where: str) -> Sampled:
@@ -82,7 +77,7 @@ def _there(channel: str, place: int, column: str, time: Array, values: Array, ro
 
 def sampled_channels(
     form: RecordingFormat, path: Path, mapping: LogMapping, file: str | None = None, zero: float | None = None
-) -> SampledChannels:
+) -> Samples:
     """Columns that a mapping names, in SI."""
     contents = form.contents(path)
     wanted: list[tuple[str, int, Channel, str, str, str, float]] = []
@@ -101,7 +96,7 @@ def sampled_channels(
     recording = form.read(path, {stream: list(names) for stream, names in columns.items()})
     notes = [*contents.notes, *(note for note in recording.notes if note not in contents.notes)]
     if zero is None:
-        _, _, _, _, home, clock, second = wanted[0]
+        *_, home, clock, second = wanted[0]
         zero = _zero(recording.streams[home].columns[clock], second)
         notes += [zero_note(zero)] * bool(zero)
     samples = []
@@ -111,21 +106,20 @@ def sampled_channels(
         values = conversion.scale[k] * (np.asarray(loaded[name], dtype=float) - conversion.zero[k])
         rows = np.arange(1, times.size + 1)
         samples.append(_there(channel, k, home, times, values, rows, f"{recording.source}, {name}"))
-    return SampledChannels(tuple(samples), tuple(notes), zero)
+    return samples, notes, zero
 
 
 def _name(contents: Contents, column: Column) -> str:
     """Name of a column, which may be given by its number where there is one stream."""
     names = contents.columns
-    if isinstance(column, int):
-        if len(contents.streams) > 1:
-            raise InputError(f"{contents.source} has {len(contents.streams)} streams; name the column, not its number")
-        if column > len(names):
-            raise InputError(f"{contents.source} has {len(names)} columns, the mapping asks for number {column}")
-        return names[column - 1]
-    if column not in names:
-        raise UnknownName(f"column in {contents.source}", column, names)
-    return column
+    if isinstance(column, str):
+        check_names(f"column in {contents.source}", [column], names)
+        return column
+    if len(contents.streams) > 1:
+        raise InputError(f"{contents.source} has {len(contents.streams)} streams; name the column, not its number")
+    if column > len(names):
+        raise InputError(f"{contents.source} has {len(names)} columns, the mapping asks for number {column}")
+    return names[column - 1]
 
 
 def _clock(contents: Contents, stream: StreamContents, given: Column, second: float) -> tuple[str, float]:
@@ -146,10 +140,7 @@ def _clock(contents: Contents, stream: StreamContents, given: Column, second: fl
 
 def _zero(clock: Numbers, second: float) -> float:
     there = clock[~np.isnan(clock)]
-    if not there.size:
-        return 0.0
-    first = there[0]
-    return whole_seconds((int(first) if there.dtype.kind in "iu" else float(first)) * second)
+    return whole_seconds(there[0].item() * second) if there.size else 0.0
 
 
 _LARGE = 1e6  # [s]
@@ -172,28 +163,30 @@ def seconds_of(clock: Numbers, second: float, zero: float) -> Array:
     return np.asarray(clock, dtype=float) * second - zero
 
 
-_QUANTITIES = {"q": "positions", "dq": "velocities", "effort": "efforts", "temperature": "temperatures"}
+_QUANTITIES = {
+    "q": "positions",
+    "dq": "velocities",
+    "effort": "efforts",
+    "temperature": "temperatures",
+    "wrench": "wrench",
+}
 
 
 def recorded_log(
-    path: Path,
-    channels: SampledChannels,
-    joints: tuple[str, ...],
-    drop: frozenset[str],
-    only: tuple[int, int] | None = None,
+    path: Path, samples: Samples, joints: tuple[str, ...], drop: frozenset[str], only: tuple[int, int] | None = None
 ) -> Log:
     """Log of a recording whose streams have clocks of their own.
 
     The rows are those of the positions; everything else is interpolated linearly onto them, but not over its gaps.
     """
-    source, notes = str(path), list(channels.notes)
-    base = max((one for one in channels.columns if one.channel == "q"), key=lambda one: one.time.size)
+    (columns, notes, _), source = samples, str(path)
+    base = max((one for one in columns if one.channel == "q"), key=lambda one: one.time.size)
     keep, removed = _kept(source, base, drop, only, notes)
     time, numbers = base.time[keep], base.rows[keep]
-    others = [one if one is base else _in_order(source, one, drop) for one in channels.columns]
+    others = [one if one is base else _in_order(source, one, drop) for one in columns]
     inside = _inside(source, time, others)
     if outside := int(np.count_nonzero(~inside)):
-        notes.append(f"{_rows(outside)} before or after what other streams recorded not used")
+        notes.append(f"{counted(outside, 'row')} before or after what other streams recorded not used")
     values = _aligned(time[inside], others, base, keep, inside)
     notes += _rates(base, others)
     bridged = _bridged(time[inside], others, base)
@@ -225,7 +218,7 @@ def _kept(
         raise InputError(f"{source}: fewer than two rows are left")
     later = _later(source, base, asked, drop)
     if repeated := int(np.sum(~later)):
-        notes.append(f"{_rows(repeated)} with time repeated")
+        notes.append(f"{counted(repeated, 'row')} with time repeated")
         return asked[later], (Removed(DROPPED, base.rows[asked[~later]]),)
     return asked, ()
 
@@ -244,7 +237,7 @@ def _later(source: str, one: Sampled, asked: Index, drop: frozenset[str]) -> NDA
         k = int(np.argmax(step == 0))
         raise InputError(
             f"{source}, {one.stream}: time {time[k]:.9f} s is repeated at row {rows[k + 1]}; "
-            f"{_rows(int(np.sum(step == 0)))} like this (`drop='repeated'` leaves them out)"
+            f"{counted(int(np.sum(step == 0)), 'row')} like this (`drop='repeated'` leaves them out)"
         )
     return np.concatenate([[True], step > 0])
 
@@ -261,8 +254,9 @@ def _inside(source: str, time: Array, others: Sequence[Sampled]) -> NDArray[np.b
         within = (time >= one.time[0]) & (time <= one.time[-1])
         if np.count_nonzero(inside & within) < 2:
             raise InputError(
-                f"{source}: {_what(one)} of {one.stream} were recorded from {one.time[0]:.6g} to {one.time[-1]:.6g} s, "
-                f"the positions from {time[0]:.6g} to {time[-1]:.6g} s; one clock should have stamped both"
+                f"{source}: {_QUANTITIES[one.channel]} of {one.stream} were recorded from {one.time[0]:.6g} to "
+                f"{one.time[-1]:.6g} s, the positions from {time[0]:.6g} to {time[-1]:.6g} s; one clock should have "
+                "stamped both"
             )
         inside &= within
     return inside
@@ -283,32 +277,22 @@ def _aligned(
 
 def _bridged(time: Array, others: Sequence[Sampled], base: Sampled) -> NDArray[np.bool_]:
     """Which instants lie in gaps of a column that is not sampled with the positions."""
-    bridged = np.zeros(time.size, dtype=bool)
-    for one in others:
-        if not np.array_equal(one.time, base.time):
-            bridged |= in_gaps(time, one.time)
-    return bridged
+    own = [in_gaps(time, one.time) for one in others if not np.array_equal(one.time, base.time)]
+    return np.asarray(np.any([np.zeros(time.size, dtype=bool), *own], axis=0))
 
 
 def _rates(base: Sampled, others: Sequence[Sampled]) -> list[str]:
     """Notes on what was interpolated, with the rates."""
-    notes: dict[str, None] = {}
+    notes = []
     for one in others:
         if not np.array_equal(one.time, base.time):
             own, rate = (1.0 / np.median(np.diff(each.time)) for each in (one, base))
-            notes[
-                f"{_what(one)} ({one.stream}, {own:.4g} Hz) interpolated linearly onto the rows of the positions "
-                f"({base.stream}, {rate:.4g} Hz); a constant delay between them is estimated by identification"
-            ] = None
-    return list(notes)
-
-
-def _what(one: Sampled) -> str:
-    return _QUANTITIES.get(one.channel, one.channel)
-
-
-def _rows(count: int) -> str:
-    return f"{count} row{'s' * (count != 1)}"
+            notes.append(
+                f"{_QUANTITIES[one.channel]} ({one.stream}, {own:.4g} Hz) interpolated linearly onto the rows of "
+                f"the positions ({base.stream}, {rate:.4g} Hz); a constant delay between them is estimated by "
+                "identification"
+            )
+    return list(dict.fromkeys(notes))
 
 
 def with_further_files(log: Log, path: Path, mapping: LogMapping, drop: frozenset[str], zero: float = 0.0) -> Log:
@@ -319,8 +303,8 @@ def with_further_files(log: Log, path: Path, mapping: LogMapping, drop: frozense
 
 
 def _with_file(log: Log, path: Path, file: str, mapping: LogMapping, drop: frozenset[str], zero: float) -> Log:
-    other = _of_file(path, file, mapping, drop, zero)
-    first, last = max(one.time[0] for one in other.columns), min(one.time[-1] for one in other.columns)
+    others, notes, _ = _of_file(path, file, mapping, drop, zero)
+    first, last = max(one.time[0] for one in others), min(one.time[-1] for one in others)
     inside = (log.time >= first) & (log.time <= last)
     if np.count_nonzero(inside) < 2:
         raise InputError(
@@ -329,28 +313,26 @@ def _with_file(log: Log, path: Path, file: str, mapping: LogMapping, drop: froze
         )
     new = log.time[inside]
     columns: dict[str, list[Array]] = {}
-    for one in other.columns:
+    for one in others:
         columns.setdefault(one.channel, []).append(np.interp(new, one.time, one.values))
     channels: dict[str, Any] = {name: np.column_stack(each) for name, each in columns.items()}
     outside = int(np.count_nonzero(~inside))
-    rows = max(one.time.size for one in other.columns)
+    rows = max(one.time.size for one in others)
     note = f"{path.name}: {rows} rows, interpolated linearly onto the {np.count_nonzero(inside)} of the positions"
     note += f"; {outside} of these are before or after it and are not used" * bool(outside)
     both = sha256(f"{log.sha256} {recording_sha256(path)}".encode()).hexdigest()
-    merged = replace(
-        log.rows(np.flatnonzero(inside)), sha256=both, left_out=(*log.left_out, *other.notes, note), **channels
-    )
-    bridged = np.any([in_gaps(merged.time, one.time) for one in other.columns], axis=0)
+    merged = replace(log.rows(np.flatnonzero(inside)), sha256=both, left_out=(*log.left_out, *notes, note), **channels)
+    bridged = np.any([in_gaps(merged.time, one.time) for one in others], axis=0)
     return merged.without(DROPPED, bridged) if bridged.any() else merged
 
 
-def _of_file(path: Path, file: str, mapping: LogMapping, drop: frozenset[str], zero: float) -> SampledChannels:
+def _of_file(path: Path, file: str, mapping: LogMapping, drop: frozenset[str], zero: float) -> Samples:
     if (form := binary_format(path)) is not None:
         return sampled_channels(form, path, mapping, file, zero)
     with text_of(path) as text:
         layout = mapping.layout(text.source, text.lines, file)
-        of_table = samples_of_table(text.source, layout, table_of(text, layout, drop), zero)
-        return replace(of_table, notes=(*text.mended, *of_table.notes))
+        columns, notes, zero = samples_of_table(text.source, layout, table_of(text, layout, drop), zero)
+        return columns, [*text.mended, *notes], zero
 
 
 def in_gaps(new: Array, time: Array) -> NDArray[np.bool_]:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.logs.event import DROPPED, GARBAGE, ranges_of, row_ranges
 from excite.logs.layout import Layout, cells, is_number
-from excite.logs.log import Removed
+from excite.logs.log import Removed, counted
 from excite.logs.text import Lines, Text
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from regressors.errors import InputError, cut, shortened
@@ -21,34 +20,18 @@ _AT_ONCE = 50_000  # rows
 _COPIES, _PER_LINE = 2.0, 4.0  # numbers of each cell, and of each line
 
 
-@dataclass(frozen=True, eq=False)
-class Table:
-    """Rows that were read."""
-
-    values: Array  # (N, columns) cells of the layout's used columns, in the units of the file
-    lines: Index  # (N,) line of each row, 1 for the first of the file
-    left_out: tuple[str, ...]  # rows that were left out, with their count
-    removed: tuple[Removed, ...] = ()  # which, by their numbers
-
-
 def table_of(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None = None) -> Table:
     """Numbers in the rows of a text."""
-    reader = _Reader(text, layout, drop, "nan" in drop)
-    values, lines = reader.read(only)
-    if not (keep := reader.finite(values, lines)).all():
-        reader.leave(lines[~keep], "with cells that are empty, NaN or infinite")
-        values, lines = values[keep], lines[keep]
-    if not (keep := reader.later(values[:, layout.used.index(layout.time)], lines)).all():
-        reader.leave(lines[~keep], "with time repeated")
-        values, lines = values[keep], lines[keep]
-    reader.check_left(lines.size)
-    return Table(values, lines, tuple(reader.left_out), tuple(reader.removed))
+    table = Table(text, layout, drop, only, "nan" in drop)
+    table.keep(table.finite(), "with cells that are empty, NaN or infinite")
+    table.keep(table.later(), "with time repeated")
+    table.check_left(table.lines.size)
+    return table
 
 
 def sparse_table(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None = None) -> Table:
     """Numbers in the rows of a text whose cells may be empty, which is NaN, and whose time may be anything."""
-    reader = _Reader(text, layout, drop, True)
-    return Table(*reader.read(only), tuple(reader.left_out), tuple(reader.removed))
+    return Table(text, layout, drop, only, True)
 
 
 def rows_in_memory(text: Text, layout: Layout, rows: int) -> WorkPrediction:
@@ -58,23 +41,32 @@ def rows_in_memory(text: Text, layout: Layout, rows: int) -> WorkPrediction:
     return WorkPrediction(f"reading {text.source}", (MemoryPart("rows", rows, columns, held, remedy=remedy),))
 
 
-class _Reader:
-    """Reads the rows of a text, and keeps in mind what it leaves out."""
+class Table:
+    """Rows of a text that were read, and what of it was left out."""
 
-    def __init__(self, text: Text, layout: Layout, drop: frozenset[str], empty_is_nan: bool) -> None:
+    def __init__(
+        self, text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None, empty_is_nan: bool
+    ) -> None:
         self.text, self.layout, self.drop, self.empty_is_nan = text, layout, drop, empty_is_nan
-        self.left_out: list[str] = []
-        self.removed: list[Removed] = []
+        self.left_out: list[str] = []  # rows that were left out, with their count
+        self.removed: list[Removed] = []  # which, by their numbers
+        # (N, columns) cells of the layout's used columns, in the units of the file; (N,) line of each row, 1 for the
+        # first of the file
+        self.values, self.lines = self._read(only)
 
-    def leave(self, lines: Index, why: str) -> None:
-        self.left_out.append(f"{_counted(lines.size)} {why}")
-        self.removed.append(Removed(DROPPED, lines - self.layout.first))
+    def keep(self, rows: NDArray[np.bool_], why: str) -> None:
+        """Leave the other rows out, which are as it says."""
+        if not rows.all():
+            self.left_out.append(f"{counted(int(np.sum(~rows)), 'row')} {why}")
+            self.removed.append(Removed(DROPPED, self.lines[~rows] - self.layout.first))
+            self.values, self.lines = self.values[rows], self.lines[rows]
 
     def check_left(self, count: int) -> None:
+        """Refuse a table of one row."""
         if count < 2:
             raise InputError(f"{self.text.source}: fewer than two rows are left; left out: {', '.join(self.left_out)}")
 
-    def read(self, only: tuple[int, int] | None) -> tuple[Array, Index]:
+    def _read(self, only: tuple[int, int] | None) -> tuple[Array, Index]:
         """Numbers of the rows, and their lines; those that are garbage are left out."""
         text, layout = self.text, self.layout
         rows, first = text.lines[layout.first :], layout.first
@@ -91,40 +83,37 @@ class _Reader:
             raise InputError(f"{text.source} holds {'one row' if rows else 'no rows'}; a log has two or more")
         rows_in_memory(text, layout, len(rows)).check()
         lines = np.arange(len(rows), dtype=np.intp) + first + 1
-        if (values := self._faultless(rows)) is not None:
+        if (values := self._values(rows, None)) is not None:
             return values, lines
         if garbage := garbage_rows(text, layout, rows, first + 1, asked="garbage" in self.drop):
             where = row_ranges(ranges_of(lines[garbage].tolist()))
-            kind = "line holds" if len(garbage) == 1 else "lines hold"
-            plural = "s" * (len(garbage) != 1)
+            kind, plural = ("line holds", "") if len(garbage) == 1 else ("lines hold", "s")
             self.left_out.append(f"{len(garbage)} {kind} no row of numbers: line{plural} {where}")
             self.removed.append(Removed(GARBAGE, lines[garbage] - layout.first))
             keep = np.ones(len(rows), dtype=bool)
             keep[garbage] = False
             rows, lines = rows.where(keep), lines[keep]
             self.check_left(len(rows))
-        values = np.empty((len(rows), len(layout.used)))
-        for part in _parts(rows):
-            some = list(rows[part])
-            try:
-                values[part] = _numbers(layout, some)
-            except ValueError:  # empty cells
-                values[part] = [self._row(*each) for each in zip(some, lines[part].tolist(), strict=True)]
+        values = self._values(rows, lines)
+        assert values is not None
         return values, lines
 
-    def _faultless(self, rows: Lines) -> Array | None:
-        """Numbers of the rows; None where one of them has a fault, which is then located cell by cell."""
+    def _values(self, rows: Lines, lines: Index | None) -> Array | None:
+        """Numbers of the rows; without their lines None where one of them has a fault, to be located cell by cell."""
         values = np.empty((len(rows), len(self.layout.used)))
         for part in _parts(rows):
             some = list(rows[part])
-            if wrong_lengths(self.layout, some):
+            if lines is None and wrong_lengths(self.layout, some):
                 return None
             try:
                 values[part] = _numbers(self.layout, some)
             except ValueError:
-                if not self.empty_is_nan or (filled := _filled_numbers(self.layout, some)) is None:
+                if self.empty_is_nan and (filled := _filled_numbers(self.layout, some)) is not None:
+                    values[part] = filled
+                elif lines is None:
                     return None
-                values[part] = filled
+                else:
+                    values[part] = [self._row(*each) for each in zip(some, lines[part].tolist(), strict=True)]
         return values
 
     def _row(self, row: str, line: int) -> list[float]:
@@ -137,21 +126,22 @@ class _Reader:
     def _place(self, line: int, column: int) -> str:
         return f"{self.text.source}, line {line}, column {cut(self.layout.names[column])}"
 
-    def finite(self, values: Array, lines: Index) -> NDArray[np.bool_]:
+    def finite(self) -> NDArray[np.bool_]:
         """Which rows hold finite numbers only; others are refused unless they are to be dropped."""
-        finite = np.isfinite(values)
+        finite = np.isfinite(self.values)
         whole = finite.all(axis=1)
         if "nan" not in self.drop and not whole.all():
             row = int(np.argmin(whole))
             column = int(np.argmin(finite[row]))
             raise InputError(
-                f"{self._place(lines[row], self.layout.used[column])}: {values[row, column]} is not a measurement; "
-                f"{_counted(int(np.sum(~whole)))} like this (`drop='nan'` leaves them out)"
+                f"{self._place(self.lines[row], self.layout.used[column])}: {self.values[row, column]} is not a "
+                f"measurement; {counted(int(np.sum(~whole)), 'row')} like this (`drop='nan'` leaves them out)"
             )
         return np.asarray(whole)
 
-    def later(self, time: Array, lines: Index) -> NDArray[np.bool_]:
+    def later(self) -> NDArray[np.bool_]:
         """Which rows are later than the row before; earlier ones are refused, and repeated ones unless dropped."""
+        time, lines = self.values[:, self.layout.used.index(self.layout.time)], self.lines
         step = np.diff(time)
         if np.any(step < 0):
             k = int(np.argmax(step < 0))
@@ -163,13 +153,9 @@ class _Reader:
             k = int(np.argmax(step == 0))
             raise InputError(
                 f"{self._place(lines[k + 1], self.layout.time)}: time {time[k]:.17g} is repeated; "
-                f"{_counted(int(np.sum(step == 0)))} like this (`drop='repeated'` leaves them out)"
+                f"{counted(int(np.sum(step == 0)), 'row')} like this (`drop='repeated'` leaves them out)"
             )
         return np.concatenate([[True], step > 0])
-
-
-def _counted(rows: int) -> str:
-    return f"{rows} row{'s' * (rows != 1)}"
 
 
 def _cut_off(text: Text, layout: Layout, row: str) -> str:
@@ -214,16 +200,15 @@ MOST = 0.01  # of the lines, that are left out without being asked
 
 def garbage_rows(text: Text, layout: Layout, rows: Sequence[str], offset: int, *, asked: bool) -> list[int]:
     """Which rows are garbage, 0 for the first, where they are few enough to be left out."""
-    garbage = [
-        k for k, row in enumerate(rows) if row_length(row, layout) != len(layout.names) or _has_text(row, layout)
-    ]
-    if garbage and not asked and len(garbage) > MOST * len(rows):
-        more = f"; {len(garbage)} lines like this" if len(garbage) > 1 else ""
+    faults = {k: fault for k, row in enumerate(rows) if (fault := _fault(layout, row))}
+    if faults and not asked and len(faults) > MOST * len(rows):
+        first, fault = next(iter(faults.items()))
+        more = f"; {len(faults)} lines like this" if len(faults) > 1 else ""
         raise InputError(
-            f"{_fault(text, layout, rows[garbage[0]], offset + garbage[0])}{more} (`drop='garbage'` leaves such lines "
+            f"{text.source}, line {offset + first}{fault}{more} (`drop='garbage'` leaves such lines "
             "out, and a mapping with skip: N the first N lines of the file)"
         )
-    return garbage
+    return list(faults)
 
 
 def wrong_lengths(layout: Layout, rows: Sequence[str]) -> bool:
@@ -238,18 +223,14 @@ def row_length(row: str, layout: Layout) -> int:
     return row.count(layout.separator) + 1 if layout.separator else len(row.split())
 
 
-def _has_text(row: str, layout: Layout) -> bool:
+def _fault(layout: Layout, row: str) -> str:
+    """What is wrong with a line, the end of a sentence that begins with the line; empty if nothing is."""
+    if (length := row_length(row, layout)) != len(layout.names):
+        what = f"has {length} columns" if row.strip() else "is empty"
+        return f" {what}, expected {len(layout.names)} columns"
     content = cells(row, layout.separator)
-    return any(content[k] and not is_number(content[k]) for k in layout.used)
-
-
-def _fault(text: Text, layout: Layout, row: str, line: int) -> str:
-    """What is wrong with a line."""
-    if row_length(row, layout) != len(layout.names):
-        what = f"has {row_length(row, layout)} columns" if row.strip() else "is empty"
-        return f"{text.source}, line {line} {what}, expected {len(layout.names)} columns"
-    content = cells(row, layout.separator)
-    column = next(k for k in layout.used if content[k] and not is_number(content[k]))
+    column = next((k for k in layout.used if content[k] and not is_number(content[k])), None)
+    if column is None:
+        return ""
     hint = "; numbers are written with a decimal point" if is_number(content[column].replace(",", ".", 1)) else ""
-    place = f"{text.source}, line {line}, column {cut(layout.names[column])}"
-    return f"{place}: {shortened(content[column])} is not a number{hint}"
+    return f", column {cut(layout.names[column])}: {shortened(content[column])} is not a number{hint}"

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, overload
+from typing import BinaryIO, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,19 +52,9 @@ def log_opened(path: Path) -> Iterator[BinaryIO]:
         raise InputError(f"cannot read log {path}: {error.strerror}") from error
 
 
-@dataclass(frozen=True)
-class _Scan:
-    """Lines of a file that was read through."""
-
-    sha256: str
-    starts: Index
-    ends: Index
-    complete: bool
-    marked: bool
-
-
 _SECONDS = 3e-8  # of each byte of a table that is read, to its numbers
 _SETTLED = 2.0  # seconds since the last change, after which another one has another time
+_Scan: TypeAlias = tuple[str, Index, Index, bool, bool]  # hash, lines' starts and ends, whether complete, with a mark
 _last: dict[tuple[int, ...], _Scan] = {}  # of the file that was read last: what recognises it reads it several times
 
 
@@ -76,8 +66,9 @@ def _text(source: str, stream: BinaryIO) -> Text:
         _last.clear()
         if identity is not None:
             _last[identity] = scan
-    mended = ("the file starts with a byte order mark, which is ignored",) * scan.marked
-    return Text(source, scan.sha256, Lines(stream, scan.starts, scan.ends), scan.complete, mended)
+    sha256, starts, ends, complete, marked = scan
+    mended = ("the file starts with a byte order mark, which is ignored",) * marked
+    return Text(source, sha256, Lines(stream, starts, ends), complete, mended)
 
 
 def _identity(stream: BinaryIO) -> tuple[int, ...] | None:
@@ -102,8 +93,7 @@ def _scanned(source: str, stream: BinaryIO) -> _Scan:
     places = places_of_lines(_checked(source, stream, digest), first=len(codecs.BOM_UTF8) * marked)
     if places is None:
         raise InputError(f"{source} is empty")
-    starts, ends, complete = places
-    return _Scan(digest.hexdigest(), starts, ends, complete, marked)
+    return digest.hexdigest(), *places, marked
 
 
 def _checked(source: str, stream: BinaryIO, digest: hashlib._Hash) -> Iterator[bytes]:

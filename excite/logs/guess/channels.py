@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from excite.logs.guess.units import Clock
 from excite.logs.log import WRENCH
@@ -52,9 +53,7 @@ class ChannelGroup:
         number = first.isdigit()
         if len(self.columns) == 1:
             return f"{'column ' * number}{first}"
-        return (
-            f"{'columns ' * number}{first} ... {last}" if number else f"{first} ... {'column ' * last.isdigit()}{last}"
-        )
+        return f"columns {first} ... {last}" if number else f"{first} ... {'column ' * last.isdigit()}{last}"
 
     @property
     def rank(self) -> tuple[bool, int, int]:
@@ -220,8 +219,7 @@ def motion_columns(time: Array, values: Array, clock: int) -> tuple[tuple[int, .
 
 def _pairs(time: Array, values: Array, clock: int) -> list[tuple[int, int]]:
     """Columns of which the second is the rate of change of the first."""
-    area = np.zeros_like(values)
-    area[1:] = np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time)[:, None], axis=0)
+    area = cumulative_trapezoid(values, time, axis=0, initial=0)
     moved = _unit(values[_WIDTH:] - values[:-_WIDTH])
     integral = _unit(area[_WIDTH:] - area[:-_WIDTH])
     alike = np.abs(moved.T @ integral)  # (positions, velocities)
@@ -237,7 +235,7 @@ def _unit(values: Array) -> Array:
     return np.asarray(np.divide(values, size, out=np.zeros_like(values), where=size > 1e-9 * max(1.0, size.max())))
 
 
-_SHOWN = 4
+_SHOWN, _MOST_NAMES = 4, 12
 Ask = Callable[[str, str], None]  # a quantity, empty for the whole, and a question about it
 
 
@@ -272,6 +270,13 @@ def _spans(groups: Sequence[ChannelGroup], between: str) -> str:
     return between.join(group.span for group in groups[:_SHOWN])
 
 
+def first_names(names: Sequence[str]) -> str:
+    """Names in a question, the last of many left out."""
+    return ", ".join(names[:_MOST_NAMES]) + (
+        f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+    )
+
+
 def _plain(names: Iterable[str]) -> list[str]:
     return ["".join(character for character in name.lower() if character.isalnum()) for name in names]
 
@@ -293,9 +298,7 @@ def _joint_names(group: ChannelGroup, robot: Robot | None, ask: Ask) -> tuple[st
     own = [known.get(joint, "") for joint in _plain(group.joints)]
     if all(own):
         return tuple(own)
-    more = len(group.joints) - 12
-    listed = ", ".join(group.joints[:12]) + (f" and {more} more" if more > 0 else "")
-    names = ", ".join(robot.joint_names)
+    listed, names = first_names(group.joints), ", ".join(robot.joint_names)
     if len(group.joints) != robot.n:
         ask(
             "",

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import json
 import textwrap
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from excite.logs.guess.channels import ChannelGroup, channel_groups, chosen_channels, numbered_groups
+from excite.logs.guess.channels import ChannelGroup, channel_groups, chosen_channels, first_names, numbered_groups
 from excite.logs.guess.units import (
     CERTAIN,
     STATED,
@@ -31,8 +31,8 @@ from excite.logs.guess.units import (
 )
 from excite.logs.mapping import LogMapping
 from excite.logs.recorded_log import seconds_of
-from excite.logs.recordings.formats import Preloaded, recording_format
-from excite.logs.recordings.recording import JOINT_STATE, Contents, Recording, RecordingFormat
+from excite.logs.recordings.formats import preloaded, recording_format
+from excite.logs.recordings.recording import JOINT_STATE, SI_UNITS, Contents, Recording, RecordingFormat
 from excite.storage.atomic import replacing
 from excite.storage.result_folder import replace_files, result_file
 from regressors.arguments import checked
@@ -46,7 +46,6 @@ _PLURAL = {
     "position": "positions", "velocity": "velocities", "effort": "efforts", "current": "currents",
     "temperature": "temperatures", "wrench": "wrenches",
 }  # fmt: skip
-_DEFAULT = {"velocity": "rad/s", "effort": "Nm", "current": "A", "temperature": "degC", "wrench": "N"}
 _CURRENTS = (
     "Some drivers of robots publish motor currents [A] as efforts, such as those of Universal Robots: see its manual."
 )
@@ -108,14 +107,16 @@ def guess_mapping(path: str | Path, robot: Robot | None = None) -> LogGuess:
     """
     path = Path(path)
     form = recording_format(path)
-    return _guess(form, path, form.read, robot)[0]
+    return _guess(form, path, robot, glance=False)[0]
 
 
-def certain_mapping(path: Path, robot: Robot | None, otherwise: InputError | None = None) -> tuple[LogGuess, Preloaded]:
+def certain_mapping(
+    path: Path, robot: Robot | None, otherwise: InputError | None = None
+) -> tuple[LogGuess, RecordingFormat]:
     """The guess of a recording that leaves no question, and what was read for it."""
     try:
         form = recording_format(path)
-        guess, loaded = _guess(form, path, form.glance, robot)
+        guess, loaded = _guess(form, path, robot, glance=True)
     except InputError:
         if otherwise is not None:
             raise otherwise from None
@@ -132,20 +133,16 @@ def certain_mapping(path: Path, robot: Robot | None, otherwise: InputError | Non
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of columns that hold anything
-def _guess(
-    form: RecordingFormat,
-    path: Path,
-    read: Callable[[Path, Mapping[str, Sequence[str]]], Recording],
-    robot: Robot | None,
-) -> tuple[LogGuess, Preloaded]:
+def _guess(form: RecordingFormat, path: Path, robot: Robot | None, glance: bool) -> tuple[LogGuess, RecordingFormat]:
     contents = form.contents(path)
     groups = channel_groups(contents)
     by_name = any(group.quantity == "position" and group.measured for group in groups)
+    read = (form.glance if glance else None) or form.read
     recording = read(path, _wanted(contents, groups if by_name else None))
-    guessing = _Guessing(contents, recording)
+    guessing = _Guessing(contents, recording, form.mapping_fields(path))
     if not by_name:
         groups += numbered_groups(contents, recording, guessing.clocks, None if robot is None else robot.n)
-    return guessing.guess(groups, robot, form.mapping_fields(path)), Preloaded(form, contents, recording)
+    return guessing.guess(groups, robot), preloaded(form, contents, recording)
 
 
 def _wanted(contents: Contents, groups: Sequence[ChannelGroup] | None) -> dict[str, list[str]]:
@@ -167,8 +164,8 @@ def _wanted(contents: Contents, groups: Sequence[ChannelGroup] | None) -> dict[s
 class _Guessing:
     """The guess of one recording, with what was recognised and what is to be asked by the parts of the mapping."""
 
-    def __init__(self, contents: Contents, recording: Recording) -> None:
-        self.contents, self.recording = contents, recording
+    def __init__(self, contents: Contents, recording: Recording, fields: Mapping[str, object]) -> None:
+        self.contents, self.recording, self.fields = contents, recording, fields
         self.told: dict[str, list[str]] = {_WHOLE: [], "time": []}
         self.asked: dict[str, list[str]] = {}
         self.clocks: dict[str, Clock] = {}
@@ -183,14 +180,13 @@ class _Guessing:
     def ask(self, part: str, question: str) -> None:
         self.asked.setdefault(part, []).append(question)
 
-    def guess(self, groups: Sequence[ChannelGroup], robot: Robot | None, fields: Mapping[str, object]) -> LogGuess:
+    def guess(self, groups: Sequence[ChannelGroup], robot: Robot | None) -> LogGuess:
         chosen, joints = chosen_channels(groups, robot, self.ask)
         mapping, time = None, ""
         if (position := chosen.get("position")) is None:
             names = [stream.title(name) for stream in self.contents.streams for name in stream.columns]
-            more = f" and {len(names) - 12} more" if len(names) > 12 else ""
-            listed = ", ".join(names[:12]) + more
-            self.ask(_WHOLE, f"Which columns are the positions of the joints? None was recognised among {listed}")
+            which = "Which columns are the positions of the joints? None was recognised among"
+            self.ask(_WHOLE, f"{which} {first_names(names)}")
         elif position.stream not in self.clocks:
             self.ask(_WHOLE, f"When was each row taken? No column of {position.stream} increases")
         else:
@@ -200,7 +196,7 @@ class _Guessing:
             if unlike:
                 sign = "Do all velocities belong to the positions of their joints, with the same sign?"
                 self.ask("velocity", f"{sign} ({unlike})")
-            mapping = self._mapping(chosen, joints, units, fields)
+            mapping = self._mapping(chosen, joints, units)
         remarks = {
             part: (*self.told.get(part, ()), *(f"QUESTION: {text}" for text in self.asked.get(part, ())))
             for part in dict.fromkeys([*self.told, *self.asked])
@@ -276,20 +272,16 @@ class _Guessing:
                     self.ask(quantity, f"Are the {plural} in {found.unit}? ({found.level}: {found.why})")
 
     def _mapping(
-        self,
-        chosen: Mapping[str, ChannelGroup],
-        joints: Sequence[str] | None,
-        units: Mapping[str, FoundUnit],
-        fields: Mapping[str, object],
+        self, chosen: Mapping[str, ChannelGroup], joints: Sequence[str] | None, units: Mapping[str, FoundUnit]
     ) -> LogMapping:
         def column(name: str) -> str | int:  # its number where a text has no header
-            return int(name) if fields.get("header") is False else name
+            return int(name) if self.fields.get("header") is False else name
 
         home = chosen["position"].stream
-        content: dict[str, Any] = dict(fields) | ({} if joints is None else {"joints": list(joints)})
+        content: dict[str, Any] = dict(self.fields) | ({} if joints is None else {"joints": list(joints)})
         content["time"] = {"column": column(self.clocks[home].column), "unit": units["time"].unit}
         for quantity, group in chosen.items():
-            unit = units[quantity].unit if quantity in units else group.unit or _DEFAULT[quantity]
+            unit = units[quantity].unit if quantity in units else group.unit or SI_UNITS[quantity]
             content[quantity] = section = {"columns": list(map(column, group.names)), "unit": [unit]}
             if group.stream != home and (clock := self.clocks.get(group.stream)) is not None:
                 section["time"] = {"column": clock.column, "unit": clock.unit or units["time"].unit}
@@ -300,7 +292,6 @@ class _Guessing:
 
 _WIDTH = 110
 _DEFAULTS: dict[str, object] = {"separator": ",", "header": True, "skip": 0}
-_SECTIONS = ("position", "velocity", "effort", "current", "temperature", "wrench")
 _WORDS = frozenset({"true", "false", "null", "yes", "no", "on", "off", "y", "n", "True", "False", "Null", "nan", "inf"})
 
 
@@ -317,16 +308,16 @@ def mapping_text(guess: LogGuess) -> str:
         ]
     )
     fields = [name for name, default in _DEFAULTS.items() if content.get(name, default) != default]
-    fields += ["joints"] if content.get("joints") else []
+    fields += ["joints"] * bool(content.get("joints"))
     lines += [f"{name}: {_value(content[name])}" for name in fields]
-    for name in ("time", *_SECTIONS):
+    for name in ("time", *_PLURAL):
         if name in content:
             lines += ["", *_comments(guess.remarks.get(name, ()))]
             if name == "time":
                 lines.append(f"time: {_value(content['time'])}")
             else:
                 lines += [f"{name}:", *(f"  {key}: {_value(_single(key, v))}" for key, v in content[name].items())]
-    for name in _SECTIONS:
+    for name in _PLURAL:
         if name not in content and guess.remarks.get(name):
             lines += ["", *_comments(guess.remarks[name])]
     return "\n".join(lines) + "\n"

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from excite.logs.event import LEAST, STEPS
 from excite.logs.mapping import SECONDS, PositionSection, VelocitySection
@@ -84,31 +85,16 @@ def _duration(contents: StreamContents, columns: Mapping[str, Numbers], name: st
 
 @dataclass(frozen=True)
 class StreamSummary:
-    """Columns of a stream that were sampled at the same instants.
-
-    Parameters
-    ----------
-    stream : str
-    columns : tuple of str
-    rows : int
-    clock : str
-        Empty where none was found; then the figures below are zero.
-    rate, duration : float
-        Mean rate outside the gaps [Hz], [s].
-    gaps : int
-        Steps longer than 3.5 times the median one and than 20 ms.
-    longest_gap : float
-        [s]
-    """
+    """Columns of a stream that were sampled at the same instants."""
 
     stream: str
     columns: tuple[str, ...]
     rows: int
-    clock: str = ""
-    rate: float = 0.0
-    duration: float = 0.0
-    gaps: int = 0
-    longest_gap: float = 0.0
+    clock: str = ""  # empty where none was found; then the figures below are zero
+    rate: float = 0.0  # mean rate outside the gaps [Hz]
+    duration: float = 0.0  # [s]
+    gaps: int = 0  # steps longer than 3.5 times the median one and than 20 ms
+    longest_gap: float = 0.0  # [s]
 
 
 def summaries(
@@ -168,13 +154,9 @@ _OF_FILE = "as the file says"
 
 
 def velocity_ratios(time: Array, q: Array, dq: Array) -> Array:
-    """Ratio of velocities to the rate of change of positions, by their integrals over short windows, shape (n,).
-
-    NaN of joints that do not move, or whose velocity is not alike.
-    """
+    """Ratio of velocities to the rate of change of positions, shape (n,); NaN of joints that do not move alike."""
     # time (N,); q, dq (N, n)
-    step = np.diff(time)
-    area = np.vstack([np.zeros(q.shape[1]), np.cumsum(0.5 * (dq[1:] + dq[:-1]) * step[:, None], axis=0)])
+    area = cumulative_trapezoid(dq, time, axis=0, initial=0)
     width = max(1, min(20, time.size // 10))
     moved, integral = q[width:] - q[:-width], area[width:] - area[:-width]
     power, both, square = (np.sum(a * b, axis=0) for a, b in ((moved, moved), (moved, integral), (integral, integral)))

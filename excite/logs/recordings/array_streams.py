@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 import zipfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
@@ -26,6 +26,7 @@ from excite.logs.recordings.recording import (
     RecordingFormat,
     Stream,
     StreamContents,
+    Wanted,
     check_table,
     check_wanted,
     foreign_reader,
@@ -49,8 +50,8 @@ class NamedArray:
     name: str  # flattened, such as robot.q
     group: _Group
     shape: tuple[int, ...]
-    load: Callable[[], NDArray[Any]]  # in this shape
-    unit: str  # that the file states; empty if none
+    load: Callable[..., NDArray[Any]]  # in this shape; a field of one of records by its name
+    unit: str = ""  # that the file states; empty if none
 
     @property
     def sides(self) -> tuple[int, ...]:
@@ -82,21 +83,14 @@ class ArrayFile:
     arrays: list[NamedArray] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)  # why others are not read, by their names
 
-    def add(
-        self,
-        name: str,
-        group: _Group,
-        shape: tuple[int, ...],
-        kind: np.dtype[Any],
-        load: Callable[..., NDArray[Any]],
-        unit: str = "",
-    ) -> None:
+    def add(self, array: NamedArray, kind: np.dtype[Any]) -> None:
         """Add an array, or the fields of one of records, which are loaded by their names."""
         if kind.names is None:
-            self._add(NamedArray(name, group, shape, load, unit), kind)
+            self._add(array, kind)
         for key in kind.names or ():
-            part, own = kind[key], (*group, name)
-            self._add(NamedArray(f"{name}.{key}", own, (*shape, *part.shape), partial(load, key), ""), part.base)
+            part, own = kind[key], (*array.group, array.name)
+            shape, load = (*array.shape, *part.shape), partial(array.load, key)
+            self._add(NamedArray(f"{array.name}.{key}", own, shape, load), part.base)
 
     def _add(self, array: NamedArray, kind: np.dtype[Any]) -> None:
         """Add an array if it holds real numbers, at many instants; else note why it is left out."""
@@ -109,10 +103,7 @@ class ArrayFile:
             self.arrays.append(array)
 
     def streams(self) -> dict[str, tuple[int, list[NamedArray]]]:
-        """Rows and arrays of each stream: of equal length, and of the group that has their clock.
-
-        An array belongs to the nearest group around it in which a time of its length is named, else to the file.
-        """
+        """Rows and arrays of each stream: of equal length, of the nearest group around them with their clock."""
         clocks = {(array.group, array.sides[0]) for array in self.arrays if array.is_clock}
         lengths = {array.sides[0] for array in self.arrays if len(array.sides) == 1}
         found: dict[tuple[_Group, int], list[NamedArray]] = {}
@@ -143,8 +134,8 @@ class ArrayFile:
             raise InputError(f"{self.path} has no array of numbers" + (f": {why}" if why else ""))
         return Contents(str(self.path), self.form, tuple(contents), left_out_note(self.left_out))
 
-    def read(self, wanted: Mapping[str, Sequence[str]]) -> Recording:
-        """Columns of the file; see `RecordingFormat.read`."""
+    def read(self, wanted: Wanted) -> Recording:
+        """Columns of the file."""
         streams, read = self.streams(), {}
         known = {name: [c for array in arrays for c in array.columns(rows)] for name, (rows, arrays) in streams.items()}
         check_wanted(self.path, wanted, known)
@@ -171,43 +162,29 @@ def _place(array: NamedArray, clocks: set[tuple[_Group, int]], lengths: set[int]
     return (), next((rows for rows in array.sides if rows in lengths), max(array.sides))
 
 
-class ArrayFormat(RecordingFormat):
-    """A format that holds nothing but arrays.
+Filler: TypeAlias = Callable[[ArrayFile], AbstractContextManager[Any]]  # adds arrays, to be loaded within its context
 
-    Parameters
-    ----------
-    name : str
-    recognises : callable
-        Whether a file is of it, by its first bytes.
-    fill : callable
-        Adds the arrays of a file, which can be loaded within the context that it returns.
-    """
 
-    def __init__(
-        self, name: str, recognises: Callable[[bytes], bool], fill: Callable[[ArrayFile], AbstractContextManager[Any]]
-    ) -> None:
-        self.name, self._recognises, self._fill = name, recognises, fill
+@contextmanager
+def arrays_of(path: Path, form: str, fill: Filler) -> Iterator[ArrayFile]:
+    """Arrays of a file, which can be loaded within the context."""
+    file = ArrayFile(path, form)
+    with foreign_reader(path, form), fill(file):
+        yield file
 
-    def recognises(self, head: bytes, path: Path) -> bool:
-        """See `RecordingFormat.recognises`."""
-        return self._recognises(head)
 
-    @contextmanager
-    def arrays(self, path: Path) -> Iterator[ArrayFile]:
-        """Arrays of a file, which can be loaded within the context."""
-        file = ArrayFile(path, self.name)
-        with foreign_reader(path, self.name), self._fill(file):
-            yield file
+def array_format(name: str, recognises: Callable[[bytes], bool], fill: Filler) -> RecordingFormat:
+    """A format that holds nothing but arrays, which is recognised by its first bytes."""
 
-    def contents(self, path: Path) -> Contents:
-        """See `RecordingFormat.contents`."""
-        with self.arrays(path) as file:
+    def contents(path: Path) -> Contents:
+        with arrays_of(path, name, fill) as file:
             return file.contents()
 
-    def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
-        """See `RecordingFormat.read`."""
-        with self.arrays(path) as file:
+    def read(path: Path, wanted: Wanted) -> Recording:
+        with arrays_of(path, name, fill) as file:
             return file.read(wanted)
+
+    return RecordingFormat(name, lambda head, _: recognises(head), contents, read)
 
 
 _MOST_MEMBERS = 1000
@@ -216,7 +193,8 @@ _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0
 _Opener: TypeAlias = Callable[[], AbstractContextManager[IO[bytes]]]
 
 
-def _fill_from_npy(file: ArrayFile) -> AbstractContextManager[Any]:
+def fill_from_npy(file: ArrayFile) -> AbstractContextManager[Any]:
+    """Add the array of an NPY."""
     _add_npy(file, file.path.stem, partial(opened, file.path, LOG))
     return nullcontext()
 
@@ -243,7 +221,7 @@ def _member(path: Path, name: str) -> Iterator[IO[bytes]]:
 def _add_npy(file: ArrayFile, name: str, stream: _Opener) -> None:
     shape, kind = _header(stream)
     whole = np.dtype("O") if kind.hasobject else kind
-    file.add(name, tuple(name.split("/")[:-1]), shape, whole, partial(_loaded_npy, file.path, stream))
+    file.add(NamedArray(name, tuple(name.split("/")[:-1]), shape, partial(_loaded_npy, file.path, stream)), whole)
 
 
 def _header(stream: _Opener) -> tuple[tuple[int, ...], np.dtype[Any]]:
@@ -269,8 +247,8 @@ def _is_npz(head: bytes) -> bool:
     return head.startswith(b"PK\x03\x04") and head[30:end].endswith(b".npy")
 
 
-NPY = ArrayFormat("NPY", lambda head: head.startswith(npy.MAGIC_PREFIX), _fill_from_npy)
-NPZ = ArrayFormat("NPZ", _is_npz, _fill_from_npz)
+NPY = array_format("NPY", lambda head: head.startswith(npy.MAGIC_PREFIX), fill_from_npy)
+NPZ = array_format("NPZ", _is_npz, _fill_from_npz)
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 MOST_OBJECTS, DEEPEST = 10_000, 32
@@ -314,7 +292,7 @@ def _walk(file: ArrayFile, group: Any, above: _Group, met: set[Any] | None = Non
         if isinstance(one, h5py.Group):
             _walk(file, one, (*above, key), met)
         elif isinstance(one, h5py.Dataset) and not left_unread(file, one, name):
-            file.add(name, above, one.shape or (), one.dtype, partial(_loaded_hdf5, one), _unit_of(one))
+            file.add(NamedArray(name, above, one.shape or (), partial(_loaded_hdf5, one), _unit_of(one)), one.dtype)
 
 
 def left_unread(file: ArrayFile, data: Any, name: str) -> bool:
@@ -341,6 +319,6 @@ def _loaded_hdf5(data: Any, field: str = "") -> NDArray[Any]:
     return np.asarray(data[field] if field else data[()])
 
 
-HDF5 = ArrayFormat(
+HDF5 = array_format(
     "HDF5", lambda head: any(head[start : start + len(_SIGNATURE)] == _SIGNATURE for start in _STARTS), _fill_from_hdf5
 )

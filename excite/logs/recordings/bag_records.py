@@ -10,7 +10,6 @@ from __future__ import annotations
 import bz2
 import struct
 import zlib
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ from typing import Any, BinaryIO, TypeAlias
 
 from excite.logs.recordings.recording import check_bytes, foreign_reader, optional_package
 from excite.logs.text import log_opened
-from regressors.errors import InputError, cut
+from regressors.errors import InputError, cut, reading
 
 MCAP = b"\x89MCAP0\r\n"
 _LATEST = 2**63 - 1  # [ns]
@@ -47,62 +46,43 @@ class Topic:
 Message: TypeAlias = tuple[Topic, int, bytes]  # with the time at which it was recorded [ns], as it was serialised
 
 
-class BagFile(ABC):
-    """A bag that is read once from its beginning to its end."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.notes: list[str] = []  # known when all messages were read
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """All files of the bag."""
-        return (self.path,)
-
-    @property
-    def state(self) -> Hashable:
-        """What changes when the files of the bag do."""
-        try:
-            statuses = [path.stat() for path in self.files]
-        except OSError as error:
-            raise InputError(f"cannot read {self.path}: {error.strerror}") from error
-        return tuple((status.st_size, status.st_mtime_ns, status.st_ino) for status in statuses)
-
-    @abstractmethod
-    def messages(self, wanted: Callable[[Topic], bool]) -> Iterator[Message]:
-        """Messages of the topics that are wanted, those of each in recorded order; asked of every topic that has some.
-
-        A bag that is damaged, encrypted, or compressed in a way that is not read is an `InputError`.
-        """
+# Messages of the topics of a file or folder that are wanted, those of each in recorded order; asked of every topic that
+# has some. Notes are complete when all were read. A bag that is damaged, encrypted, or compressed in a way that is not
+# read is an `InputError`.
+BagReader: TypeAlias = Callable[[Path, Callable[[Topic], bool], list[str]], Iterator[Message]]
 
 
-class McapFile(BagFile):
-    """An MCAP file, up to its last whole message; index and summary are not needed."""
+def state_of(path: Path, files: Iterable[Path]) -> Hashable:
+    """What changes when the files of a bag do."""
+    with reading(str(path)):
+        statuses = [file.stat() for file in files]
+    return tuple((status.st_size, status.st_mtime_ns, status.st_ino) for status in statuses)
 
-    def messages(self, wanted: Callable[[Topic], bool]) -> Iterator[Message]:
-        """See `BagFile.messages`."""
-        mcap = optional_package("rosbags.rosbag2.storage_mcap", "ros", self.path)
-        end, closed, summary, rest = _checked_mcap(self.path, self.state)
-        count, read, self.notes = 0, dict[int, Topic | None](), []
-        with bag_opened(self.path, "MCAP") as stream:
-            reader = mcap.McapReader(self.path)
-            reader.bio, reader.data_end = BytesIO(summary), 0
-            reader.read_index()
-            indexed = bool(reader.connections)
-            for source, first, last in ((stream, len(MCAP), end), (BytesIO(rest), 0, len(rest))):
-                reader.bio, reader.data_start, reader.data_end = source, first, last
-                if not indexed:
-                    reader.meta_scan()
-                topics = topics_of(reader.connections)
-                for connection, time, raw in reader.messages_scan(reader.connections, 0, 2**64):
-                    number = connection.id
-                    if number not in read:
-                        read[number] = topics[number] if wanted(topics[number]) else None
-                    if (topic := read[number]) is not None:
-                        count += 1
-                        yield topic, min(time, _LATEST), raw
-        if not closed:
-            self.notes.append(f"the file was not closed; the {count} messages that are whole were read")
+
+def mcap_messages(path: Path, wanted: Callable[[Topic], bool], notes: list[str]) -> Iterator[Message]:
+    """Messages of an MCAP file, up to its last whole one; index and summary are not needed."""
+    mcap = optional_package("rosbags.rosbag2.storage_mcap", "ros", path)
+    end, closed, summary, rest = _checked_mcap(path, state_of(path, [path]))
+    count, read = 0, dict[int, Topic | None]()
+    with bag_opened(path, "MCAP") as stream:
+        reader = mcap.McapReader(path)
+        reader.bio, reader.data_end = BytesIO(summary), 0
+        reader.read_index()
+        indexed = bool(reader.connections)
+        for source, first, last in ((stream, len(MCAP), end), (BytesIO(rest), 0, len(rest))):
+            reader.bio, reader.data_start, reader.data_end = source, first, last
+            if not indexed:
+                reader.meta_scan()
+            topics = topics_of(reader.connections)
+            for connection, time, raw in reader.messages_scan(reader.connections, 0, 2**64):
+                number = connection.id
+                if number not in read:
+                    read[number] = topics[number] if wanted(topics[number]) else None
+                if (topic := read[number]) is not None:
+                    count += 1
+                    yield topic, min(time, _LATEST), raw
+    if not closed:
+        notes.append(f"the file was not closed; the {count} messages that are whole were read")
 
 
 @lru_cache(maxsize=4)
@@ -180,79 +160,72 @@ def _text(content: bytes, at: int) -> tuple[str, int]:
     return content[at + 4 : at + 4 + length].decode(), at + 4 + length
 
 
-class BagOfRos1(BagFile):
-    """A file of ROS 1; its index is not needed."""
+def ros1_messages(path: Path, wanted: Callable[[Topic], bool], notes: list[str]) -> Iterator[Message]:
+    """Messages of a file of ROS 1; its index is not needed."""
+    kit = optional_package("rosbags.rosbag1.reader", "ros", path)
+    topics, same, read, count = dict[int, Topic](), dict[Topic, Topic](), dict[int, bool](), 0
+    with bag_opened(path, "bag of ROS 1") as stream:
+        end = stream.seek(0, 2)
+        stream.seek(0)
+        if not stream.readline(20).endswith(b" V2.0\n"):
+            raise InputError(f"{path}: only bags of version 2.0 are read; `rosbag fix` or `rosbag migrate` helps")
+        for at, header, data in _ros1_records(path, kit, stream, end):
+            code = header.get_uint8("op")
+            if code == _BAG_HEADER and header.get("encryptor"):
+                raise InputError(f"{path} is encrypted by {cut(_decoded(header['encryptor']))}")
+            if code == _CONNECTION:
+                topic = _ros1_topic(kit, header, data)
+                topics[header.get_uint32("conn")] = same.setdefault(topic, topic)
+            if code != _MESSAGE:
+                continue
+            if (number := header.get_uint32("conn")) not in topics:
+                raise _damaged(path, at)
+            if number not in read:
+                read[number] = wanted(topics[number])
+            if read[number]:
+                count += 1
+                yield topics[number], header.get_time("time"), data
+        if (at := stream.tell()) < end:
+            notes.append(f"the bag ends early, in the record at byte {at}; {count} messages were read")
 
-    def messages(self, wanted: Callable[[Topic], bool]) -> Iterator[Message]:
-        """See `BagFile.messages`."""
-        self._kit = optional_package("rosbags.rosbag1.reader", "ros", self.path)
-        topics, same, read, count, self.notes = dict[int, Topic](), dict[Topic, Topic](), dict[int, bool](), 0, []
-        with bag_opened(self.path, "bag of ROS 1") as stream:
-            end = stream.seek(0, 2)
-            stream.seek(0)
-            if not stream.readline(20).endswith(b" V2.0\n"):
-                raise InputError(
-                    f"{self.path}: only bags of version 2.0 are read; `rosbag fix` or `rosbag migrate` helps"
-                )
-            for at, header, data in self._opened_chunks(stream, end):
-                code = header.get_uint8("op")
-                if code == _BAG_HEADER and header.get("encryptor"):
-                    raise InputError(f"{self.path} is encrypted by {cut(_decoded(header['encryptor']))}")
-                if code == _CONNECTION:
-                    topic = self._topic(header, data)
-                    topics[header.get_uint32("conn")] = same.setdefault(topic, topic)
-                if code != _MESSAGE:
-                    continue
-                if (number := header.get_uint32("conn")) not in topics:
-                    raise self._damaged(at)
-                if number not in read:
-                    read[number] = wanted(topics[number])
-                if read[number]:
-                    count += 1
-                    yield topics[number], header.get_time("time"), data
-            if (at := stream.tell()) < end:
-                self.notes.append(f"the bag ends early, in the record at byte {at}; {count} messages were read")
 
-    def _opened_chunks(self, stream: BinaryIO, end: int) -> Iterator[tuple[int, Any, bytes]]:
-        """Where each whole record is, its header and its data; those in chunks instead of the chunks.
-
-        The stream is then at what follows the last of them.
-        """
-        while (at := stream.tell()) < end:
-            header = self._kit.Header.read(stream) if self._fits(stream, end) else None
-            if header is None or not self._fits(stream, end):
-                stream.seek(at)
-                return
-            data = self._kit.read_bytes(stream, self._kit.read_uint32(stream))
-            if header.get_uint8("op") == _CHUNK:
-                yield from ((at, *record) for record in self._in_chunk(header, data, at))
-            else:
-                yield at, header, data
-
-    def _fits(self, stream: BinaryIO, end: int) -> bool:
-        """Whether what comes next, behind its size, is whole."""
-        head = stream.read(4)
-        size = int.from_bytes(head, "little")
-        fits = len(head) == 4 and size <= end - stream.tell()
-        check_bytes(self.path, size if fits else 0)
-        stream.seek(-len(head), 1)
-        return fits
-
-    def _in_chunk(self, header: Any, data: bytes, at: int) -> Iterator[tuple[Any, bytes]]:
+def _ros1_records(path: Path, kit: Any, stream: BinaryIO, end: int) -> Iterator[tuple[int, Any, bytes]]:
+    """Where each whole record is, its header and its data, those in chunks instead of these; leads to what follows."""
+    while (at := stream.tell()) < end:
+        header = kit.Header.read(stream) if _fits(path, stream, end) else None
+        if header is None or not _fits(path, stream, end):
+            stream.seek(at)
+            return
+        data = kit.read_bytes(stream, kit.read_uint32(stream))
+        if header.get_uint8("op") != _CHUNK:
+            yield at, header, data
+            continue
         size, kind = header.get_uint32("size"), _decoded(header.get("compression", b"none"))
-        if len(raw := _unpacked(self.path, kind, data, size, _ROS1_KINDS)) != size:
-            raise self._damaged(at)
-        chunk, kit = BytesIO(raw), self._kit
+        if len(raw := _unpacked(path, kind, data, size, _ROS1_KINDS)) != size:
+            raise _damaged(path, at)
+        chunk = BytesIO(raw)
         while chunk.tell() < size:
-            yield kit.Header.read(chunk), kit.read_bytes(chunk, kit.read_uint32(chunk))
+            yield at, kit.Header.read(chunk), kit.read_bytes(chunk, kit.read_uint32(chunk))
 
-    def _topic(self, header: Any, data: bytes) -> Topic:
-        own = self._kit.Header.read(BytesIO(len(data).to_bytes(4, "little") + data))
-        kind, text = _decoded(own.get("type", b"")), _decoded(own.get("message_definition", b""))
-        return Topic(_decoded(header.get("topic", b"")), _full_name(kind), "msg" if text else "", text, True)
 
-    def _damaged(self, at: int) -> InputError:
-        return InputError(f"{self.path}: the record at byte {at} is damaged; `rosbag fix` recovers what is left")
+def _fits(path: Path, stream: BinaryIO, end: int) -> bool:
+    """Whether what comes next, behind its size, is whole."""
+    head = stream.read(4)
+    size = int.from_bytes(head, "little")
+    fits = len(head) == 4 and size <= end - stream.tell()
+    check_bytes(path, size if fits else 0)
+    stream.seek(-len(head), 1)
+    return fits
+
+
+def _ros1_topic(kit: Any, header: Any, data: bytes) -> Topic:
+    own = kit.Header.read(BytesIO(len(data).to_bytes(4, "little") + data))
+    kind, text = _decoded(own.get("type", b"")), _decoded(own.get("message_definition", b""))
+    return Topic(_decoded(header.get("topic", b"")), _full_name(kind), "msg" if text else "", text, True)
+
+
+def _damaged(path: Path, at: int) -> InputError:
+    return InputError(f"{path}: the record at byte {at} is damaged; `rosbag fix` recovers what is left")
 
 
 @contextmanager

@@ -14,10 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.logs.recordings.array_streams import HDF5, NPY, NPZ
+from excite.logs.log import counted
+from excite.logs.recordings.array_streams import HDF5, NPY, NPZ, arrays_of, fill_from_npy
 from excite.logs.recordings.bags import MCAP_BAG, ROSBAG1, ROSBAG2
 from excite.logs.recordings.matlab import MATLAB, MATLAB_7_3
-from excite.logs.recordings.parquet import ParquetTable
+from excite.logs.recordings.parquet import PARQUET
 from excite.logs.recordings.recording import (
     Contents,
     Numbers,
@@ -25,13 +26,14 @@ from excite.logs.recordings.recording import (
     RecordingFormat,
     Stream,
     StreamContents,
+    Wanted,
     head_of,
     is_clock,
 )
-from excite.logs.recordings.text_table import TextTable
+from excite.logs.recordings.text_table import TEXT
 from excite.storage.manifest import sha256_of
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names, reading
 
 _MOST_FILES = 1000
 
@@ -55,41 +57,39 @@ class _Signals:
         return {name: columns[column] for name, column in own.items()}, recording.notes
 
 
-class SignalFolder(RecordingFormat):
-    """Folders with one file per signal."""
+def _is_folder(head: bytes, path: Path) -> bool:
+    """Whether a folder holds an array or a text of numbers."""
+    return path.is_dir() and any(_form(each) is not None for each in _files(path))
 
-    name = "folder of signals"
 
-    def recognises(self, head: bytes, path: Path) -> bool:
-        """Whether a folder holds an array or a text of numbers."""
-        return path.is_dir() and any(_form(each) is not None for each in _files(path))
+def _contents(path: Path) -> Contents:
+    """Columns of all files."""
+    signals, notes = _signals(path)
+    return Contents(str(path), f"folder of {len(signals)} files", tuple(_streams(signals)), notes)
 
-    def contents(self, path: Path) -> Contents:
-        """Columns of all files."""
-        signals, notes = _signals(path)
-        return Contents(str(path), f"folder of {len(signals)} files", tuple(_streams(signals)), notes)
 
-    def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
-        """Columns of the files that hold them."""
-        signals, notes = _signals(path)
-        more = list(notes)
-        streams: dict[str, Stream] = {}
-        for name, columns in wanted.items():
-            values: dict[str, Numbers] = {}
-            for one in signals:
-                if some := [column for column in columns if column in one.columns]:
-                    loaded, said = one.load(some)
-                    values |= loaded
-                    more += [f"{one.path.name}: {note}" for note in said]
-            streams[name] = Stream(name, values)
-        return Recording(str(path), self.name, streams, tuple(more))
+def _read(path: Path, wanted: Wanted) -> Recording:
+    """Columns of the files that hold them."""
+    signals, notes = _signals(path)
+    more = list(notes)
+    streams: dict[str, Stream] = {}
+    for name, columns in wanted.items():
+        values: dict[str, Numbers] = {}
+        for one in signals:
+            if some := [column for column in columns if column in one.columns]:
+                loaded, said = one.load(some)
+                values |= loaded
+                more += [f"{one.path.name}: {note}" for note in said]
+        streams[name] = Stream(name, values)
+    return Recording(str(path), FOLDER.name, streams, tuple(more))
+
+
+FOLDER = RecordingFormat("folder of signals", _is_folder, _contents, _read)
 
 
 def _files(folder: Path) -> list[Path]:
-    try:
+    with reading(f"log {folder}"):
         files = sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
-    except OSError as error:
-        raise InputError(f"cannot read log {folder}: {error.strerror}") from error
     if len(files) > _MOST_FILES:
         raise InputError(f"{folder} holds {len(files)} files, more than the {_MOST_FILES} that a log may have")
     return files
@@ -101,7 +101,7 @@ def _form(path: Path) -> RecordingFormat | None:
     if NPY.recognises(head, path):
         return NPY
     first = head.split(b"\n", 1)[0].lstrip()
-    return TextTable() if TextTable().recognises(head, path) and first[:1] not in (b"{", b"<", b"%") else None
+    return TEXT if TEXT.recognises(head, path) and first[:1] not in (b"{", b"<", b"%") else None
 
 
 def _signals(folder: Path) -> tuple[list[_Signals], tuple[str, ...]]:
@@ -110,34 +110,34 @@ def _signals(folder: Path) -> tuple[list[_Signals], tuple[str, ...]]:
         form = _form(path)
         if form is NPY:
             signals.append(_of_array(path))
-        elif isinstance(form, TextTable) and (one := _of_text(path, form)) is not None:
+        elif form is TEXT and (one := _of_text(path)) is not None:
             signals.append(one)
         else:
             left.append(path.name)
     if not signals:
         raise InputError(f"{folder} holds no file of numbers, neither text nor NPY")
-    note = f"{len(left)} file{'s' * (len(left) != 1)} of {folder.name} not read: {', '.join(left[:8])}"
+    note = f"{counted(len(left), 'file')} of {folder.name} not read: {', '.join(left[:8])}"
     return signals, (note,) * bool(left)
 
 
 def _of_array(path: Path) -> _Signals:
-    (table,) = NPY.contents(path).streams
-    with NPY.arrays(path) as file:
+    with arrays_of(path, NPY.name, fill_from_npy) as file:
+        (table,) = file.contents().streams
         upright = len(table.columns) == 1 and len(file.arrays[0].shape) == 2  # of shape (N, 1)
     columns = {f"{path.stem}[0]" if upright else name: name for name in table.columns}
     clocks = (path.stem,) if list(columns) == [path.stem] and is_clock(path.stem) else ()
     return _Signals(path, NPY, table.name, table.rows or 0, columns, clocks)
 
 
-def _of_text(path: Path, form: TextTable) -> _Signals | None:
+def _of_text(path: Path) -> _Signals | None:
     try:
-        (table,) = form.contents(path).streams
+        (table,) = TEXT.contents(path).streams
     except InputError:
         return None
     own, stem = table.columns, path.stem
     numbers = all(name.isdigit() for name in own)
     names = [stem] if len(own) == 1 else [f"{stem}[{k}]" if numbers else f"{stem}/{name}" for k, name in enumerate(own)]
-    signals = _Signals(path, form, table.name, table.rows or 0, dict(zip(names, own, strict=True)), ())
+    signals = _Signals(path, TEXT, table.name, table.rows or 0, dict(zip(names, own, strict=True)), ())
     clocks = [name for name, title in zip(names, own, strict=True) if is_clock(title) or is_clock(name)]
     if not clocks and len(own) > 1:
         values = signals.load([names[0]])[0][names[0]]
@@ -165,14 +165,14 @@ FORMATS: tuple[RecordingFormat, ...] = (  # the first that recognises a file rea
     MCAP_BAG,
     ROSBAG2,
     ROSBAG1,
-    ParquetTable(),
+    PARQUET,
     NPZ,
     NPY,
     MATLAB_7_3,  # is HDF5 too
     HDF5,
     MATLAB,
-    SignalFolder(),
-    TextTable(),
+    FOLDER,
+    TEXT,
 )
 
 
@@ -198,9 +198,7 @@ def read_recording(path: str | Path, columns: Sequence[str] | None = None) -> Re
     path = Path(path)
     form = recording_format(path)
     contents = form.contents(path)
-    for name in columns or ():
-        if name not in contents.columns:
-            raise UnknownName(f"column in {path}", name, contents.columns)
+    check_names(f"column in {path}", columns or (), contents.columns)
     wanted = {}
     for stream in contents.streams:
         some = stream.columns if columns is None else [name for name in stream.columns if name in columns]
@@ -223,7 +221,7 @@ def binary_format(path: Path) -> RecordingFormat | None:
     if not (path.is_file() or path.is_dir()):  # what comes through a pipe can be read once
         return None
     form = recording_format(path) if path.is_dir() else format_of(path)
-    return None if isinstance(form, TextTable) else form
+    return None if form is TEXT else form
 
 
 def format_of(path: str | Path) -> RecordingFormat | None:
@@ -233,29 +231,17 @@ def format_of(path: str | Path) -> RecordingFormat | None:
     return next((form for form in FORMATS if form.recognises(head, path)), None)
 
 
-class Preloaded(RecordingFormat):
-    """Columns that were read of one file before, so that they are not read again."""
+def preloaded(form: RecordingFormat, contents: Contents, recording: Recording) -> RecordingFormat:
+    """The format of a file of which columns were read before, so that they are not read again."""
 
-    name = "preloaded"
-
-    def __init__(self, form: RecordingFormat, known: Contents, recording: Recording) -> None:
-        self._form, self._known, self._recording = form, known, recording
-
-    def recognises(self, head: bytes, path: Path) -> bool:
-        """Whether it is the file that was read."""
-        return self._known.source == str(path)
-
-    def contents(self, path: Path) -> Contents:
-        """What is known of it."""
-        return self._known
-
-    def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
-        """Columns that were read; from the file where one of them was not."""
-        there = self._recording.streams
+    def read(path: Path, wanted: Wanted) -> Recording:
+        there = recording.streams
         if any(name not in there or not set(columns) <= set(there[name].columns) for name, columns in wanted.items()):
-            return self._form.read(path, wanted)
+            return form.read(path, wanted)
         streams = {n: Stream(n, {c: there[n].columns[c] for c in columns}) for n, columns in wanted.items()}
-        return Recording(self._recording.source, self._recording.format, streams, self._recording.notes)
+        return replace(recording, streams=streams)
+
+    return replace(form, contents=lambda _: contents, read=read)
 
 
 def recording_sha256(path: Path) -> str:

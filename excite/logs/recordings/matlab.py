@@ -9,6 +9,7 @@ and the attribute ``MATLAB_class`` names the class.
 
 from __future__ import annotations
 
+import itertools
 import json
 import struct
 import subprocess
@@ -17,15 +18,23 @@ import warnings
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO, Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
-from excite.logs.recordings.array_streams import DEEPEST, MOST_OBJECTS, ArrayFile, ArrayFormat, hdf5_opened, left_unread
+from excite.logs.recordings.array_streams import (
+    DEEPEST,
+    MOST_OBJECTS,
+    ArrayFile,
+    NamedArray,
+    array_format,
+    hdf5_opened,
+    left_unread,
+)
 from excite.logs.recordings.recording import Contents, check_bytes, foreign_reader
 from regressors.errors import InputError, cut, one_line
 from regressors.input_files import LOG, opened
@@ -43,22 +52,6 @@ _NUMBERS = {
 _OWN = ("#refs#", "#subsystem#")  # where MATLAB 7.3 keeps what is referred to
 
 
-class _Matlab(ArrayFormat):
-    """A format whose files do not tell their contents without being loaded, so that they are kept."""
-
-    def contents(self, path: Path) -> Contents:
-        """See `RecordingFormat.contents`."""
-        with foreign_reader(path, self.name):
-            status = path.stat()
-            return _contents(path, status.st_size, status.st_mtime_ns)
-
-
-@lru_cache(maxsize=4)
-def _contents(path: Path, size: int, changed: int) -> Contents:
-    with MATLAB.arrays(path) as file:
-        return file.contents()
-
-
 @contextmanager
 def _fill(file: ArrayFile) -> Iterator[None]:
     with opened(file.path, LOG) as stream:
@@ -72,15 +65,29 @@ def _fill(file: ArrayFile) -> Iterator[None]:
                 raise InputError(f"{file.path} has {found['refused']}")
             file.left_out |= found["left_out"]
             for k, (name, above, shape, kind) in enumerate(found["arrays"]):
-                file.add(name, tuple(above), tuple(shape), np.dtype(kind), partial(archive.__getitem__, f"{k}"))
+                array = NamedArray(name, tuple(above), tuple(shape), partial(archive.__getitem__, f"{k}"))
+                file.add(array, np.dtype(kind))
             yield
 
 
-MATLAB = _Matlab(
+def _contents(path: Path) -> Contents:
+    """Contents, which such a file does not tell without being loaded, so that they are kept."""
+    with foreign_reader(path, _FORM.name):
+        status = path.stat()
+        return _contents_of(path, status.st_size, status.st_mtime_ns)
+
+
+@lru_cache(maxsize=4)
+def _contents_of(path: Path, size: int, changed: int) -> Contents:
+    return _FORM.contents(path)
+
+
+_FORM = array_format(
     "MAT-file",
     lambda head: head.startswith(b"MATLAB 5.0 MAT-file") or head[124:128] in (b"\x00\x01IM", b"\x01\x00MI"),
     _fill,
 )
+MATLAB = replace(_FORM, contents=_contents)
 
 
 def _check_size(path: Path, stream: BinaryIO) -> None:
@@ -127,62 +134,50 @@ def hand_over() -> None:
 
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
-    found = _Loaded()
+    found, count = ArrayFile(Path(path), _FORM.name), itertools.count(1)
     answer: dict[str, Any] = {"arrays": [], "left_out": found.left_out}
     try:
         for name, value in loadmat(path, appendmat=False).items():
             if not name.startswith("__"):
-                found.add(value, name, ())
-        answer["arrays"] = [(name, above, one.shape, one.dtype.str) for name, above, one in found.arrays]
+                _add_loaded(found, value, name, (), count)
+        answer["arrays"] = [(one.name, one.group, one.shape, one.load().dtype.str) for one in found.arrays]
     except OverflowError as error:
         answer["refused"] = str(error)
-    arrays = {f"{k}": one for k, (_, _, one) in enumerate(found.arrays)}
+    arrays = {f"{k}": one.load() for k, one in enumerate(found.arrays)}
     np.savez(
         sys.stdout.buffer, allow_pickle=False, found=np.frombuffer(json.dumps(answer).encode(), np.uint8), **arrays
     )
 
 
-class _Loaded:
-    """Arrays of numbers in what SciPy loaded."""
+def _add_loaded(file: ArrayFile, one: Any, name: str, above: tuple[str, ...], count: Iterator[int]) -> None:
+    """Add the arrays of numbers in a variable, a field or an element that SciPy loaded."""
+    from scipy.io import matlab
+    from scipy.sparse import issparse
 
-    def __init__(self) -> None:
-        self.arrays: list[tuple[str, tuple[str, ...], NDArray[Any]]] = []
-        self.left_out: dict[str, str] = {}
-        self.count = 0
-
-    def add(self, one: Any, name: str, above: tuple[str, ...]) -> None:
-        """Add a variable, a field or an element."""
-        from scipy.io import matlab
-        from scipy.sparse import issparse
-
-        self.count += 1
-        if self.count > MOST_OBJECTS or len(above) > DEEPEST:
-            raise OverflowError(_TOO_MANY)
-        if one is None:  # an empty field
-            return
-        if isinstance(one, matlab.MatlabOpaque):
-            self.left_out[_opaque_name(one, name)] = _OBJECT
-        elif isinstance(one, matlab.MatlabObject):
-            self.left_out[name] = _OBJECT
-        elif isinstance(one, matlab.MatlabFunction):
-            self.left_out[name] = "is a function handle"
-        elif issparse(one):
-            self.left_out[name] = "is sparse"
-        elif one.dtype.names is not None:
-            self._struct(one, name, above)
-        elif one.dtype.kind == "O":
-            for k, element in enumerate(one.ravel(order="F")):
-                self.add(element, f"{name}[{k}]", above)
-        elif one.dtype.kind == "c":
-            self.left_out[name] = "holds complex numbers"
-        elif one.dtype.kind != "U" and one.size:
-            self.arrays.append((name, above, one))
-
-    def _struct(self, one: Any, name: str, above: tuple[str, ...]) -> None:
+    if next(count) > MOST_OBJECTS or len(above) > DEEPEST:
+        raise OverflowError(_TOO_MANY)
+    if one is None:  # an empty field
+        return
+    if isinstance(one, matlab.MatlabOpaque):
+        file.left_out[_opaque_name(one, name)] = _OBJECT
+    elif isinstance(one, matlab.MatlabObject):
+        file.left_out[name] = _OBJECT
+    elif isinstance(one, matlab.MatlabFunction):
+        file.left_out[name] = "is a function handle"
+    elif issparse(one):
+        file.left_out[name] = "is sparse"
+    elif one.dtype.names is not None:
         for k, element in enumerate(one.ravel(order="F")):
             own = f"{name}[{k}]" if one.shape != (1, 1) else name
             for key in one.dtype.names:
-                self.add(element[key], f"{own}.{key}", (*above, own.rpartition(".")[2]))
+                _add_loaded(file, element[key], f"{own}.{key}", (*above, own.rpartition(".")[2]), count)
+    elif one.dtype.kind == "O":
+        for k, element in enumerate(one.ravel(order="F")):
+            _add_loaded(file, element, f"{name}[{k}]", above, count)
+    elif one.dtype.kind == "c":
+        file.left_out[name] = "holds complex numbers"
+    elif one.dtype.kind != "U" and one.size:
+        file.arrays.append(NamedArray(name, above, one.shape, lambda: np.asarray(one)))
 
 
 def _opaque_name(one: Any, name: str) -> str:
@@ -193,62 +188,56 @@ def _opaque_name(one: Any, name: str) -> str:
 @contextmanager
 def _fill_from_hdf5(file: ArrayFile) -> Iterator[None]:
     with hdf5_opened(file.path, "matlab") as base:
-        variables = _Hdf5Variables(file, base)
+        count = itertools.count(1)
         for name in base:
             if name not in _OWN:
-                variables.add(base[name], name, ())
+                _add_stored(file, base, base[name], name, (), count)
         yield
 
 
-MATLAB_7_3 = ArrayFormat(
+MATLAB_7_3 = array_format(
     "MAT-file of MATLAB 7.3", lambda head: head.startswith(b"MATLAB 7.3 MAT-file"), _fill_from_hdf5
 )
 
 
-class _Hdf5Variables:
-    """Variables of a file, with what is in them."""
+def _add_stored(file: ArrayFile, base: Any, one: Any, name: str, above: tuple[str, ...], count: Iterator[int]) -> None:
+    """Add the arrays of numbers in a variable, a field or an element that h5py reads."""
+    import h5py
 
-    def __init__(self, file: ArrayFile, base: Any) -> None:
-        self.file, self.base, self.count = file, base, 0
+    if next(count) > MOST_OBJECTS or len(above) > DEEPEST:
+        raise InputError(f"{file.path} has {_TOO_MANY}")
+    kind = _text(one.attrs.get("MATLAB_class", b""))
+    if "MATLAB_empty" in one.attrs or kind in ("char", "string"):
+        return
+    if "MATLAB_sparse" in one.attrs:
+        file.left_out[name] = "is sparse"
+    elif isinstance(one, h5py.Group) and kind == "struct":
+        for key in one:
+            _add_stored(file, base, one[key], f"{name}.{key}", (*above, name.rpartition(".")[2]), count)
+    elif isinstance(one, h5py.Dataset) and h5py.check_ref_dtype(one.dtype) is not None:
+        for reference, own, around in _referred(file, one, name, above, kind):
+            _add_stored(file, base, base[reference], own, around, count)
+    elif isinstance(one, h5py.Dataset) and kind in _NUMBERS and "MATLAB_object_decode" not in one.attrs:
+        if not left_unread(file, one, name):
+            shape, numbers = (one.shape or ())[::-1], one.dtype if one.dtype.names is None else np.dtype("V1")
+            file.add(NamedArray(name, above, shape, lambda: np.asarray(one[()]).T), numbers)
+    else:
+        what = "a function handle" if kind == "function_handle" else f"an object of class {cut(kind) or 'unknown'}"
+        file.left_out[name] = f"is {what}; save its numbers, such as those of a timeseries, in a struct"
 
-    def add(self, one: Any, name: str, above: tuple[str, ...]) -> None:
-        """Add a variable, a field or an element."""
-        import h5py
 
-        self.count += 1
-        if self.count > MOST_OBJECTS or len(above) > DEEPEST:
-            raise InputError(f"{self.file.path} has {_TOO_MANY}")
-        kind = _text(one.attrs.get("MATLAB_class", b""))
-        if "MATLAB_empty" in one.attrs or kind in ("char", "string"):
-            return
-        if "MATLAB_sparse" in one.attrs:
-            self.file.left_out[name] = "is sparse"
-        elif isinstance(one, h5py.Group) and kind == "struct":
-            for key in one:
-                self.add(one[key], f"{name}.{key}", (*above, name.rpartition(".")[2]))
-        elif isinstance(one, h5py.Dataset) and h5py.check_ref_dtype(one.dtype) is not None:
-            self._referred(one, name, above, kind)
-        elif isinstance(one, h5py.Dataset) and kind in _NUMBERS and "MATLAB_object_decode" not in one.attrs:
-            if not left_unread(self.file, one, name):
-                shape, numbers = (one.shape or ())[::-1], one.dtype if one.dtype.names is None else np.dtype("V1")
-                self.file.add(name, above, shape, numbers, lambda: np.asarray(one[()]).T)
-        else:
-            handle = kind == "function_handle"
-            what = "a function handle" if handle else f"an object of class {cut(kind) or 'unknown'}"
-            self.file.left_out[name] = f"is {what}; save its numbers, such as those of a timeseries, in a struct"
-
-    def _referred(self, one: Any, name: str, above: tuple[str, ...], kind: str) -> None:
-        """Elements of a cell, or of the fields of an array of structs."""
-        if one.size > MOST_OBJECTS:
-            raise InputError(f"{self.file.path} has more than {MOST_OBJECTS} variables")
-        parent, _, last = name.rpartition(".")
-        for k, reference in enumerate(one[()].reshape(-1)):
-            if not reference:
-                continue
-            if kind == "cell" or not parent:
-                self.add(self.base[reference], f"{name}[{k}]", above)
-            else:  # a field of an array of structs: the index belongs to the struct
-                self.add(self.base[reference], f"{parent}[{k}].{last}", (*above[:-1], f"{above[-1]}[{k}]"))
+def _referred(
+    file: ArrayFile, one: Any, name: str, above: tuple[str, ...], kind: str
+) -> Iterator[tuple[Any, str, tuple[str, ...]]]:
+    """References to the elements of a cell, or of the fields of an array of structs, with their names."""
+    if one.size > MOST_OBJECTS:
+        raise InputError(f"{file.path} has more than {MOST_OBJECTS} variables")
+    parent, _, last = name.rpartition(".")
+    for k, reference in enumerate(one[()].reshape(-1)):
+        if reference and (kind == "cell" or not parent):
+            yield reference, f"{name}[{k}]", above
+        elif reference:  # a field of an array of structs: the index belongs to the struct
+            yield reference, f"{parent}[{k}].{last}", (*above[:-1], f"{above[-1]}[{k}]")
 
 
 def _text(value: object) -> str:

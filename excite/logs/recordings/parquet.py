@@ -7,7 +7,7 @@ statistics of sizes, pyarrow 26 ends the process instead of raising an error.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +24,7 @@ from excite.logs.recordings.recording import (
     RecordingFormat,
     Stream,
     StreamContents,
+    Wanted,
     check_table,
     check_wanted,
     foreign_reader,
@@ -39,39 +40,6 @@ _INFO = "meta/info.json"
 _STREAM = "table"
 _EPISODE, _LEROBOT_CLOCK = "episode_index", "timestamp"
 _MOST_FILES, _EPISODES_SHOWN = 10_000, 4
-
-
-class ParquetTable(RecordingFormat):
-    """A table in Parquet, or all tables of a data set of LeRobot."""
-
-    name = "Parquet"
-
-    def recognises(self, head: bytes, path: Path) -> bool:
-        """See `RecordingFormat.recognises`."""
-        return head.startswith((_MAGIC, _ENCRYPTED)) if head else (path / _INFO).is_file() and path.is_dir()
-
-    def contents(self, path: Path) -> Contents:
-        """See `RecordingFormat.contents`."""
-        table = _Table(path)
-        columns = [name for column in table.columns for name in column.names]
-        units = {name: column.unit for column in table.columns for name in column.names if column.unit}
-        clocks = [column.names[0] for column in table.columns if column.is_clock]
-        if table.is_lerobot and _LEROBOT_CLOCK in columns:
-            clocks.insert(0, _LEROBOT_CLOCK)
-            units[_LEROBOT_CLOCK] = "s"
-        if not columns:
-            raise InputError(f"{path} has no columns of numbers; it has {listed_names(table.left_out)}")
-        stream = StreamContents(_STREAM, tuple(columns), table.rows, tuple(clocks), units=units)
-        return Contents(str(path), table.form, (stream,), table.notes())
-
-    def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
-        """See `RecordingFormat.read`."""
-        table = _Table(path)
-        check_wanted(path, wanted, {_STREAM: [name for column in table.columns for name in column.names]})
-        names = list(wanted.get(_STREAM, ()))
-        values, notes = table.load(set(names))
-        stream = Stream(_STREAM, {name: values[name] for name in names})
-        return Recording(str(path), table.form, {_STREAM: stream}, (*table.notes(), *notes))
 
 
 @dataclass(frozen=True)
@@ -214,13 +182,9 @@ def _padded(flat: Numbers, lengths: NDArray[Any], column: _Column) -> NDArray[An
 
 def _values_of(table: Any, name: str) -> int:
     """Values of a column, as the file declares them."""
-    metadata = table.metadata
-    count = 0
-    for k in range(metadata.num_row_groups):
-        group = metadata.row_group(k)
-        chunks = (group.column(j) for j in range(group.num_columns))
-        count += sum(chunk.num_values for chunk in chunks if f"{chunk.path_in_schema}.".startswith(f"{name}."))
-    return count
+    groups = (table.metadata.row_group(k) for k in range(table.metadata.num_row_groups))
+    chunks = (group.column(k) for group in groups for k in range(group.num_columns))
+    return sum(chunk.num_values for chunk in chunks if f"{chunk.path_in_schema}.".startswith(f"{name}."))
 
 
 def _episode_notes(episodes: list[Numbers]) -> tuple[str, ...]:
@@ -262,3 +226,33 @@ def _unit(metadata: Any) -> str:
         if metadata and key in metadata:
             return str(metadata[key].decode("utf-8", "replace"))
     return ""
+
+
+def _is_parquet(head: bytes, path: Path) -> bool:
+    return head.startswith((_MAGIC, _ENCRYPTED)) if head else (path / _INFO).is_file() and path.is_dir()
+
+
+def _contents(path: Path) -> Contents:
+    table = _Table(path)
+    columns = [name for column in table.columns for name in column.names]
+    units = {name: column.unit for column in table.columns for name in column.names if column.unit}
+    clocks = [column.names[0] for column in table.columns if column.is_clock]
+    if table.is_lerobot and _LEROBOT_CLOCK in columns:
+        clocks.insert(0, _LEROBOT_CLOCK)
+        units[_LEROBOT_CLOCK] = "s"
+    if not columns:
+        raise InputError(f"{path} has no columns of numbers; it has {listed_names(table.left_out)}")
+    stream = StreamContents(_STREAM, tuple(columns), table.rows, tuple(clocks), units=units)
+    return Contents(str(path), table.form, (stream,), table.notes())
+
+
+def _read(path: Path, wanted: Wanted) -> Recording:
+    table = _Table(path)
+    check_wanted(path, wanted, {_STREAM: [name for column in table.columns for name in column.names]})
+    names = list(wanted.get(_STREAM, ()))
+    values, notes = table.load(set(names))
+    stream = Stream(_STREAM, {name: values[name] for name in names})
+    return Recording(str(path), table.form, {_STREAM: stream}, (*table.notes(), *notes))
+
+
+PARQUET = RecordingFormat("Parquet", _is_parquet, _contents, _read)

@@ -7,13 +7,12 @@ line.
 from __future__ import annotations
 
 import re
-from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +24,9 @@ from regressors.errors import ExciteError, InputError, cut, listed_names, one_li
 HEAD = 4096  # bytes by which a file is recognised
 LARGEST_ARRAY = 100  # elements of one row; what has more, such as an image, is no measurement of joints
 JOINT_STATE = "sensor_msgs/JointState"
+SI_UNITS = {
+    "position": "rad", "velocity": "rad/s", "effort": "Nm", "current": "A", "temperature": "degC", "wrench": "N",
+}  # fmt: skip
 Numbers = NDArray[np.floating[Any] | np.integer[Any]]
 _COPIES = 2.0  # what was read, and what it becomes
 _REASON = 120  # characters of what a library says
@@ -109,34 +111,25 @@ class Recording:
     notes: tuple[str, ...] = ()
 
 
-class RecordingFormat(ABC):
-    """A format of recordings; a new one is one subclass, and its line in `excite.logs.recordings.formats`.
+Wanted: TypeAlias = Mapping[str, Sequence[str]]  # columns by the names of their streams
 
-    One of named arrays is an `excite.logs.recordings.array_streams.ArrayFormat`, one of messages of ROS an
-    `excite.logs.recordings.bags.BagFormat`.
+
+@dataclass(frozen=True)
+class RecordingFormat:
+    """A format of recordings; a new one is one of these, and its line in `excite.logs.recordings.formats`.
+
+    One of named arrays is made by `excite.logs.recordings.array_streams.array_format`, one of messages of ROS by
+    `excite.logs.recordings.bags.bag_format`.
     """
 
     name: str
-
-    @abstractmethod
-    def recognises(self, head: bytes, path: Path) -> bool:
-        """Whether a file or folder is of this format, by its content and not by its name."""
-
-    @abstractmethod
-    def contents(self, path: Path) -> Contents:
-        """What is inside, without loading all of it."""
-
-    @abstractmethod
-    def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
-        """Some columns."""
-
-    def glance(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
-        """Some columns, of as many rows as show what they are; all rows for most formats."""
-        return self.read(path, wanted)
-
-    def mapping_fields(self, path: Path) -> Mapping[str, object]:
-        """Fields of `excite.logs.mapping.LogMapping` that say how such a file is laid out; none for most formats."""
-        return {}
+    # whether a file or folder is of this format, by its content and not by its name: by its first bytes, and its path
+    recognises: Callable[[bytes, Path], bool]
+    contents: Callable[[Path], Contents]  # what is inside, without loading all of it
+    read: Callable[[Path, Wanted], Recording]  # some columns
+    glance: Callable[[Path, Wanted], Recording] | None = None  # of as many rows as show what they are; else of all
+    # fields of `excite.logs.mapping.LogMapping` that say how such a file is laid out; none for most formats
+    mapping_fields: Callable[[Path], Mapping[str, object]] = lambda _: {}
 
 
 def check_table(source: Path, rows: float, columns: float, copies: float = _COPIES) -> None:
@@ -146,7 +139,7 @@ def check_table(source: Path, rows: float, columns: float, copies: float = _COPI
     WorkPrediction(f"reading {source}", (part,)).check()
 
 
-def check_wanted(source: Path, wanted: Mapping[str, Sequence[str]], streams: Mapping[str, Collection[str]]) -> None:
+def check_wanted(source: Path, wanted: Wanted, streams: Mapping[str, Collection[str]]) -> None:
     """Refuse streams, or columns of these, that a recording does not have."""
     for name, columns in wanted.items():
         for one, known in ((name, streams), *((column, streams.get(name, ())) for column in columns)):

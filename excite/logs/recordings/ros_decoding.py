@@ -227,32 +227,25 @@ def _order(raw: bytes) -> str:
     return "<" if raw[1] else ">"
 
 
-@dataclass(frozen=True)
-class RosColumn:
-    """A column of a topic: element ``index`` of the numbers at a place."""
-
-    name: str
-    place: NumberPlace
-    index: int
-    meaning: Meaning | None = None
+RosColumn: TypeAlias = tuple[NumberPlace, int, Meaning | None]  # place of some numbers, which of them, what it is
 
 
-def layout_columns(topic: str, kind: str, layout: MessageLayout) -> list[RosColumn]:
+def layout_columns(topic: str, kind: str, layout: MessageLayout) -> dict[str, RosColumn]:
     """Columns of the messages of one layout and type, without the time at which they were recorded."""
-    columns: list[RosColumn] = []
+    columns: dict[str, RosColumn] = {}
     names = layout.names if len(set(layout.names)) == len(layout.names) else ()
     for path, place in layout.places.items():
         if path == _COUNTER:
             continue
         if not place.array:
-            columns.append(RosColumn(_joined(topic, path), place, 0, _wrench(kind, path)))
+            columns[_joined(topic, path)] = place, 0, _wrench(kind, path)
         elif place.count == len(names) and "[" not in path:
             part, _, last = path.rpartition("/")
             last = _SINGULAR.get(last, last)
             for k, name in enumerate(names):
-                columns.append(RosColumn(_joined(topic, name, part, last), place, k, _joint(kind, part, last, name)))
+                columns[_joined(topic, name, part, last)] = place, k, _joint(kind, part, last, name)
         else:
-            columns += [RosColumn(f"{_joined(topic, path)}[{k}]", place, k) for k in range(place.count)]
+            columns |= {f"{_joined(topic, path)}[{k}]": (place, k, None) for k in range(place.count)}
     return columns
 
 

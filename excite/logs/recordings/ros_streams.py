@@ -5,7 +5,8 @@ A bag is read twice: once to find topics and layouts, whose result is kept, and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Container, Hashable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.logs.recordings.bag_records import BagFile, Topic
+from excite.logs.recordings.bag_records import BagReader, Message, Topic
 from excite.logs.recordings.recording import (
     Contents,
     Meaning,
@@ -22,6 +23,7 @@ from excite.logs.recordings.recording import (
     Recording,
     Stream,
     StreamContents,
+    Wanted,
     check_table,
     check_wanted,
 )
@@ -49,9 +51,9 @@ _MOST_LAYOUTS, _MOST_SHAPES, _MOST_FAULTS = 6000, 200, 100  # 7 joints have 5040
 _LEFT_OUT_SHOWN = 8
 
 
-def bag_contents(bag: BagFile, form: str) -> Contents:
+def bag_contents(messages: BagReader, path: Path, state: Hashable, form: str) -> Contents:
     """Contents of a bag; all of it is read once, but no number is decoded."""
-    topics, notes = _scan_of(type(bag), bag.path, bag.state)
+    topics, notes = _scan_of(messages, path, state)
     streams = tuple(
         _stream_contents(name, rows.topic, layouts)
         for rows in topics.values()
@@ -61,51 +63,49 @@ def bag_contents(bag: BagFile, form: str) -> Contents:
     shown = [(cut(name), why) for name, why in list(left_out.items())[:_LEFT_OUT_SHOWN]]
     if not streams:
         why = "".join(f"; {name}: {why}" for name, why in shown)
-        raise InputError(f"{bag.path}: no topic has messages with numbers{why}")
+        raise InputError(f"{path}: no topic has messages with numbers{why}")
     left = (f"topic {name} is left out: {why}" for name, why in shown)
-    return Contents(str(bag.path), form, streams, (*notes, *left))
+    return Contents(str(path), form, streams, (*notes, *left))
 
 
 def _stream_contents(name: str, topic: Topic, layouts: list[_Known]) -> StreamContents:
-    columns = {column.name: column for one in layouts for column in one.columns}
+    columns = {name: column for one in layouts for name, column in one.columns.items()}
     stamp, time = f"{topic.name}/{STAMP}", f"{topic.name}/{MESSAGE_TIME}"
-    units = {name: "ns" for name, column in columns.items() if column.place.kind == "stamp"}
+    units = {name: "ns" for name, (place, _, _) in columns.items() if place.kind == "stamp"}
     units |= {name: "degC" for name in columns if topic.kind == TEMPERATURE and name.endswith("/temperature")}
-    meanings: dict[str, Meaning] = {name: c.meaning for name, c in columns.items() if c.meaning is not None}
+    meanings: dict[str, Meaning] = {name: meaning for name, (_, _, meaning) in columns.items() if meaning is not None}
     clocks = (stamp, time) if stamp in columns else (time,)
     rows = sum(one.rows for one in layouts)
     return StreamContents(name, (*columns, time), rows, clocks, meanings, units | {time: "ns"})
 
 
-def bag_columns(bag: BagFile, form: str, wanted: Mapping[str, Sequence[str]]) -> Recording:
+def bag_columns(messages: BagReader, path: Path, state: Hashable, form: str, wanted: Wanted) -> Recording:
     """Columns of a bag, by the names of their streams."""
-    topics, notes = _scan_of(type(bag), bag.path, bag.state)
-    check_wanted(bag.path, dict.fromkeys(wanted, ()), {name: () for rows in topics.values() for name in rows.streams()})
+    topics, notes = _scan_of(messages, path, state)
+    check_wanted(path, dict.fromkeys(wanted, ()), {name: () for rows in topics.values() for name in rows.streams()})
     tables: dict[str, _Table] = {}
-    by_topic: dict[Topic, dict[int, _Table]] = {}
+    by_topic: dict[Topic, dict[_Known, _Table]] = {}
     for topic, rows in topics.items():
         for name, layouts in rows.streams().items():
             if name in wanted:
-                check_table(bag.path, sum(one.rows for one in layouts), len(wanted[name]))
+                check_table(path, sum(one.rows for one in layouts), len(wanted[name]))
                 tables[name] = table = _Table(topic, wanted[name], layouts)
                 rows.faulty = 0
-                by_topic.setdefault(topic, {}).update({id(one): table for one in layouts})
-    for topic, times, raws in _batches(bag, by_topic.__contains__):
+                by_topic.setdefault(topic, {}).update(dict.fromkeys(layouts, table))
+    for topic, times, raws in _batches(messages(path, by_topic.__contains__, [])):
         _fill(by_topic[topic], topics[topic], times, raws)
     streams = {name: Stream(name, table.columns) for name, table in tables.items()}
-    return Recording(str(bag.path), form, streams, notes)
+    return Recording(str(path), form, streams, notes)
 
 
-def _fill(tables: Mapping[int, _Table], rows: _TopicRows, times: list[int], raws: list[bytes]) -> None:
+def _fill(tables: Mapping[_Known, _Table], rows: _TopicRows, times: list[int], raws: list[bytes]) -> None:
     """Decode some messages of a topic into the tables of its streams."""
-    groups: dict[int, list[_Group]] = {}
-    for one, numbers, content in rows.groups(raws):
-        if (table := tables.get(id(one))) is not None:
-            groups.setdefault(id(table), []).append((one, numbers, content))
-    stamps = np.array(times, dtype=np.int64)
-    for table in {id(table): table for table in tables.values()}.values():
-        if id(table) in groups:
-            table.add(groups[id(table)], stamps)
+    groups: dict[_Table, list[_Group]] = {}
+    for group in rows.groups(raws):
+        if (table := tables.get(group[0])) is not None:
+            groups.setdefault(table, []).append(group)
+    for table, several in groups.items():
+        table.add(several, np.array(times, dtype=np.int64))
 
 
 class _Table:
@@ -114,7 +114,7 @@ class _Table:
     def __init__(self, topic: Topic, names: Sequence[str], layouts: list[_Known]) -> None:
         self.rows, self.filled = sum(one.rows for one in layouts), 0
         self.time = f"{topic.name}/{MESSAGE_TIME}"
-        stamps = [{column.name for column in one.columns if column.place.kind == "stamp"} for one in layouts]
+        stamps = [{name for name, (place, _, _) in one.columns.items() if place.kind == "stamp"} for one in layouts]
         whole = set.intersection(*stamps) | {self.time}
         self.columns: dict[str, Numbers] = {
             name: np.zeros(self.rows, np.int64) if name in whole else np.full(self.rows, np.nan) for name in names
@@ -135,12 +135,11 @@ class _Table:
 def _decoded(one: _Known, content: Bytes, wanted: Container[str]) -> Iterator[tuple[str, Numbers]]:
     """Columns that are wanted of messages of one layout."""
     blocks: dict[int, Numbers] = {}
-    for column in one.columns:
-        if column.name in wanted:
-            place = column.place
+    for name, (place, index, _) in one.columns.items():
+        if name in wanted:
             if place.at not in blocks:
                 blocks[place.at] = _numbers(content, place, one.layout.order)
-            yield column.name, blocks[place.at][:, column.index]
+            yield name, blocks[place.at][:, index]
 
 
 def _numbers(content: Bytes, place: NumberPlace, order: str) -> Numbers:
@@ -156,23 +155,20 @@ def _numbers(content: Bytes, place: NumberPlace, order: str) -> Numbers:
 
 
 @lru_cache(maxsize=4)
-def _scan_of(kind: type[BagFile], path: Path, state: Hashable) -> tuple[Mapping[Topic, _TopicRows], tuple[str, ...]]:
+def _scan_of(messages: BagReader, path: Path, state: Hashable) -> tuple[Mapping[Topic, _TopicRows], tuple[str, ...]]:
     """Topics of a bag with all their layouts, and notes; contents and columns are usually asked for in turn."""
-    bag = kind(path)
-    topics: dict[Topic, _TopicRows] = {}
+    topics, notes = dict[Topic, _TopicRows](), list[str]()
 
     def wanted(topic: Topic) -> bool:
         topics.setdefault(topic, _TopicRows(path, topic, topic.unread))
         return not topic.unread
 
-    for topic, _, raws in _batches(bag, wanted):
+    for topic, _, raws in _batches(messages(path, wanted, notes)):
         rows = topics[topic]
-        try:
+        with suppress(UnreadableMessage):  # which the topic then is as a whole
             for one, numbers, _ in [] if rows.unread else rows.groups(raws):
                 one.rows += numbers.size
             rows.met += len(raws)
-        except (_TopicUnread, UnreadableMessage) as error:
-            rows.unread = str(error)
     for rows in topics.values():
         if not rows.unread and not rows.streams():
             rows.unread = f"its messages ({cut(rows.topic.kind)}) have no numbers"
@@ -181,14 +177,14 @@ def _scan_of(kind: type[BagFile], path: Path, state: Hashable) -> tuple[Mapping[
         for topic, rows in topics.items()
         if rows.faulty and not rows.unread
     ]
-    return topics, (*bag.notes, *faulty)
+    return topics, (*notes, *faulty)
 
 
-def _batches(bag: BagFile, wanted: Callable[[Topic], bool]) -> Iterator[_Batch]:
+def _batches(messages: Iterator[Message]) -> Iterator[_Batch]:
     """Messages of each topic, some thousand at once."""
     held: dict[int, _Batch] = {}  # by the identity of the topic, which is quicker than its hash
     waiting = 0
-    for topic, time, raw in bag.messages(wanted):
+    for topic, time, raw in messages:
         _, times, raws = held.get(id(topic)) or held.setdefault(id(topic), (topic, [], []))
         times.append(time)
         raws.append(raw)
@@ -204,23 +200,17 @@ class _Known:
     """A layout that some messages of a topic have; the first of them is number ``first``."""
 
     layout: MessageLayout
-    columns: list[RosColumn]
+    columns: dict[str, RosColumn]
     first: int
     rows: int = 0
 
     @property
     def has_numbers(self) -> bool:
-        return any(column.place.kind != "stamp" for column in self.columns)
+        return any(place.kind != "stamp" for place, _, _ in self.columns.values())
 
 
-@dataclass(eq=False)
-class _Alike:
-    """Layouts whose structural bytes are at the same positions, by these bytes; they differ by names or lengths."""
-
-    fixed: NDArray[np.intp]
-    layouts: dict[bytes, _Known] = field(default_factory=dict)
-
-
+# Layouts whose structural bytes are at the same positions, by these bytes; they differ by names or lengths
+_Alike: TypeAlias = tuple[NDArray[np.intp], dict[bytes, _Known]]
 _Group: TypeAlias = tuple[_Known, Index, Bytes]  # messages of one layout: their numbers, and their bytes
 _Batch: TypeAlias = tuple[Topic, list[int], list[bytes]]
 
@@ -245,7 +235,7 @@ class _TopicRows:
         for length in np.unique(lengths).tolist():
             rows = np.flatnonzero(lengths == length)
             if length > LARGEST_MESSAGE:
-                raise _TopicUnread(f"it has messages of {length} bytes, more than measurements of joints need")
+                raise self._given_up(f"it has messages of {length} bytes, more than measurements of joints need")
             content = b"".join(raws) if len(rows) == len(raws) else b"".join(raws[k] for k in rows.tolist())
             yield from self._of_equal_length(np.frombuffer(content, np.uint8).reshape(len(rows), length), rows)
 
@@ -260,42 +250,36 @@ class _TopicRows:
             left = left[~taken[left]]
             if not left.size:
                 return
-        found: dict[int, tuple[_Known, list[int]]] = {}
-        for k in left.tolist():
-            if (new := self._found_or_new(known, content[k], self.met + int(rows[k]))) is not None:
-                found.setdefault(id(new), (new, []))[1].append(k)
-        for one, several in found.values():
+        found = [(self._found_or_new(known, content[k], self.met + int(rows[k])), k) for k in left.tolist()]
+        for one, several in _grouped(found):
             yield one, rows[several], content[several]
 
     def _found_or_new(self, known: list[_Alike], message: Bytes, number: int) -> _Known | None:
         """Layout of one message; None where it does not follow its definition."""
-        for alike in known:
-            if (met := alike.layouts.get(message[alike.fixed].tobytes())) is not None:
+        for fixed, layouts in known:
+            if (met := layouts.get(message[fixed].tobytes())) is not None:
                 return met
         try:
             layout = self._layout(message.tobytes())
         except UnreadableMessage as error:
+            if self.unread:
+                raise
             self.faulty += 1
             if self.faulty > _MOST_FAULTS:
                 why = f"more than {_MOST_FAULTS} messages do not follow its definition: {error}"
-                raise _TopicUnread(why) from error
+                raise self._given_up(why) from error
             return None
         fixed = layout.fixed
         one = _Known(layout, layout_columns(self.topic.name, self.topic.kind, layout), number)
-        alike = next((each for each in known if np.array_equal(each.fixed, fixed)), _Alike(fixed))
-        if not alike.layouts:
-            known.append(alike)
+        alike = next((layouts for each, layouts in known if np.array_equal(each, fixed)), None)
+        if alike is None:
+            known.append((fixed, alike := {}))
             self.shapes += 1
         if self.count >= _MOST_LAYOUTS or self.shapes > _MOST_SHAPES:
-            raise _TopicUnread(f"its messages have more than {self.count} different layouts")
-        alike.layouts[message[fixed].tobytes()] = one
+            raise self._given_up(f"its messages have more than {self.count} different layouts")
+        alike[message[fixed].tobytes()] = one
         self.count += 1
         return one
-
-    @property
-    def layouts(self) -> list[_Known]:
-        """All layouts that were met."""
-        return [one for several in self.known.values() for alike in several for one in alike.layouts.values()]
 
     def _layout(self, raw: bytes) -> MessageLayout:
         topic = self.topic
@@ -310,14 +294,20 @@ class _TopicRows:
             else:
                 self.definitions = definitions
                 return layout
-        raise _TopicUnread(why)
+        raise self._given_up(why)
+
+    def _given_up(self, why: str) -> UnreadableMessage:
+        """Read no message of the topic."""
+        self.unread = why
+        return UnreadableMessage(why)
 
     def streams(self) -> dict[str, list[_Known]]:
         """Layouts of each stream: messages that share a joint, directly or through others, are of one stream."""
         groups: list[tuple[set[str], list[_Known]]] = []
         if self.unread:
             return {}
-        for one in (one for one in self.layouts if one.layout.names or one.has_numbers):
+        met = (one for several in self.known.values() for _, layouts in several for one in layouts.values())
+        for one in (one for one in met if one.layout.names or one.has_numbers):
             joints, layouts = set(one.layout.names or ("",)), [one]  # by which it is put into a stream
             for group in [group for group in groups if group[0] & joints]:
                 groups.remove(group)
@@ -333,18 +323,21 @@ class _TopicRows:
 
 def _by_layout(alike: _Alike, content: Bytes, rows: Index) -> Iterator[tuple[_Known, Index]]:
     """Messages of known layouts: which of the given rows have which."""
-    fixed = content[:, alike.fixed] if rows.size == len(content) else content[np.ix_(rows, alike.fixed)]
-    if (one := alike.layouts.get(fixed[0].tobytes())) is not None and (fixed == fixed[0]).all():
+    places, layouts = alike
+    fixed = content[:, places] if rows.size == len(content) else content[np.ix_(rows, places)]
+    if (one := layouts.get(fixed[0].tobytes())) is not None and (fixed == fixed[0]).all():
         yield one, rows
         return
-    raw, width = fixed.tobytes(), alike.fixed.size
-    found: dict[int, tuple[_Known, list[int]]] = {}
-    for k, row in enumerate(rows.tolist()):
-        if (one := alike.layouts.get(raw[k * width : (k + 1) * width])) is not None:
-            found.setdefault(id(one), (one, []))[1].append(row)
-    for one, several in found.values():
+    raw, width = fixed.tobytes(), places.size
+    keys = (raw[k * width : (k + 1) * width] for k in range(rows.size))
+    yield from _grouped(zip(map(layouts.get, keys), rows.tolist(), strict=True))
+
+
+def _grouped(found: Iterable[tuple[_Known | None, int]]) -> Iterator[tuple[_Known, Index]]:
+    """Rows of each layout; those without one are left out."""
+    groups: dict[_Known, list[int]] = {}
+    for one, row in found:
+        if one is not None:
+            groups.setdefault(one, []).append(row)
+    for one, several in groups.items():
         yield one, np.array(several)
-
-
-class _TopicUnread(Exception):
-    """No message of the topic is read; the text says why."""

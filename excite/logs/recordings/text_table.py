@@ -17,19 +17,21 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
-from excite.logs.layout import MOST_COLUMNS, Layout, cells, is_number, listed, si_channel, twice
+from excite.logs.layout import CHANNELS, MOST_COLUMNS, Layout, cells, is_number, listed, si_channel, twice
 from excite.logs.recordings.recording import (
     JOINT_STATE,
+    SI_UNITS,
     Contents,
     Meaning,
     Recording,
     RecordingFormat,
     Stream,
     StreamContents,
+    Wanted,
 )
 from excite.logs.table import sparse_table
 from excite.logs.text import Text, text_of
@@ -43,56 +45,46 @@ _SEARCHED = 160  # lines
 _ROWS = 20  # of numbers, by which a separator is judged
 
 
-class TextTable(RecordingFormat):
-    """Tables of numbers in text."""
-
-    name = "text"
-
-    def recognises(self, head: bytes, path: Path) -> bool:
-        """Whether it may be a text: it has no zero byte."""
-        with suppress(UnicodeDecodeError):
-            head[: max(1, len(head) - 4)].decode("utf-8")
-            return bool(head) and b"\0" not in head
-        return False
-
-    def contents(self, path: Path) -> Contents:
-        """Columns and number of rows."""
-        with text_of(path) as text:
-            layout = _table_layout(text)
-            maker = maker_of(layout.titles)
-            titles = dict(zip(layout.names, layout.titles, strict=True))
-            units = {name: unit for name, unit in zip(layout.names, layout.units, strict=True) if unit}
-            clocks: tuple[str, ...] = ()
-            meanings = {}
-            if maker is not None and maker.clock in layout.names:
-                clocks, units = (maker.clock,), {**units, maker.clock: maker.unit}
-                meanings = maker.meanings(layout.names)
-            rows = len(text.lines) - layout.first
-            table = StreamContents(TABLE, layout.names, rows, clocks, meanings, units, titles)
-            return Contents(text.source, _kind_of(layout), (table,), text.mended)
-
-    def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
-        """Columns as numbers."""
-        return _read(path, wanted, None)
-
-    def glance(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
-        """Columns of the first rows: text is slow to read, and the log is read next."""
-        return _read(path, wanted, _GLANCED)
-
-    def mapping_fields(self, path: Path) -> Mapping[str, object]:
-        """Separator, header and lines before the table."""
-        with text_of(path) as text:
-            layout = _table_layout(text)
-        skip = layout.first if layout.header is None else layout.header
-        separator = _NAMES.get(layout.separator, layout.separator)
-        return {"separator": separator, "header": layout.header is not None, "skip": skip}
+def _is_text(head: bytes, path: Path) -> bool:
+    """Whether it may be a text: it has no zero byte."""
+    with suppress(UnicodeDecodeError):
+        head[: max(1, len(head) - 4)].decode("utf-8")
+        return bool(head) and b"\0" not in head
+    return False
 
 
-def _read(path: Path, wanted: Mapping[str, Sequence[str]], most: int | None) -> Recording:
+def _contents(path: Path) -> Contents:
+    """Columns and number of rows."""
+    with text_of(path) as text:
+        layout = _table_layout(text)
+        maker = maker_of(layout.titles)
+        titles = dict(zip(layout.names, layout.titles, strict=True))
+        units = {name: unit for name, unit in zip(layout.names, layout.units, strict=True) if unit}
+        table = StreamContents(TABLE, layout.names, len(text.lines) - layout.first, units=units, titles=titles)
+        if maker is not None and maker.clock in layout.names:
+            units, meanings = {**units, maker.clock: maker.unit}, maker.meanings(layout.names)
+            table = replace(table, clocks=(maker.clock,), units=units, meanings=meanings)
+        return Contents(text.source, _kind_of(layout), (table,), text.mended)
+
+
+def _glance(path: Path, wanted: Wanted) -> Recording:
+    """Columns of the first rows: text is slow to read, and the log is read next."""
+    return _read(path, wanted, _GLANCED)
+
+
+def _mapping_fields(path: Path) -> Mapping[str, object]:
+    """Separator, header and lines before the table."""
+    with text_of(path) as text:
+        layout = _table_layout(text)
+    skip = layout.first if layout.header is None else layout.header
+    separator = _NAMES.get(layout.separator, layout.separator)
+    return {"separator": separator, "header": layout.header is not None, "skip": skip}
+
+
+def _read(path: Path, wanted: Wanted, most: int | None = None) -> Recording:
     with text_of(path) as text:
         found = _table_layout(text)
-        columns = dict.fromkeys(wanted.get(TABLE, ()))
-        place = {name: found.names.index(name) for name in columns}
+        place = {name: found.names.index(name) for name in wanted.get(TABLE, ())}
         used = sorted(place.values()) or [0]
         shown = tuple(title or name for title, name in zip(found.titles, found.names, strict=True))
         layout = Layout(found.separator, found.first, shown, used[0], 1.0, (), {"columns": si_channel(used)})
@@ -106,10 +98,8 @@ def _read(path: Path, wanted: Mapping[str, Sequence[str]], most: int | None) -> 
 
 def _table_layout(text: Text) -> TextLayout:
     """Layout of the table in a text."""
-    layout = text_layout(text.lines)
-    if layout is None:
-        shown = listed(list(text.lines[:2]))
-        raise InputError(f"{text.source} holds no table of numbers; it begins with {shown}")
+    if (layout := text_layout(text.lines)) is None:
+        raise InputError(f"{text.source} holds no table of numbers; it begins with {listed(list(text.lines[:2]))}")
     return layout
 
 
@@ -195,17 +185,17 @@ class TextMaker:
     name: str
     marks: frozenset[str]  # columns by which its tables are recognised
     clock: str  # column of the time
-    unit: str  # of the time
-    columns: Mapping[str, tuple[str, str]]  # quantity and unit by the pattern of a name, whose group is the joint
+    columns: Mapping[str, str]  # pattern of the names of each quantity, whose group is the joint
     why: str  # source of the definitions
+    unit: str = "s"  # of the time
 
     def meanings(self, names: Sequence[str]) -> dict[str, Meaning]:
         """What the columns of a table are, of those that are defined."""
         meanings = {}
         for name in names:
-            for pattern, (quantity, unit) in self.columns.items():
+            for quantity, pattern in self.columns.items():
                 if match := re.fullmatch(pattern, name):
-                    meanings[name] = Meaning(quantity, match[1], unit, self.why)
+                    meanings[name] = Meaning(quantity, match[1], SI_UNITS[quantity], self.why)
         return meanings
 
 
@@ -214,13 +204,12 @@ MAKERS = (
         "Universal Robots RTDE recording",
         frozenset({"timestamp", "actual_q_0"}),
         "timestamp",
-        "s",
         {
-            r"actual_q_(\d)": ("position", "rad"),
-            r"actual_qd_(\d)": ("velocity", "rad/s"),
-            r"actual_current_(\d)": ("current", "A"),
-            r"actual_current_as_torque_(\d)": ("effort", "Nm"),
-            r"joint_temperatures_(\d)": ("temperature", "degC"),
+            "position": r"actual_q_(\d)",
+            "velocity": r"actual_qd_(\d)",
+            "current": r"actual_current_(\d)",
+            "effort": r"actual_current_as_torque_(\d)",
+            "temperature": r"joint_temperatures_(\d)",
         },
         "RTDE Guide of Universal Robots",
     ),
@@ -228,24 +217,15 @@ MAKERS = (
         "libfranka log",
         frozenset({"time", "success_rate", "state.q[0]"}),
         "time",
-        "ms",
-        {
-            r"state\.q\[(\d)\]": ("position", "rad"),
-            r"state\.dq\[(\d)\]": ("velocity", "rad/s"),
-            r"state\.tau_J\[(\d)\]": ("effort", "Nm"),
-        },
+        {"position": r"state\.q\[(\d)\]", "velocity": r"state\.dq\[(\d)\]", "effort": r"state\.tau_J\[(\d)\]"},
         "franka::logToCSV",
+        "ms",
     ),
     TextMaker(
         "PlotJuggler",
         frozenset({"__time"}),
         "__time",
-        "s",
-        {
-            r"/(?:.*/)?joint_states/([^/]+)/position": ("position", "rad"),
-            r"/(?:.*/)?joint_states/([^/]+)/velocity": ("velocity", "rad/s"),
-            r"/(?:.*/)?joint_states/([^/]+)/effort": ("effort", "Nm"),
-        },
+        {quantity: rf"/(?:.*/)?joint_states/([^/]+)/{quantity}" for quantity in ("position", "velocity", "effort")},
         JOINT_STATE,
     ),
 )
@@ -254,13 +234,9 @@ HOUSE = TextMaker(
     "excite log",
     frozenset({"time"}),
     "time",
-    "s",
     {
-        r"(.+)\.position": ("position", "rad"),
-        r"(.+)\.velocity": ("velocity", "rad/s"),
-        r"(.+)\.effort": ("effort", "Nm"),
-        r"(.+)\.temperature": ("temperature", "degC"),
-        r"wrench\.((?:force|torque)\.[xyz])": ("wrench", "N"),
+        "wrench": r"wrench\.((?:force|torque)\.[xyz])",
+        **{quantity: rf"(.+)\.{quantity}" for quantity in CHANNELS.values()},
     },
     "the house format",
 )
@@ -272,3 +248,6 @@ def maker_of(titles: Sequence[str]) -> TextMaker | None:
     if there >= HOUSE.marks and any(title.endswith(".position") for title in titles):
         return HOUSE
     return next((maker for maker in MAKERS if there >= maker.marks), None)
+
+
+TEXT = RecordingFormat("text", _is_text, _contents, _read, _glance, _mapping_fields)

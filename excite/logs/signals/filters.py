@@ -38,9 +38,9 @@ def edge(rate: float, cutoff: float) -> int:
     return math.ceil(2 * rate / cutoff)
 
 
-def kept_rows(count: int, rate: float, cutoff: float, every: int | None = None, order: int = ORDER) -> slice:
+def kept_rows(count: int, rate: float, cutoff: float, every: int | None = None) -> slice:
     """Which of some uniform instants are left after a low-pass and decimation: neighbours are then not redundant."""
-    _check_cutoff(rate, cutoff, order)
+    _check_cutoff(rate, cutoff, ORDER)
     step = decimation(rate, cutoff) if every is None else every
     check_positive("decimation", every=step)
     if cutoff > rate / (2 * step):
@@ -83,13 +83,12 @@ class Butterworth(Method):
         h = spacing(time, self.name, 16)
         cutoff, origin = chosen_cutoff(q, 1 / h) if self.cutoff is None else (self.cutoff, f"{self.cutoff:g} Hz")
         smooth = low_passed(q, 1 / h, cutoff, self.order)
-        velocity, acceleration = smooth_differences(smooth, h)
         ends = max(edge(1 / h, cutoff), 3)
         assumed = (
             f"no motion above the cutoff; zero-phase Butterworth of order {self.order} twice, cutoff {origin}; "
             f"seven-point differences; {ends * h:.3g} s cut at each end"
         )
-        return cut_motion(time, (smooth, velocity, acceleration), ends, assumed)
+        return cut_motion(time, (smooth, *smooth_differences(smooth, h)), ends, assumed)
 
     def settled(self, time: Array, q: Array) -> Butterworth:
         """The method with the cutoff that it chooses."""
@@ -171,11 +170,7 @@ class SavitzkyGolay(Method):
             raise InputError(f"{self.name}: the window of {length} samples is longer than the {time.size} samples")
         if length <= self.degree:
             raise InputError(f"{self.name}: the window of {length} samples is too short for degree {self.degree}")
-        state = (
-            scipy.signal.savgol_filter(q, length, self.degree, deriv=0, axis=0),
-            scipy.signal.savgol_filter(q, length, self.degree, deriv=1, delta=h, axis=0),
-            scipy.signal.savgol_filter(q, length, self.degree, deriv=2, delta=h, axis=0),
-        )
+        state = [scipy.signal.savgol_filter(q, length, self.degree, d, h, axis=0) for d in (0, 1, 2)]
         assumed = (
             f"polynomials of degree {self.degree} over {length} samples ({2 * half * h:.3g} s, {origin}); "
             f"{half * h:.3g} s cut at each end"
@@ -202,9 +197,8 @@ class SavitzkyGolay(Method):
 
         def filtered(positions: Array) -> FilteredMotion:
             spectrum = scipy.fft.rfft(np.ascontiguousarray(positions.T), length)
-            states = (scipy.fft.irfft(spectrum * kernel, length)[:, : time.size].T for kernel in response)
-            smooth, velocity, acceleration = states
-            return cut_motion(time, (smooth, velocity, acceleration), half, motion.assumed)
+            state = [scipy.fft.irfft(spectrum * kernel, length)[:, : time.size].T for kernel in response]
+            return cut_motion(time, state, half, motion.assumed)
 
         return filtered
 

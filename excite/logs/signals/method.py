@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
-import scipy.interpolate
 from scipy.interpolate import CubicSpline
 
 from excite.logs.event import LONGEST, Gap, gaps
-from excite.logs.log import Log
+from excite.logs.log import Log, channels_of
 from excite.registry import SIGNALS, built_in
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.samples import Array, Samples
 
 
@@ -63,7 +62,7 @@ def spacing(time: Array, what: str, least: int) -> float:
     return step
 
 
-def cut_motion(time: Array, state: tuple[Array, Array, Array], edge: int, assumed: str) -> FilteredMotion:
+def cut_motion(time: Array, state: Sequence[Array], edge: int, assumed: str) -> FilteredMotion:
     """Motion without some samples at both ends."""  # time (N,); state (N, n)
     if time.size <= 2 * edge:
         raise InputError(f"{time.size} samples are too few: {edge} are cut from each end ({assumed})")
@@ -98,39 +97,27 @@ class MeasuredVelocity(Method):
         method = self.method.settled(time, q)
         position, velocity = method.motion(time, q), method.motion(time, dq)
         edge = max(position.kept.start, velocity.kept.start)
-        state = (
-            _whole(position.samples.q, position.kept, q),
-            _whole(velocity.samples.q, velocity.kept, q),
-            _whole(velocity.samples.dq, velocity.kept, q),
-        )
+        parts = ((position, position.samples.q), (velocity, velocity.samples.q), (velocity, velocity.samples.dq))
+        state = tuple(np.full_like(q, np.nan) for _ in parts)
+        for whole, (motion, part) in zip(state, parts, strict=True):
+            whole[motion.kept] = part
         assumed = f"measured velocities; positions: {position.assumed}; velocities: {velocity.assumed}"
         return cut_motion(time, state, edge, assumed)
 
 
-def _whole(part: Array, kept: slice, like: Array) -> Array:
-    whole = np.full_like(like, np.nan)
-    whole[kept] = part
-    return whole
-
-
 def signal_method(name: str, *, measured_velocity: bool = False, **options: Any) -> Method:
     """Create a signal method by name."""
-    if name not in SIGNALS:
-        raise UnknownName("method of signals", name, SIGNALS)
+    check_names("method of signals", [name], SIGNALS)
     kind = built_in("signals", name)
-    settings = [field.name for field in fields(kind)]
-    for option in options:
-        if option not in settings:
-            raise UnknownName(f"setting of {name}", option, settings)
+    check_names(f"setting of {name}", options, [field.name for field in fields(kind)])
     method: Method = kind(**options)
     return MeasuredVelocity(method) if measured_velocity else method
 
 
 _UNIFORM = 1e-6
-_COARSER = 0.9
 _EVEN = 0.01  # of a step
 _COPIES = 3.0
-_CHANNELS, _SMOOTH = ("q", "dq", "effort", "wrench", "temperature"), ("q", "dq")
+_SMOOTH = ("q", "dq")
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,51 +128,44 @@ class Resampled:
     note: str  # unevenness of the time stamps, and how they were resampled
 
 
-def resample(log: Log, rate: float | None = None) -> Resampled:
+def resample(log: Log) -> Resampled:
     """Log on uniform instants from its first to its last.
 
     Positions and velocities by cubic splines, torques, wrenches and temperatures linearly. A log whose instants are
     uniform to 1e-6 of its sample time is left as it is. Where rows are missing, the others keep their instants; gaps of
     up to a second are bridged by polynomials, see `excite.logs.signals.method`.
     """
-    check_positive("resampling", rate=rate)
     if log.count < 4:
         raise InputError(f"{log.source}: resampling needs 4 rows or more, given {log.count}")
     intervals = gaps(log)
     if long := [gap for gap in intervals if gap.length > LONGEST]:
         raise InputError(f"{log.source}: not resampled across gaps of {', '.join(map(str, long))}; split the log")
-    mean = _own_rate(log)
-    wanted = mean if rate is None else rate
-    if wanted < _COARSER * mean:
-        raise InputError(f"{log.source}: {wanted:g} Hz is less than its {mean:.4g} Hz; filter before leaving out rows")
-    step = np.diff(log.time)
-    uneven = float(np.abs(step - 1 / mean).max())
-    if rate is None and uneven <= _UNIFORM / mean:
-        return Resampled(log, f"time stamps are uniform, {mean:.6g} Hz")
-    _prediction(log, log.duration * wanted).check()
-    time = log.time[0] + np.arange(int(np.floor(log.duration * wanted + 1e-9)) + 1) / wanted
+    rate, step = _own_rate(log), np.diff(log.time)
+    if float(np.abs(step - 1 / rate).max()) <= _UNIFORM / rate:
+        return Resampled(log, f"time stamps are uniform, {rate:.6g} Hz")
+    _check_memory(log, log.duration * rate)
+    time = log.time[0] + np.arange(int(np.floor(log.duration * rate + 1e-9)) + 1) / rate
     time = np.minimum(time, log.time[-1])
-    known = {name: x for name in _CHANNELS if (x := getattr(log, name)) is not None}
-    smooth = {name: _smooth(log, x, intervals, time) for name, x in known.items() if name in _SMOOTH}
-    linear = {name: _linear(log.time, x, time) for name, x in known.items() if name not in _SMOOTH}
-    channels: dict[str, Any] = dict.fromkeys(_CHANNELS) | smooth | linear
+    channels: dict[str, Any] = {
+        name: _smooth(log.time, x, intervals, time) if name in _SMOOTH else _linear(log.time, x, time)
+        for name, x in channels_of(log).items()
+    }
     new = Log(log.source, log.sha256, log.joints, time, **channels, left_out=log.left_out)
     return Resampled(
         new,
         f"time stamps {1e3 * step.min():.3g} to {1e3 * step.max():.3g} ms apart (standard deviation "
-        f"{1e3 * step.std():.2g} ms) taken as true; resampled at {wanted:.6g} Hz, positions and velocities by cubic "
+        f"{1e3 * step.std():.2g} ms) taken as true; resampled at {rate:.6g} Hz, positions and velocities by cubic "
         "splines, the rest linearly",
     )
 
 
-def _prediction(log: Log, instants: float) -> WorkPrediction:
-    """Memory of the resampled log: time stamps in another unit, or a few close together, make many instants of it."""
-    columns = 1 + sum(x.shape[1] for name in _CHANNELS if (x := getattr(log, name)) is not None)
+def _check_memory(log: Log, instants: float) -> None:
+    """Refuse many instants, which time stamps in another unit, or a few close together, make of a log."""
+    columns = 1 + sum(x.shape[1] for x in channels_of(log).values())
     remedy = f"check the unit of the time stamps, which last {log.duration:.3g} s, or choose fewer rows with `rows`"
     held = FLOAT * _COPIES * instants * columns
-    return WorkPrediction(
-        f"{log.source}: resampling", (MemoryPart("instants", instants, columns, held, remedy=remedy),)
-    )
+    part = MemoryPart("instants", instants, columns, held, remedy=remedy)
+    WorkPrediction(f"{log.source}: resampling", (part,)).check()
 
 
 def _own_rate(log: Log) -> float:
@@ -199,14 +179,10 @@ def _own_rate(log: Log) -> float:
     return float(step.size / log.duration)
 
 
-def _smooth(log: Log, x: Array, intervals: tuple[Gap, ...], new: Array) -> Array:
-    if not intervals:
-        return _cubic(log.time, x, new)
-    return _cubic(*bridged(log.time, x, intervals, float(np.median(np.diff(log.time)))), new)
-
-
-def _cubic(time: Array, x: Array, new: Array) -> Array:
-    return np.asarray(scipy.interpolate.CubicSpline(time, x, axis=0)(new))
+def _smooth(time: Array, x: Array, intervals: tuple[Gap, ...], new: Array) -> Array:
+    if intervals:
+        time, x = bridged(time, x, intervals, float(np.median(np.diff(time))))
+    return np.asarray(CubicSpline(time, x, axis=0)(new))
 
 
 def _linear(time: Array, x: Array, new: Array) -> Array:

@@ -11,7 +11,7 @@ import scipy.interpolate
 import scipy.optimize
 import scipy.signal
 
-from excite.logs.log import Log
+from excite.logs.log import Log, channels_of
 from excite.logs.signals.method import check_positive, spacing
 from regressors.errors import InputError, percent
 from regressors.samples import Array
@@ -64,10 +64,7 @@ def repeats(time: Array, q: Array) -> bool:
 
 
 def _difference(q: Array) -> Array:
-    """Mean square difference of q and q shifted by k samples, summed over joints; by FFT.
-
-    For k = 0 ... N/2 + 1, so that a lag of half the time has neighbours on both sides.
-    """
+    """Mean square difference of q and q shifted by k = 0 ... N/2 + 1 samples, summed over joints; by FFT."""
     x = q - q.mean(axis=0)
     count, most = x.shape[0], x.shape[0] // 2 + 1
     spectrum = scipy.fft.rfft(x, scipy.fft.next_fast_len(2 * count), axis=0)
@@ -86,7 +83,6 @@ def _vertex(left: float, middle: float, right: float) -> float:
 
 _WHOLE = 1e-3  # of a sample
 _LEAST_MOTION = 0.1  # of that of the joint that moves most
-_CHANNELS = ("q", "dq", "effort", "wrench", "temperature")
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +121,7 @@ def average_periods(log: Log, period: float | None = None) -> Averaged:
         log.joints,
         log.time[0] + np.arange(samples) * (length / samples),
         **means,
-        left_out=(*log.left_out, *((f"{rest} rows after the last whole period",) if rest > 0 else ())),
+        left_out=(*log.left_out, *(f"{rest} rows after the last whole period",) * (rest > 0)),
     )
     step = f"mean of {count} periods of {length:.6g} s ({'estimated' if period is None else 'given'})"
     return Averaged(mean, length, step)
@@ -133,8 +129,7 @@ def average_periods(log: Log, period: float | None = None) -> Averaged:
 
 def _stacked(log: Log, h: float, length: float, count: int) -> dict[str, Array]:
     """Per channel the periods, shape (K, M, columns); interpolated where a period is not a whole number of samples."""
-    channels = {name: x for name in _CHANNELS if (x := getattr(log, name)) is not None}
-    samples = round(length / h)
+    channels, samples = channels_of(log), round(length / h)
     if abs(length / h - samples) * count <= _WHOLE:
         return {name: x[: count * samples].reshape(count, samples, -1) for name, x in channels.items()}
     time = log.time[0] + (np.arange(count)[:, None] + np.arange(samples) / samples) * length

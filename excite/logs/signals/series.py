@@ -46,13 +46,12 @@ class FourierFit(Method):
         part = fourier_basis(time - time[0], period, harmonics)
         coefficients = np.linalg.lstsq(part[0], q, rcond=None)[0]
         fitted, velocity, acceleration = (matrix @ coefficients for matrix in part)
-        state = (fitted, velocity, acceleration)
-        return cut_motion(time, state, 0, self._assumed(period, harmonics, q, fitted))
+        assumed = self._assumed(period, harmonics, q, fitted)
+        return cut_motion(time, (fitted, velocity, acceleration), 0, assumed)
 
     def settled(self, time: Array, q: Array) -> FourierFit:
         """The method with the period that it estimates, and the harmonics that it chooses."""
-        period, harmonics = self._choice(time, q)
-        return FourierFit(period, harmonics)
+        return FourierFit(*self._choice(time, q))
 
     def operator(self, time: Array, q: Array) -> Callable[[Array], FilteredMotion]:
         """The fit with the series that it would choose, through one orthonormal basis of it.
@@ -112,9 +111,9 @@ def fourier_basis(time: Array, period: float, harmonics: int) -> Array:
 def _differentiation(period: float, harmonics: int) -> Array:
     """Matrix D of ``dB/dt = B D`` for the columns B of `fourier_basis`, shape (2 H + 1, 2 H + 1)."""
     D = np.zeros((2 * harmonics + 1, 2 * harmonics + 1))
-    for k in range(1, harmonics + 1):
-        w = 2 * np.pi / period * k
-        D[2 * k, 2 * k - 1], D[2 * k - 1, 2 * k] = -w, w
+    k = np.arange(1, harmonics + 1)
+    w = 2 * np.pi / period * k
+    D[2 * k, 2 * k - 1], D[2 * k - 1, 2 * k] = -w, w
     return D
 
 
@@ -175,7 +174,7 @@ class SmoothingSpline(Method):
             f"quintic smoothing splines of the positions, assuming white noise; knots every {_each(distance)} s "
             f"({self._reason}), residuals of {_each(residual)} rad or m; {edge * h:.3g} s cut at each end"
         )
-        return cut_motion(time, (state[0], state[1], state[2]), edge, assumed)
+        return cut_motion(time, state, edge, assumed)
 
     @property
     def _reason(self) -> str:
@@ -240,9 +239,8 @@ def fit(time: Array, q: Array, pieces: int) -> SplineFit:
     knots = np.concatenate([np.repeat(inner[0], _DEGREE), inner, np.repeat(inner[-1], _DEGREE)])
     spline = scipy.interpolate.make_lsq_spline(time, q, knots, _DEGREE, method="norm-eq")  # well conditioned, and fast
     freedom = time.size - (pieces + _DEGREE)
-    return SplineFit(
-        spline, float(inner[1] - inner[0]), freedom, np.sqrt(np.sum((q - spline(time)) ** 2, axis=0) / freedom)
-    )
+    deviation = np.sqrt(np.sum((q - spline(time)) ** 2, axis=0) / freedom)
+    return SplineFit(spline, float(inner[1] - inner[0]), freedom, deviation)
 
 
 def _each(values: Array) -> str:

@@ -14,8 +14,9 @@ from excite.logs.event import Saturation, measured_saturation, spans_of, within
 from excite.logs.excitation import exciting_rows, mean_speed, span_ends
 from excite.logs.impacts import impacts, velocity_jumps
 from excite.logs.log import Log
-from excite.logs.log_reading import read_sidecar, saturated_torques, saturation_content, sidecar_path
+from excite.logs.log_reading import read_sidecar, saturated_torques, sidecar_path
 from excite.logs.signals.method import resample
+from excite.storage.codec import content_of
 from regressors.errors import InputError
 from regressors.readers.library import built_in
 from regressors.samples import Array
@@ -139,10 +140,10 @@ def test_clean_logs_have_none(log):
 @pytest.mark.parametrize(("jump", "spike"), [(0.5, 25.0), (-0.5, 25.0), (1.0, 0.0)])
 def test_blows_are_found(rate, jump, spike):
     log = struck(struck(recorded(rate=rate), 1.7, jump, 1, spike), 4.1, jump, 0, spike)
-    found = impacts(log)
-    assert [hit.joint for hit in found] == [1, 0]
-    np.testing.assert_allclose([hit.time for hit in found], [1.7, 4.1], atol=0.03)
-    np.testing.assert_allclose([hit.jump for hit in found], jump, rtol=0.5)
+    times, joints, jumps = zip(*impacts(log), strict=True)
+    assert joints == (1, 0)
+    np.testing.assert_allclose(times, [1.7, 4.1], atol=0.03)
+    np.testing.assert_allclose(jumps, jump, rtol=0.5)
 
 
 def test_the_jump_of_a_bent_line_is_exact():
@@ -162,9 +163,9 @@ def test_recorded_motions_have_none(name):
 
 def test_the_stop_in_a_recorded_log_is_found():
     log = real_log("ur-20_01_22-joint_2")
-    (hit,) = impacts(resample(log.rows(exciting_rows(log)[0])).log)
-    assert hit.time == pytest.approx(1256.68, abs=0.08)
-    assert log.joints[hit.joint] == "shoulder_lift_joint"
+    ((time, joint, _),) = impacts(resample(log.rows(exciting_rows(log)[0])).log)
+    assert time == pytest.approx(1256.68, abs=0.08)
+    assert log.joints[joint] == "shoulder_lift_joint"
 
 
 PANDA = built_in("panda")
@@ -233,12 +234,12 @@ def beside(folder: Path, **more: object) -> dict[str, object]:
 
 def test_the_file_beside_a_log_says_when(tmp_path: Path) -> None:
     said = Saturation("drive z2", 3.5, "Nm", 52, SPANS)
-    content = beside(tmp_path, saturated=[saturation_content(said)])
+    content = beside(tmp_path, saturated=[content_of(said)[0]])
     assert saturated_torques(content, "log.json") == (said,)
     assert saturated_torques(beside(tmp_path), "log.json") == ()
 
 
-GOOD = saturation_content(Saturation("joint a", 1.0, "Nm", 1, SPANS))
+GOOD = content_of(Saturation("joint a", 1.0, "Nm", 1, SPANS))[0]
 
 
 def test_what_is_not_understood_is_refused(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ MAGIC = b"recorded\0"
 
 
 @dataclass
-class Recorded(RecordingFormat):
+class Recorded:
     """A recording in memory."""
 
     streams: dict[str, dict[str, Any]]
@@ -32,23 +32,18 @@ class Recorded(RecordingFormat):
     meanings: dict[str, Meaning] = field(default_factory=dict)
     asked: list[Mapping[str, Sequence[str]]] = field(default_factory=list)
 
-    name = "recorded"
-
-    def recognises(self, head: bytes, path: Path) -> bool:
-        return head.startswith(MAGIC)
-
     def contents(self, path: Path) -> Contents:
         streams = []
         for name, columns in self.streams.items():
             clocks, rows = self.clocks[name], len(next(iter(columns.values())))
             meanings, units = {c: m for c, m in self.meanings.items() if c in columns}, dict.fromkeys(clocks, "ns")
             streams.append(StreamContents(name, tuple(columns), rows, clocks, meanings, units))
-        return Contents(str(path), self.name, tuple(streams))
+        return Contents(str(path), "recorded", tuple(streams))
 
     def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
         self.asked.append(wanted)
         streams = {n: Stream(n, {c: np.asarray(self.streams[n][c]) for c in some}) for n, some in wanted.items()}
-        return Recording(str(path), self.name, streams)
+        return Recording(str(path), "recorded", streams)
 
 
 M = motion(2, rate=100.0, seconds=5.0)
@@ -88,7 +83,8 @@ def bag(tmp_path: Path) -> Path:
 
 
 def use(patch: pytest.MonkeyPatch, recorded: Recorded) -> Recorded:
-    patch.setattr(formats, "FORMATS", (recorded, *formats.FORMATS))
+    form = RecordingFormat("recorded", lambda head, _: head.startswith(MAGIC), recorded.contents, recorded.read)
+    patch.setattr(formats, "FORMATS", (form, *formats.FORMATS))
     return recorded
 
 
