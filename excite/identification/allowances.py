@@ -71,7 +71,7 @@ def with_uncertainty(
     wider, rows = estimate, observations
     for name, column in found_columns(estimate, context, found):
         wider, rows = with_nuisance(wider, rows, column, name)
-    wider = with_covariance(wider, rows, context.recipe.covariance, noise_origin(context))
+    wider = with_covariance(wider, rows, context.recipe.covariance, *noise_origin(context))
     return wider if rows is observations else without_nuisance(wider, estimate)
 
 

@@ -83,21 +83,21 @@ def autoregressive_noise(autocovariance: Array, count: int) -> AutoregressiveNoi
 
 def noise_of_residuals(residual: Array) -> AutoregressiveNoise:
     """Stationary noise of which one equation's residuals are a sample, shape (n,) in the order of time."""
-    autocovariance = _autocovariance(residual, np.ones((residual.size, 1)))
-    return autoregressive_noise(autocovariance, residual.size)
+    return autoregressive_noise(_autocovariance(residual, _shares(np.ones((residual.size, 1)))), residual.size)
 
 
 def autoregressive_covariance(groups: Sequence[NoiseGroup], effective: float, share: float = 1.0) -> Array:
     """Covariance C of the module's equations, shape (r, r)."""
     scaled = [np.asarray(group.channels * _sizes(group)) for group in groups]
-    found = [_autocovariance(group.noise, D) for group, D in zip(groups, scaled, strict=True)]
+    shares = [_shares(D) for D in scaled]
+    found = [_autocovariance(group.noise, share) for group, share in zip(groups, shares, strict=True)]
     aim = found
     C = np.zeros((groups[0].rows.shape[1],) * 2)
     first: Array | None = None
     for _ in range(_ITERATIONS):
         fitted = [autoregressive_noise(r, group.noise.size) for r, group in zip(aim, groups, strict=True)]
-        spread = [_Spread.of(*each) for each in zip(groups, scaled, fitted, strict=True)]
-        before, C = C, np.asarray(sum(part.covariance for part in spread)) / share
+        spread = [_spread(*each) for each in zip(groups, scaled, fitted, strict=True)]
+        before, C = C, np.asarray(sum(covariance for _, covariance in spread)) / share
         first = C if first is None else first
         if np.trace(C) > _DIVERGES * np.trace(first):  # almost as many parameters as effective rows: as for white noise
             C = first * effective / max(effective - C.shape[0], 1.0)
@@ -106,7 +106,8 @@ def autoregressive_covariance(groups: Sequence[NoiseGroup], effective: float, sh
         if settled or C.shape[0] < _LITTLE * effective:
             break
         half = _square_root(C)
-        aim = [r + part.removed(group, half, r.size) for r, part, group in zip(found, spread, groups, strict=True)]
+        parts = zip(found, groups, spread, shares, strict=True)
+        aim = [r + _removed(group.rows, carried, half, of_lag) for r, group, (carried, _), of_lag in parts]
     half = _square_root(C)
     return np.asarray(half @ half.T)
 
@@ -115,10 +116,6 @@ def _square_root(C: Array) -> Array:
     """Factor H of ``C = H H'``, without what rounding makes negative."""
     values, vectors = np.linalg.eigh(C)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
-
-
-def _lags(count: int) -> int:
-    return max(1, min(int(10 * np.log10(max(count, 2))), count // 10))
 
 
 def _sizes(group: NoiseGroup) -> Array:
@@ -136,27 +133,20 @@ def _sizes(group: NoiseGroup) -> Array:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Spread:
+def _spread(group: NoiseGroup, channels: Array, noise: AutoregressiveNoise) -> tuple[Array, Array]:
     """Effect of the noise of one group: ``Omega B'``, shape (n, r), and ``B Omega B'``, shape (r, r)."""
+    carried = np.zeros_like(group.influence)
+    for D in channels.T[np.any(channels, axis=0)]:
+        carried += D[:, None] * _toeplitz_product(noise, D[:, None] * group.influence)
+    covariance = group.influence.T @ carried
+    return carried, (covariance + covariance.T) / 2
 
-    carried: Array
-    covariance: Array
-    shares: Array  # sum over instants of the noise's covariance at each lag, for an autocovariance of one
 
-    @classmethod
-    def of(cls, group: NoiseGroup, channels: Array, noise: AutoregressiveNoise) -> _Spread:
-        carried = np.zeros_like(group.influence)
-        for D in channels.T[np.any(channels, axis=0)]:
-            carried += D[:, None] * _toeplitz_product(noise, D[:, None] * group.influence)
-        covariance = group.influence.T @ carried
-        return cls(carried, (covariance + covariance.T) / 2, _shares(channels, _lags(group.noise.size)))
-
-    def removed(self, group: NoiseGroup, half: Array, lags: int) -> Array:
-        """Autocovariance that the fit takes from the residuals, at the first lags, for ``C = half half'``."""
-        X, carried, left = group.rows, self.carried, group.rows @ half
-        taken = [_shifted(X, carried, k) + _shifted(carried, X, k) - _shifted(left, left, k) for k in range(lags)]
-        return np.asarray(taken / self.shares)
+def _removed(X: Array, carried: Array, half: Array, shares: Array) -> Array:
+    """Autocovariance that the fit takes from the residuals, at the first lags, for ``C = half half'``."""
+    left = X @ half
+    taken = [_shifted(X, carried, k) + _shifted(carried, X, k) - _shifted(left, left, k) for k in range(shares.size)]
+    return np.asarray(taken / shares)
 
 
 def _shifted(x: Array, y: Array, lag: int) -> float:
@@ -175,40 +165,34 @@ def _toeplitz_product(noise: AutoregressiveNoise, x: Array) -> Array:
     return product
 
 
-def _autocovariance(e: Array, channels: Array) -> Array:
+def _autocovariance(e: Array, shares: Array) -> Array:
     """Autocovariance of the channels' noise, of deviation one in the largest, from the products at each lag."""
-    lags = _lags(e.size)
-    return np.array([e[: e.size - k] @ e[k:] for k in range(lags + 1)]) / _shares(channels, lags)
+    return np.array([e[: e.size - k] @ e[k:] for k in range(shares.size)]) / shares
 
 
-def _shares(channels: Array, lags: int) -> Array:
+def _shares(channels: Array) -> Array:
     """``n / (n - k) sum_t sum_c D_tc D_(t+k)c`` at each lag k, at least half of that at lag 0."""
     n = len(channels)
+    lags = max(1, min(int(10 * np.log10(max(n, 2))), n // 10))
     sums = np.array([n / (n - k) * np.sum(channels[: n - k] * channels[k:]) for k in range(lags + 1)])
     return np.asarray(np.maximum(sums, 0.5 * sums[0]))
 
 
-@dataclass(frozen=True, eq=False)
-class NoiseOrigin:
-    """Where the noise in the rows comes from."""
+def noise_origin(context: Context) -> tuple[bool, Array | None]:
+    """Whether rows hold the noise of all instants since the first one, as of long windows; and its channels.
 
-    cumulated: bool = False  # True for long windows, whose rows hold the noise of all instants since the first one
-    # (m, c) change of each row with each measured channel, by which its noise enters; for time windows, whose noise
-    # is multiplied by velocities or rotated. Not given where each row holds the noise of its own channel alone
-    channels: Array | None = None
-
-
-def noise_origin(context: Context) -> NoiseOrigin:
-    """Where the noise in the equations of logs comes from."""
+    These are the change of each row with each measured channel, shape (m, c), by which its noise enters; for windows,
+    whose noise is multiplied by velocities or rotated. None where each row holds the noise of its own channel alone.
+    """
     window = context.target.model.window
     if window is None:
-        return NoiseOrigin()
+        return False, None
 
     def ones(part: PreparedLog) -> Array:
         count = part.measured.shape[1]
         return np.broadcast_to(np.eye(count)[:, None], (count, *part.measured.shape))
 
-    return NoiseOrigin(window.kind == "long", nuisance_columns(context, ones))
+    return window.kind == "long", nuisance_columns(context, ones)
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,24 +203,40 @@ class NoisePaths:
     rows: Rows  # (m, p) rows X of ``n = n_true - X (estimate - truth)``
     sums: Rows  # (m, p) rows U: the estimate's error is ``(W' V W)^-1 sum_i v_i U_i n_i``
     channels: Array  # (m, c) by which the noise of each channel enters
+    lag_one: Array  # autocorrelation of each log's noise from one row to the next: the mean of its groups
+    effective: float  # number of independent rows with as much information
 
 
-def noise_paths(estimate: Estimate, observations: Observations, origin: NoiseOrigin) -> NoisePaths:
-    """How noise enters observations of single instants and short windows, or of long windows."""
-    e, W, D = estimate.residual(observations), observations.W, origin.channels
-    D = np.broadcast_to(1.0, (e.size, 1)) if D is None else D
-    if not origin.cumulated:
-        return NoisePaths(e, W, W, D)
-    noise, rows, sums, channels = np.empty_like(e), np.empty(W.shape), np.empty(W.shape), D.copy()
+def noise_paths(
+    estimate: Estimate, observations: Observations, cumulated: bool = False, channels: Array | None = None
+) -> NoisePaths:
+    """How noise enters observations of single instants and short windows, or of long windows; see `noise_origin`."""
+    noise, W, D = estimate.residual(observations), observations.W, channels
+    D = np.broadcast_to(1.0, (noise.size, 1)) if D is None else D
+    if not cumulated:
+        return NoisePaths(noise, W, W, D, *_correlation(noise, observations))
+    e, noise, rows, sums, D = noise, np.empty_like(noise), np.empty(W.shape), np.empty(W.shape), D.copy()
     group = observations.group
     for g in np.flatnonzero(np.bincount(group)):
         part = np.flatnonzero(group == g)
         of_group = W[part]
         noise[part], rows[part] = _changes(e[part]), _changes(of_group)
         sums[part] = np.cumsum(of_group[::-1], axis=0)[::-1]
-        if origin.channels is not None:
-            channels[part] = _changes(D[part])
-    return NoisePaths(noise, rows, sums, channels)
+        if channels is not None:
+            D[part] = _changes(channels[part])
+    return NoisePaths(noise, rows, sums, D, *_correlation(noise, observations))
+
+
+def _correlation(noise: Array, observations: Observations) -> tuple[Array, float]:
+    """Mean autocorrelation of each log's groups from one row to the next, and the effective rows of all."""
+    of_logs: list[list[float]] = [[] for _ in observations.logs]
+    effective = 0.0
+    for g, own in sorted(rows_of_groups(observations.group), key=lambda one: one[0]):
+        e = np.ascontiguousarray(noise[own])
+        r = autocorrelation(e)
+        effective += effective_samples(r, e.size)
+        of_logs[g // len(observations.equations)].append(float(r[1]) if r.size > 1 else 0.0)
+    return np.array([np.mean(one) if one else 0.0 for one in of_logs]), effective
 
 
 def _changes(x: Array) -> Array:
