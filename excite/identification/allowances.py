@@ -100,10 +100,10 @@ def delay_column(context: Context, coefficients: Array) -> Array | None:
     target, recipe = context.target, context.recipe
     if not recipe.delay or target.model.window is not None:
         return None
-    sizes = recipe.breakaway or 0.0, recipe.sign_width or 0.0
 
     def change(part: PreparedLog) -> Array:
-        return -np.gradient(predicted_rows(target, part.samples, *sizes, coefficients), axis=0)[None]
+        predicted = predicted_rows(target, part.samples, recipe.breakaway, recipe.sign_width, coefficients)
+        return -np.gradient(predicted, axis=0)[None]
 
     return instant_columns(context, change)[:, 0]
 

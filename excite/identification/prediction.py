@@ -195,7 +195,7 @@ def prediction(
     """Predict the measurements of a log along its filtered motion."""  # coefficients (b,)
     model, log, samples = target.model, part.log, part.samples
     r = len(model.row_labels)
-    predicted = predicted_rows(target, samples, recipe.breakaway or 0.0, recipe.sign_width or 0.0, coefficients)
+    predicted = predicted_rows(target, samples, recipe.breakaway, recipe.sign_width, coefficients)
     if friction is not None:
         known = known_torque(friction, target, samples, recipe, predicted, part.temperature)
         predicted = predicted + model.right_side(samples, known).reshape(-1, r)

@@ -11,7 +11,7 @@ from played import EXACT, TASK, curves, described, found, irp6, played, three_jo
 
 from excite.identification.equations import (
     dahl_direction,
-    directions,
+    drive_directions,
     drive_rows,
     equations_of,
     friction_drives,
@@ -118,9 +118,11 @@ def test_widths_and_distances_of_each_drive_are_taken(tmp_path) -> None:
     ):
         with pytest.raises(InputError, match=message):
             found(task, soft, recipe=replace(EXACT, **changes))
-    dz = np.array([[0.3, -0.2], [0.0, 0.1]])  # zero is the sign
-    np.testing.assert_array_equal(directions(dz, dz, (0.0, 1e-9), None), np.sign(dz))
-    assert directions(dz, dz, 0.0, (0.0, 0.0)) is None
+    robot, dq = irp6(), np.array([[0.3] * 5, [0.0] * 5])  # zero is the sign
+    samples, widths = Samples(np.arange(2.0), *[dq] * 4), (0.0,) * 4 + (1e-9,)
+    directions = drive_directions(robot, samples, widths, None)
+    np.testing.assert_array_equal(directions, np.sign(dq @ drive_rows(robot).T))
+    assert drive_directions(robot, samples, 0.0, (0.0,) * 5) is None
 
 
 def written_out(z: Array, distance: float) -> Array:
