@@ -112,8 +112,8 @@ def pulled_least_squares(
     definition, names = target.model.definition()
     A = np.asarray(target.base.D @ definition)[list(columns)]
     pull = near_described(target.model, described, within)
-    spread = A * np.array([pull.deviations.get(name, 0.0) for name in names])
-    center = A @ np.array([pull.values.get(name, 0.0) for name in names])
+    values, deviations = np.array([pull.get(name, (0.0, 0.0)) for name in names]).T
+    spread, center = A * deviations, A @ values
     known = np.flatnonzero(np.any(spread != 0.0, axis=1))
     length = np.linalg.norm(spread[known], axis=1)
     inverse = np.linalg.pinv((spread[known] / length[:, None]).T)
@@ -169,7 +169,7 @@ def choose_bodies(
 
 def deviations_to_try(target: IdentificationTarget, described: Mapping[str, float]) -> Sequence[float | None]:
     """Deviations from the description that are tried; only None where it states no body."""
-    return DEVIATIONS if near_described(target.model, described, 1.0).values else DEVIATIONS[:1]
+    return DEVIATIONS if near_described(target.model, described, 1.0) else DEVIATIONS[:1]
 
 
 def _words(deviation: float | None) -> str:

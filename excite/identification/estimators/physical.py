@@ -12,7 +12,7 @@ from excite.identification.estimator import Context, Estimate, Estimator
 from excite.identification.estimators.least_squares import weighting
 from excite.identification.estimators.possible_set import (
     PossibleSet,
-    Quadratic,
+    Pull,
     StandardProblem,
     exact_torques,
     near_described,
@@ -45,7 +45,7 @@ def physical(
     model: RegressorModel,
     base: Base,
     *,
-    pull: Quadratic | None = None,
+    pull: Pull | None = None,
     reference: Mapping[str, float] | None = None,
     least: float = LEAST,
 ) -> Estimate:
@@ -74,7 +74,7 @@ def possible_fit(
     model: RegressorModel,
     base: Base,
     *,
-    pull: Quadratic | None = None,
+    pull: Pull | None = None,
     reference: Mapping[str, float] | None = None,
 ) -> Array:
     """Base parameters of `physical`, shape (b,), without what else belongs to an estimate."""

@@ -35,19 +35,8 @@ _EXACT = 1e-8  # of the length of a group's y: noise below it counts as that
 _EXACT_NOTE = "the data has hardly any noise: possible bodies fit it to about 1e-8 of its size, not to its noise"
 
 
-@dataclass(frozen=True)
-class Quadratic:
-    """Prior knowledge of single parameters: adds ``sum ((theta_k - value_k) / deviation_k)^2 / 2``."""
-
-    values: Mapping[str, float]  # standard parameters and their prior standard deviations, for the same names
-    deviations: Mapping[str, float]
-
-    def __post_init__(self) -> None:
-        for name in {*self.values} ^ {*self.deviations}:
-            raise InputError(f"pull: {name} must have a value and a deviation, given one of them")
-        for name, deviation in self.deviations.items():
-            if not deviation > 0:
-                raise InputError(f"pull: the deviation of {name} must be greater than zero, given {deviation}")
+# prior knowledge of single parameters, value and deviation: adds ``sum ((theta_k - value_k) / deviation_k)^2 / 2``
+Pull = Mapping[str, tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +78,7 @@ def standard_problem(
     problem: GroupWeights,
     model: RegressorModel,
     base: Base,
-    pull: Quadratic | None = None,
+    pull: Pull | None = None,
     reference: Mapping[str, float] | None = None,
 ) -> StandardProblem:
     """Set up the problem for observations in a model's base columns."""
@@ -122,7 +111,7 @@ def problem_of_factor(
     r: Array,
     model: RegressorModel,
     base: Base,
-    pull: Quadratic | None = None,
+    pull: Pull | None = None,
     reference: Mapping[str, float] | None = None,
 ) -> StandardProblem:
     """Set up the problem for a triangular factor of a model's base columns, ``min ||R A theta - r||``."""
@@ -134,12 +123,11 @@ def problem_of_factor(
     if (torque := float(np.linalg.norm(R @ A @ prior))) > 0 and np.any(r):
         bodies, prior, scale = _bodies(model, known, float(np.linalg.norm(r)) / torque)
     deviation = scale / np.sqrt(WEAK)
-    for name in pull.values if pull is not None else ():
+    for name, known_within in (pull or {}).items():
         if name not in names:
             raise UnknownName("standard parameter", name, names)
-        assert pull is not None
         k = names.index(name)
-        prior[k], deviation[k] = pull.values[name], pull.deviations[name]
+        prior[k], deviation[k] = known_within
     positive = np.array([k for k, c in enumerate(model.standard_columns) if c.kind in _POSITIVE], dtype=np.intp)
     S = _structure(model, names)
     return StandardProblem(names, A, R @ A, r, S, bodies, positive, scale, prior, deviation)
@@ -178,16 +166,15 @@ def _bodies(
     return tuple(bodies), reference, scale
 
 
-def near_described(model: RegressorModel, described: Mapping[str, float], within: float) -> Quadratic:
+def near_described(model: RegressorModel, described: Mapping[str, float], within: float) -> Pull:
     """Pull of every body that is described towards its description."""
-    values: dict[str, float] = {}
-    deviations: dict[str, float] = {}
+    pull: dict[str, tuple[float, float]] = {}
     for _, ten in _whole_bodies(model):
         names = [model.standard_columns[k].name for k in ten]
         if is_possible(J := pseudo_inertia([described.get(n, np.nan) for n in names])):
-            values.update((name, described[name]) for name in names)
-            deviations.update(zip(names, (within * _sizes(J)).tolist(), strict=True))
-    return Quadratic(values, deviations)
+            sizes = zip(names, (within * _sizes(J)).tolist(), strict=True)
+            pull.update((name, (described[name], deviation)) for name, deviation in sizes)
+    return pull
 
 
 def _whole_bodies(model: RegressorModel) -> Iterator[tuple[int | None, list[int]]]:

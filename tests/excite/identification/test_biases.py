@@ -215,10 +215,10 @@ def test_the_noise_has_the_size_that_passes_the_filter(exact, stretch, delay, mo
     clean = prepare(exact, irp6(), target, recipe)
     for seed in (1, 2):
         part = prepare(noisy(exact, 0.0, NOISE, seed), irp6(), target, recipe)
-        drawn = motion_noise(part, recipe, "ddq", seed)
-        assert drawn.values.shape == part.samples.q.shape
+        drawn, _ = motion_noise(part, recipe, "ddq", seed)
+        assert drawn.shape == part.samples.q.shape
         measured = np.std(part.samples.ddq - clean.samples.ddq, axis=0)
-        np.testing.assert_allclose(np.std(drawn.values, axis=0), measured, rtol=0.2)
+        np.testing.assert_allclose(np.std(drawn, axis=0), measured, rtol=0.2)
 
 
 def test_motions_that_are_no_linear_function_of_positions_have_none_nor_exact_ones(exact: Log) -> None:

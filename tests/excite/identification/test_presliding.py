@@ -13,13 +13,12 @@ from excite.identification.equations import (
     dahl_direction,
     drive_directions,
     drive_rows,
-    equations_of,
     friction_drives,
     measured_direction,
     measured_regressor,
 )
 from excite.identification.preparation import prepare
-from excite.identification.presliding import Presliding, best_presliding
+from excite.identification.presliding import with_presliding
 from excite.identification.result_json import load_result
 from excite.information.target import target_of
 from excite.logs.log import Log
@@ -72,7 +71,7 @@ def test_models_without_friction_turn_nothing() -> None:
     for task in (TASK.changed(friction=False), TASK.changed(model="energy")):
         target = target_of(irp6(), task)
         part = prepare(log, irp6(), target, EXACT)
-        assert best_presliding(target, [(part, equations_of(target, part, EXACT))]) == Presliding()
+        assert with_presliding(EXACT, target, [part], None) == replace(EXACT, sign_width=0.0, breakaway=0.0)
 
 
 @pytest.mark.parametrize("task", [TASK, Task("irp6", joints=("1", "3")), Task("irp6", drives=("2", "3"))])
