@@ -276,17 +276,6 @@ class TrialRows:
     W: Array  # (N, r, b) fast along N. Its columns of directed friction are written by `regressor`
     directed: DirectedFriction | None  # None where the model has no friction torque at every instant
 
-    @classmethod
-    def of(
-        cls, target: IdentificationTarget, part: PreparedLog, delay: float, time: Array, motion: Samples
-    ) -> TrialRows:
-        """Compute the equations; arguments as of the class."""
-        rows = nearest(part.samples.time, time)
-        samples = motion.rows(rows)
-        W = target.model.entries(samples, target.base.index).transpose(2, 0, 1)
-        directed = None if target.model.coulomb_friction() is None else friction_drives(target, samples)
-        return cls(target, part, delay, time, rows, motion, W, directed)
-
     def regressor(self, recipe: Recipe) -> Array:
         """W with friction that has the recipe's directions, shape (N, r, b); valid until the next call."""
         if self.directed is not None and self.directed.columns:
@@ -332,9 +321,8 @@ class Trial:
         """Sums of products of every block."""  # kept (N, r)
         equations = self.equations(target, parts, recipe, delay)
         if kept is not None:
-            rows = [nearest(part.samples.time, time) for part, time in zip(parts, self.instants, strict=True)]
-            masks = [mask[row] for mask, row in zip(kept, rows, strict=True)]
-            equations = _masked(equations, masks)
+            logs = zip(kept, parts, self.instants, strict=True)
+            equations = _masked(equations, [mask[nearest(part.samples.time, time)] for mask, part, time in logs])
         if self.rows is not None:
             equations = _masked(equations, self.rows)
         return BlockStatistics.of([W for W, _ in equations], [y for _, y in equations], self.blocks)
@@ -343,26 +331,25 @@ class Trial:
         self, target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe, delay: float = 0.0
     ) -> list[tuple[Array, Array]]:
         """W, shape (N, r, b), and y, shape (N, r), of each log at its trial instants; valid until the next call."""
-        return [
-            self._equations(target, part, recipe, time, delay) for part, time in zip(parts, self.instants, strict=True)
-        ]
-
-    def _equations(
-        self, target: IdentificationTarget, part: PreparedLog, recipe: Recipe, time: Array, delay: float
-    ) -> tuple[Array, Array]:
-        trial = self._rows(target, part, delay, time)
-        rows, measured = trial.rows, part.measured
-        if self.friction is not None:
-            measured = without_friction(replace(part, samples=trial.motion), target, self.friction, recipe).measured
-        y = target.model.right_side(trial.motion.rows(rows), measured[rows]).reshape(rows.size, -1)
-        return trial.regressor(recipe), y
+        equations = []
+        for part, time in zip(parts, self.instants, strict=True):
+            trial, measured = self._rows(target, part, delay, time), part.measured
+            if self.friction is not None:
+                measured = without_friction(replace(part, samples=trial.motion), target, self.friction, recipe).measured
+            y = target.model.right_side(trial.motion.rows(trial.rows), measured[trial.rows])
+            equations.append((trial.regressor(recipe), y.reshape(trial.rows.size, -1)))
+        return equations
 
     def _rows(self, target: IdentificationTarget, part: PreparedLog, delay: float, time: Array) -> TrialRows:
         """Equations of the last ones, or new ones; arguments as of `TrialRows`."""
         for known in self._recent:
             if known.target is target and known.part is part and known.delay == delay and known.time is time:
                 return known
-        new = TrialRows.of(target, part, delay, time, self._motion(part).by(delay))
+        rows, motion = nearest(part.samples.time, time), self._motion(part).by(delay)
+        samples = motion.rows(rows)
+        W = target.model.entries(samples, target.base.index).transpose(2, 0, 1)
+        directed = None if target.model.coulomb_friction() is None else friction_drives(target, samples)
+        new = TrialRows(target, part, delay, time, rows, motion, W, directed)
         self._recent.append(new)
         while len(self._recent) > 1 and sum(known.W.nbytes for known in self._recent) > _MOST:
             self._recent.popleft()
@@ -370,11 +357,10 @@ class Trial:
 
     def _motion(self, part: PreparedLog) -> DelayedMotion:
         """A log's motion, to be delayed."""
-        for motion in self._motions:
-            if motion.samples is part.samples:
-                return motion
-        self._motions.append(DelayedMotion(part.samples))
-        return self._motions[-1]
+        known = next((motion for motion in self._motions if motion.samples is part.samples), None)
+        if known is None:
+            self._motions.append(known := DelayedMotion(part.samples))
+        return known
 
 
 def _masked(equations: Sequence[tuple[Array, Array]], masks: Sequence[Mask]) -> list[tuple[Array, Array]]:

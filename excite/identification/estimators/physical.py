@@ -14,7 +14,6 @@ from excite.identification.estimators.possible_set import (
     PossibleSet,
     Pull,
     StandardProblem,
-    exact_torques,
     near_described,
     nearest,
     own_scale,
@@ -59,14 +58,12 @@ def physical(
     if not (np.isfinite(least) and least > 0):
         raise InputError(f"physical: the least eigenvalue must be a positive number, given {least}")
     problem = weighting(observations)
-    standard = standard_problem(observations, problem, model, base, pull, reference)
+    standard = standard_problem(problem, model, base, pull, reference)
     theta = _unchanged(standard, least) if pull is None else None
     if theta is not None:
-        notes = (UNCHANGED, *exact_torques(problem))
-        return possible_estimate("physical", observations, problem, standard, theta, notes)
+        return possible_estimate(problem, standard, theta, (UNCHANGED,))
     theta, notes = _minimiser(standard, least)
-    notes = (*(_active(standard, theta, least) or (INSIDE,)), *notes, *exact_torques(problem))
-    return possible_estimate("physical", observations, problem, standard, theta, notes)
+    return possible_estimate(problem, standard, theta, (*(_active(standard, theta, least) or (INSIDE,)), *notes))
 
 
 def possible_fit(
@@ -78,7 +75,7 @@ def possible_fit(
     reference: Mapping[str, float] | None = None,
 ) -> Array:
     """Base parameters of `physical`, shape (b,), without what else belongs to an estimate."""
-    standard = standard_problem(observations, weighting(observations), model, base, pull, reference)
+    standard = standard_problem(weighting(observations), model, base, pull, reference)
     return np.asarray(standard.A @ _minimiser(standard, LEAST)[0])
 
 

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from excite.errors import ConicSolverError
 from excite.identification.estimator import Estimate
 from excite.identification.estimators.least_squares import GroupWeights, weighted_estimate
-from excite.identification.observations import Observations
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import Base
 from regressors.models.model import RegressorModel
@@ -74,7 +73,6 @@ class StandardProblem:
 
 
 def standard_problem(
-    observations: Observations,
     problem: GroupWeights,
     model: RegressorModel,
     base: Base,
@@ -82,9 +80,9 @@ def standard_problem(
     reference: Mapping[str, float] | None = None,
 ) -> StandardProblem:
     """Set up the problem for observations in a model's base columns."""
-    if observations.names != base.names:
+    if problem.observations.names != base.names:
         raise InputError(
-            f"observations have the parameters {', '.join(observations.names)}, "
+            f"observations have the parameters {', '.join(problem.observations.names)}, "
             f"the base of the model has {', '.join(base.names)}"
         )
     p, exact = base.rank, _exact(problem)
@@ -354,17 +352,12 @@ def _settings(further: dict[str, float]) -> clarabel.DefaultSettings:
 
 
 def possible_estimate(
-    method: str,
-    observations: Observations,
-    problem: GroupWeights,
-    standard: StandardProblem,
-    theta: Array,
-    notes: tuple[str, ...],
+    problem: GroupWeights, standard: StandardProblem, theta: Array, notes: tuple[str, ...]
 ) -> Estimate:
     """Estimate from possible standard parameters, with the covariance of weighted least squares."""
-    free = weighted_estimate(method, observations, problem)
+    free = weighted_estimate("physical", problem)
     fit = np.asarray(standard.A @ theta)
     values = np.where(np.isnan(free.values), np.nan, fit)
     named = dict(zip(standard.names, theta.tolist(), strict=True))
-    notes = (*free.notes, *notes, "covariance of the estimate without constraints")
+    notes = (*free.notes, *notes, *exact_torques(problem), "covariance of the estimate without constraints")
     return replace(free, values=values, standard=named, notes=notes, fit=fit, unconstrained=free.coefficients)

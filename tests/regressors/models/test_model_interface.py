@@ -241,7 +241,7 @@ def observations_of(target: IdentificationTarget, beta: Array) -> tuple[Any, Con
 
 def problem_of(target: IdentificationTarget) -> Any:
     observations, _ = observations_of(target, np.ones(target.base.rank))
-    return standard_problem(observations, weighting(observations), target.model, target.base)
+    return standard_problem(weighting(observations), target.model, target.base)
 
 
 # --- models of one's own ---------------------------------------------------------------------------------------------

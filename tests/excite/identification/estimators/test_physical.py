@@ -48,7 +48,7 @@ def estimated(name: str, noise: float) -> Estimate:
 @cache
 def problem(name: str, noise: float) -> StandardProblem:
     model, base, _ = robot_model(name)
-    return standard_problem(observed(name, noise), weighting(observed(name, noise)), model, base)
+    return standard_problem(weighting(observed(name, noise)), model, base)
 
 
 def theta_of(estimate: Estimate, standard: StandardProblem) -> Array:
