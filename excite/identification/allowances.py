@@ -344,9 +344,9 @@ def scaled_curves(friction: FrictionCurves, factors: Mapping[str, float]) -> Fri
 
 def fitted_scale(observations: Observations, measured: Context, friction: FrictionCurves) -> FrictionScale:
     """Factors of the curves that explain the logs best, all parameters identified along."""
-    names, F = friction_columns(measured, friction)
-    if not names:
+    if not curves_of_moving(measured.target, friction):
         raise InputError("`friction_scale` scales friction curves, but no moving drive has one")
+    names, F = friction_columns(measured, friction)
     extended = observations.held().beside(F, [f"scale.{name}" for name in names])
     estimate = robust_covariance(weighted(extended), extended)
     of_scale = slice(-len(names), None)

@@ -68,9 +68,7 @@ def allowing_for_standstill(
 ) -> Estimate:
     """Extend the covariance of an estimate by its change without rows near standstill, where friction holds there."""
     target, recipe = context.target, context.recipe
-    if estimate.method not in METHODS or target.model.torque_equations() is None:
-        return estimate
-    if target.model.coulomb_friction() is None:
+    if estimate.method not in METHODS or None in (target.model.torque_equations(), target.model.coulomb_friction()):
         return estimate
     shown = _held(observations)
     speed = _FASTER * recipe.standstill if recipe.standstill else _SLOW * typical_speed(target, _thinned(context))
@@ -106,9 +104,8 @@ def _held(observations: Observations) -> Observations:
 
 def _thinned(context: Context) -> list[PreparedLog]:
     """The logs at few instants, as far as these are."""
-    steps = [max(1, part.samples.time.size // _INSTANTS) for part in context.prepared]
-    every = (slice(None, None, step) for step in steps)
-    return [replace(p, samples=p.samples.rows(which)) for p, which in zip(context.prepared, every, strict=True)]
+    steps = ((part, max(1, part.samples.time.size // _INSTANTS)) for part in context.prepared)
+    return [replace(part, samples=part.samples.rows(slice(None, None, step))) for part, step in steps]
 
 
 def fast_rows(observations: Observations, context: Context, speed: float) -> NDArray[np.bool_]:
@@ -205,7 +202,8 @@ def motion_noise(part: PreparedLog, recipe: Recipe, what: str, seed: int = 0) ->
     uniform = resample(part.log).log
     method, count = chosen_method(recipe).settled(uniform.time, uniform.q), len(part.samples.time)
     whole = recipe.signals == "fourier" or uniform.count <= _NOISE_STRETCH
-    uniform = uniform if whole else uniform.rows(_middle(uniform.count))
+    first = 0 if whole else (uniform.count - _NOISE_STRETCH) // 2  # the middle of a long log
+    uniform = uniform if whole else uniform.rows(slice(first, first + _NOISE_STRETCH))
     rng = np.random.default_rng(seed)
     white = rng.normal(size=uniform.q.shape)
     passed = method.motion(uniform.time, white)
@@ -225,11 +223,6 @@ def motion_noise(part: PreparedLog, recipe: Recipe, what: str, seed: int = 0) ->
         more = method.motion(uniform.time, rng.normal(size=white.shape))
         values = np.concatenate([values, size * getattr(more.samples, what)])
     return values[:count], most
-
-
-def _middle(count: int) -> slice:
-    first = (count - _NOISE_STRETCH) // 2
-    return slice(first, first + _NOISE_STRETCH)
 
 
 def allowing_for_motion_noise(estimate: Estimate, estimator: Estimator, context: Context) -> Estimate:

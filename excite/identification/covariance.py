@@ -192,17 +192,15 @@ def with_covariance(
     estimate: Estimate, observations: Observations, kind: str, cumulated: bool = False, channels: Array | None = None
 ) -> Estimate:
     """Choose the covariance of an estimate by the correlation of its residuals, or as asked for."""
-    if kind == "white" or (kind == "auto" and not cumulated and _white(estimate, observations)):
+    if kind == "auto" and not cumulated:
+        residuals = residual_diagnostics(estimate, observations)
+        kind = "white" if all(one.whiteness > 0.001 or abs(one.lag_one) < 0.05 for one in residuals) else "auto"
+    if kind == "white":
         return estimate
     if kind == "auto" and estimate.method not in METHODS:
         note = "residuals are correlated in time, but the intervals assume white ones: they are too narrow"
         return replace(estimate, notes=(*estimate.notes, note))
     return robust_covariance(estimate, observations, cumulated=cumulated, channels=channels)
-
-
-def _white(estimate: Estimate, observations: Observations) -> bool:
-    """True if no equation's residuals are clearly correlated in time."""
-    return all(r.whiteness > 0.001 or abs(r.lag_one) < 0.05 for r in residual_diagnostics(estimate, observations))
 
 
 def condition_number(observations: Observations) -> float:

@@ -29,7 +29,7 @@ from excite.identification.observations import Observations, check_observations,
 from excite.identification.preparation import PreparedLog
 from excite.identification.streamed_rows import Rows
 from regressors.errors import InputError
-from regressors.samples import Array
+from regressors.samples import Array, Index
 
 _ITERATIONS = 30
 _SETTLED = 0.002  # relative change of the deviations
@@ -290,20 +290,10 @@ def residual_diagnostics(estimate: Estimate, observations: Observations, lags: i
     known = _KNOWN.setdefault(observations, {})
     if asked not in known:
         known.clear()
-        known[asked] = _diagnostics(estimate.residual(observations), observations, lags)
+        groups = sorted(rows_of_groups(observations.group), key=lambda one: one[0])
+        residual = estimate.residual(observations)
+        known[asked] = tuple(_group(g, residual[rows], observations, rows, lags) for g, rows in groups)
     return known[asked]
-
-
-def _diagnostics(residual: Array, observations: Observations, lags: int) -> tuple[GroupResidual, ...]:
-    diagnostics = []
-    for g, rows in sorted(rows_of_groups(observations.group), key=lambda one: one[0]):
-        log, equation = divmod(g, len(observations.equations))
-        name, unit = observations.equations[equation]
-        part = np.ascontiguousarray(residual[rows])
-        diagnostics.append(
-            _group(observations.logs[log], name, unit, part, observations.y[rows], observations.time[rows], lags)
-        )
-    return tuple(diagnostics)
 
 
 def effective_samples(r: Array, n: int) -> float:
@@ -314,23 +304,23 @@ def effective_samples(r: Array, n: int) -> float:
     return n / max(spread, 1.0)
 
 
-def _group(log: str, name: str, unit: str, e: Array, y: Array, time: Array, lags: int) -> GroupResidual:
-    n = e.size
-    rms, size = float(np.sqrt(np.mean(e**2))), float(np.sqrt(np.mean(y**2)))
+def _group(g: int, residual: Array, observations: Observations, rows: slice | Index, lags: int) -> GroupResidual:
+    log, equation = divmod(g, len(observations.equations))
+    e, n = np.ascontiguousarray(residual), residual.size
+    rms, size = float(np.sqrt(np.mean(e**2))), float(np.sqrt(np.mean(observations.y[rows] ** 2)))
     worst = int(np.argmax(np.abs(e)))
     r = autocorrelation(e)
     count = min(lags, max(1, n // 5))
     k = np.arange(1, min(count, n - 1) + 1)
     statistic = float(n * (n + 2) * np.sum(r[k] ** 2 / (n - k)))
     return GroupResidual(
-        log=log,
-        equation=name,
-        unit=unit,
+        observations.logs[log],
+        *observations.equations[equation],
         rows=n,
         rms=rms,
         relative=rms / size if size > 0 else (0.0 if rms == 0 else np.inf),
         worst=float(e[worst]),
-        worst_time=float(time[worst]),
+        worst_time=float(observations.time[rows][worst]),
         lag_one=float(r[1]) if n > 1 else 0.0,
         lags=k.size,
         ljung_box=statistic,

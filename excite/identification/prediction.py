@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,22 +61,16 @@ def _missing_curves(samples: Samples, target: IdentificationTarget, friction: Fr
     identified = [name for name in without if numbers[name] in columns]
     frictionless = [name for name in without if numbers[name] not in columns]
     notes = [f"no friction curve of {', '.join(identified)}: identified with the rest"] if identified else []
-    return (*notes, *_frictionless(frictionless, robot))
-
-
-def _frictionless(names: Sequence[str], robot: Robot) -> tuple[str, ...]:
-    """Note on moving drives that have neither a curve nor friction columns."""
-    if not names:
-        return ()
-    described = FrictionCurves.of_robot(robot)
-    stated = [name for name in names if described.curve(name) is not None]
-    note = f"no friction curve of {', '.join(names)}, and no friction columns, as asked: assumed to have no friction"
-    if stated:
-        note += (
-            f", though the robot's description states friction for {', '.join(stated)}: give `friction=True` to "
-            "identify it"
-        )
-    return (note,)
+    if frictionless:
+        described, names = FrictionCurves.of_robot(robot), ", ".join(frictionless)
+        note = f"no friction curve of {names}, and no friction columns, as asked: assumed to have no friction"
+        if stated := [name for name in frictionless if described.curve(name) is not None]:
+            note += (
+                f", though the robot's description states friction for {', '.join(stated)}: give `friction=True` to "
+            )
+            note += "identify it"
+        notes.append(note)
+    return tuple(notes)
 
 
 def carried_torques(part: PreparedLog, robot: Robot, recipe: Recipe) -> Callable[[FrictionCurves], Array]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import scipy.optimize
@@ -39,19 +40,21 @@ WORTH = 0.005  # gain in the mean logarithm of the residuals below which the exa
 _ROWS = 10_000
 
 Score = Callable[[Sequence[Array]], float]
+# of a recipe: w of ``tanh(dz / w)`` [rad/s or m/s], d of `measured_direction` [rad or m]; zeros for the exact sign
+Sliding = dict[str, Any]
+_EXACT: Sliding = {"sign_width": 0.0, "breakaway": 0.0}
 
 
 def presliding_candidates(
     recipe: Recipe, target: IdentificationTarget, parts: Sequence[PreparedLog], friction: FrictionCurves | None = None
-) -> list[tuple[Recipe, float]]:
+) -> list[tuple[Sliding, float]]:
     """The exact sign; and over a velocity, and over a distance if not given, the presliding of largest likelihood.
 
-    Each completes the recipe, with its misfit, the mean over the equations of the logarithm of the residuals' size.
+    Each with its misfit, the mean over the equations of the logarithm of the residuals' size.
     """
-    exact = replace(recipe, sign_width=0.0, breakaway=0.0)
     if target.model.coulomb_friction() is None:
-        return [(exact, 0.0)]
-    plain = replace(exact, low_pass=None, every=None)
+        return [(_EXACT, 0.0)]
+    plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
     # friction remembers every row, those too that make no equations later
     equations = [streamed_equations(target, replace(part, left_out=()), plain) for part in parts]
     drives = [friction_drives(target, part.samples) for part in parts]
@@ -61,13 +64,13 @@ def presliding_candidates(
     paths, speeds = ([getattr(part.samples, name) @ C.T for part in parts] for name in ("q", "dq"))
     speed = _typical([np.sqrt(np.mean(dz[:, used] ** 2, axis=0)) for dz in speeds])
     travel = _typical([np.std(z[:, used], axis=0) for z in paths])
-    found = [(exact, score([np.sign(dz) for dz in speeds]))]
+    found = [(_EXACT, score([np.sign(dz) for dz in speeds]))]
     if speed > 0 and travel > 0:
         width, misfit = _refined(speed * WIDTHS, lambda w: score([np.tanh(dz / w) for dz in speeds]))
-        found.append((replace(exact, sign_width=width), misfit))
+        found.append(({**_EXACT, "sign_width": width}, misfit))
         if recipe.breakaway is None:
             distance, misfit = _refined(travel * DISTANCES, lambda d: score([measured_direction(z, d) for z in paths]))
-            found.append((replace(exact, breakaway=distance), misfit))
+            found.append(({**_EXACT, "breakaway": distance}, misfit))
     return found
 
 
@@ -167,9 +170,9 @@ def with_presliding(
     (exact, misfit), *found = presliding_candidates(recipe, target, parts, friction)
     least = min((one for _, one in found), default=misfit)
     if misfit - least <= WORTH:
-        return exact
+        return replace(recipe, **exact)
     # the last, over a distance, if it explains as much: it also holds at standstill, which logs may not show
-    return next(sliding for sliding, one in reversed(found) if one - least <= WORTH)
+    return replace(recipe, **next(sliding for sliding, one in reversed(found) if one - least <= WORTH))
 
 
 def presliding_note(recipe: Recipe, target: IdentificationTarget, *, known: bool) -> tuple[str, ...]:

@@ -203,7 +203,7 @@ def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) ->
     if recipe.sign_width is not None or recipe.breakaway is not None:
         return [replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)]
     found = presliding_candidates(recipe, scoring.target, parts, scoring.trial.friction)
-    return [sliding for sliding, _ in found]
+    return [replace(recipe, **sliding) for sliding, _ in found]
 
 
 _Timing = tuple[Recipe, LeftOut, tuple[Choice, ...]]

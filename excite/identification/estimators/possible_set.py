@@ -27,7 +27,7 @@ from regressors.robot.inertia import PARAMETERS_PER_LINK, from_pseudo_inertia, p
 from regressors.samples import Array, Index
 
 WEAK = 1e-6  # information per squared scale that determines what the data does not, for rows of unit noise
-_MASS, _LENGTH = 1.0, 0.1  # of a body without known parameters
+_LENGTH = 0.1  # of a body without known parameters
 _POSITIVE = (ROTOR, COULOMB, VISCOUS)
 _ROTOR = 1e-4
 _EXACT = 1e-8  # of the length of a group's y: noise below it counts as that
@@ -85,18 +85,9 @@ def standard_problem(
             f"observations have the parameters {', '.join(problem.observations.names)}, "
             f"the base of the model has {', '.join(base.names)}"
         )
-    p, exact = base.rank, _exact(problem)
-    R = problem.factors.stacked(np.maximum(problem.scale, _exact_scale(problem))) if np.any(exact) else problem.R
+    p, least = base.rank, _exact_scale(problem)
+    R = problem.factors.stacked(np.maximum(problem.scale, least)) if np.any(problem.scale < least) else problem.R
     return problem_of_factor(R[:p, :p], R[:p, p], model, base, pull, reference)
-
-
-def exact_torques(problem: GroupWeights) -> tuple[str, ...]:
-    """A note where rows have less noise than the numbers of the conic solver."""
-    return (_EXACT_NOTE,) if np.any(_exact(problem)) else ()
-
-
-def _exact(problem: GroupWeights) -> NDArray[np.bool_]:
-    return np.asarray(problem.scale < _exact_scale(problem))
 
 
 def _exact_scale(problem: GroupWeights) -> Array:
@@ -157,7 +148,8 @@ def _bodies(
     bodies = []
     for owner, ten in _whole_bodies(model):
         index = np.array(ten, dtype=np.intp)
-        J = possible_inertia(known, [columns[k].name for k in ten], size)
+        J = pseudo_inertia([known.get(columns[k].name, np.nan) for k in ten])
+        J = J if is_possible(J) else size * np.diag([_LENGTH**2] * 3 + [1.0])  # a small ball
         bodies.append(Body("load" if owner is None else labels[owner], index, J))
         reference[index] = from_pseudo_inertia(J)
         scale[index] = _sizes(J)
@@ -193,14 +185,6 @@ def _sizes(J: Array) -> Array:
 def is_possible(J: Array) -> bool:
     """True if a pseudo-inertia is known and positive definite."""
     return bool(np.all(np.isfinite(J)) and np.linalg.eigvalsh(J)[0] > 0)
-
-
-def possible_inertia(known: Mapping[str, float], names: Sequence[str], mass: float = _MASS) -> Array:
-    """Pseudo-inertia of a body if its ten parameters are known and possible; else of a small ball, shape (4, 4)."""
-    J = pseudo_inertia([known.get(name, np.nan) for name in names])
-    if is_possible(J):
-        return J
-    return mass * np.diag([_LENGTH**2] * 3 + [1.0])
 
 
 _FIXED = 1e-12  # slope of a parameter, over its size, that does not count
@@ -359,5 +343,6 @@ def possible_estimate(
     fit = np.asarray(standard.A @ theta)
     values = np.where(np.isnan(free.values), np.nan, fit)
     named = dict(zip(standard.names, theta.tolist(), strict=True))
-    notes = (*free.notes, *notes, *exact_torques(problem), "covariance of the estimate without constraints")
+    exact = (_EXACT_NOTE,) if np.any(problem.scale < _exact_scale(problem)) else ()
+    notes = (*free.notes, *notes, *exact, "covariance of the estimate without constraints")
     return replace(free, values=values, standard=named, notes=notes, fit=fit, unconstrained=free.coefficients)

@@ -182,10 +182,6 @@ def commanded(trajectory: Trajectory, part: PreparedLog) -> Samples:
     time, q = part.samples.time, part.samples.q
     period = trajectory.family.duration
 
-    def at(delay: float) -> Samples:
-        wrapped = trajectory.samples(np.mod(time - delay, period))
-        return replace(wrapped, time=time)
-
     few = slice(None, None, max(1, time.size // _FEW))
 
     def misfit(delay: float) -> float:
@@ -196,7 +192,7 @@ def commanded(trajectory: Trajectory, part: PreparedLog) -> Samples:
     nearest = coarse[int(np.argmin([misfit(delay) for delay in coarse]))]
     step = period / 200
     minimum = scipy.optimize.minimize_scalar(misfit, bounds=(nearest - step, nearest + step), method="bounded")
-    motion = at(float(minimum.x))
+    motion = replace(trajectory.samples(np.mod(time - float(minimum.x), period)), time=time)
     size = float(np.linalg.norm(q - q.mean(axis=0)))
     astray = float(np.linalg.norm(motion.q - q)) / size if size > 0 else np.inf
     if astray > FAR:
