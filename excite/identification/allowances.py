@@ -102,8 +102,7 @@ def delay_column(context: Context, coefficients: Array) -> Array | None:
         return None
 
     def change(part: PreparedLog) -> Array:
-        predicted = predicted_rows(target, part.samples, recipe.breakaway, recipe.sign_width, coefficients)
-        return -np.gradient(predicted, axis=0)[None]
+        return -np.gradient(predicted_rows(target, part.samples, recipe, coefficients), axis=0)[None]
 
     return instant_columns(context, change)[:, 0]
 

@@ -201,15 +201,9 @@ def put_friction(W: Array, columns: Sequence[int], torque: Array, rows: Array) -
         W[:, :, column] += torque[:, k, None] * rows[k]
 
 
-def predicted_rows(
-    target: IdentificationTarget,
-    samples: Samples,
-    breakaway: Sizes | None,
-    sign_width: Sizes | None,
-    coefficients: Array,
-) -> Array:
+def predicted_rows(target: IdentificationTarget, samples: Samples, recipe: Recipe, coefficients: Array) -> Array:
     """``W beta`` at every instant of a motion, shape (N, r); W is never held as a whole."""  # coefficients (b,)
-    W = StreamedRows([measured_rows(target, samples, breakaway, sign_width)])
+    W = StreamedRows([measured_rows(target, samples, recipe.breakaway, recipe.sign_width)])
     return (W @ coefficients).reshape(-1, len(target.model.row_labels))
 
 

@@ -273,10 +273,10 @@ class GroupResidual:
 
 
 # of the last estimate from some observations: the covariance, the file and the summary ask for the same
-_KNOWN: WeakKeyDictionary[Observations, dict[tuple[bytes, int], tuple[GroupResidual, ...]]] = WeakKeyDictionary()
+_KNOWN: WeakKeyDictionary[Observations, dict[bytes, tuple[GroupResidual, ...]]] = WeakKeyDictionary()
 
 
-def residual_diagnostics(estimate: Estimate, observations: Observations, lags: int = LAGS) -> tuple[GroupResidual, ...]:
+def residual_diagnostics(estimate: Estimate, observations: Observations) -> tuple[GroupResidual, ...]:
     """Residuals of every log and equation that has rows."""
     check_observations(observations)
     if estimate.names != observations.names:
@@ -284,15 +284,13 @@ def residual_diagnostics(estimate: Estimate, observations: Observations, lags: i
             f"the estimate has the parameters {', '.join(estimate.names)}, "
             f"the observations have {', '.join(observations.names)}"
         )
-    if lags < 1:
-        raise InputError(f"residuals: lags must be 1 or more, given {lags}")
-    asked = (estimate.coefficients.tobytes(), lags)
+    asked = estimate.coefficients.tobytes()
     known = _KNOWN.setdefault(observations, {})
     if asked not in known:
         known.clear()
         groups = sorted(rows_of_groups(observations.group), key=lambda one: one[0])
         residual = estimate.residual(observations)
-        known[asked] = tuple(_group(g, residual[rows], observations, rows, lags) for g, rows in groups)
+        known[asked] = tuple(_group(g, residual[rows], observations, rows) for g, rows in groups)
     return known[asked]
 
 
@@ -304,13 +302,13 @@ def effective_samples(r: Array, n: int) -> float:
     return n / max(spread, 1.0)
 
 
-def _group(g: int, residual: Array, observations: Observations, rows: slice | Index, lags: int) -> GroupResidual:
+def _group(g: int, residual: Array, observations: Observations, rows: slice | Index) -> GroupResidual:
     log, equation = divmod(g, len(observations.equations))
     e, n = np.ascontiguousarray(residual), residual.size
     rms, size = float(np.sqrt(np.mean(e**2))), float(np.sqrt(np.mean(observations.y[rows] ** 2)))
     worst = int(np.argmax(np.abs(e)))
     r = autocorrelation(e)
-    count = min(lags, max(1, n // 5))
+    count = min(LAGS, max(1, n // 5))
     k = np.arange(1, min(count, n - 1) + 1)
     statistic = float(n * (n + 2) * np.sum(r[k] ** 2 / (n - k)))
     return GroupResidual(

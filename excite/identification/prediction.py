@@ -94,18 +94,12 @@ def known_torque(
     temperature: Array | None = None,
 ) -> Array:
     """Joint torques of known friction along a motion, ``C' f(C dq)``."""  # predicted (N, r); temperature (N, n)
-    load = _load(target, predicted) if friction.loaded else None
+    load, equations = predicted if friction.loaded else None, target.model.torque_equations()
+    if load is not None and equations is not None and not equations.every_joint:  # of the drives that it moves
+        load = np.asarray(predicted @ carried_along(target.robot, equations.directions).T)
     direction = drive_directions(target.robot, samples, recipe.sign_width, recipe.breakaway)
     drive_temperature = of_drives(target.robot, temperature)
     return friction.joint_torque(target.robot, samples.q, samples.dq, direction, drive_temperature, load)
-
-
-def _load(target: IdentificationTarget, predicted: Array) -> Array:
-    """Joint torques from right-hand sides; for a partial motion, those of the drives that it moves."""
-    equations = target.model.torque_equations()
-    if equations is None or equations.every_joint:
-        return predicted
-    return np.asarray(predicted @ carried_along(target.robot, equations.directions).T)
 
 
 def mean_friction(friction: FrictionCurves, robot: Robot, temperature: Array | None) -> FrictionCurves:
@@ -189,7 +183,7 @@ def prediction(
     """Predict the measurements of a log along its filtered motion."""  # coefficients (b,)
     model, log, samples = target.model, part.log, part.samples
     r = len(model.row_labels)
-    predicted = predicted_rows(target, samples, recipe.breakaway, recipe.sign_width, coefficients)
+    predicted = predicted_rows(target, samples, recipe, coefficients)
     if friction is not None:
         known = known_torque(friction, target, samples, recipe, predicted, part.temperature)
         predicted = predicted + model.right_side(samples, known).reshape(-1, r)

@@ -48,8 +48,8 @@ class StreamedRows:
     product is kept, since the residuals are needed by the covariance, the summary and the figures.
     """
 
-    def __init__(self, sources: Sequence[RowSource]) -> None:
-        self.sources = tuple(sources)
+    def __init__(self, sources: Sequence[RowSource], product: Callable[[Array], Array] | None = None) -> None:
+        self.sources, self._multiplied = tuple(sources), product
         ends: list[int] = np.cumsum([s.shape[0] * s.shape[1] for s in self.sources]).tolist()
         self._parts = list(zip(self.sources, [0, *ends], ends, strict=False))  # where the rows of each begin and end
         self.shape = (ends[-1], self.sources[0].shape[2])
@@ -74,6 +74,8 @@ class StreamedRows:
 
     def __matmul__(self, values: Array) -> Array:
         """``W @ values``, shape (m,) for values of shape (b,)."""
+        if self._multiplied is not None:
+            return self._multiplied(values)
         if self._product is None or not np.array_equal(self._product[0], values):
             product = np.empty(self.shape[0])
             for block in self._blocks():
@@ -137,25 +139,19 @@ def joined_rows(parts: Sequence[Rows]) -> Rows:
 
 def widened(rows: Rows, columns: Array) -> Rows:
     """Rows with more columns at the end, streamed where they are."""  # rows (m, p); columns (m, k)
-    return WidenedRows(rows, columns) if isinstance(rows, StreamedRows) else np.column_stack([rows, columns])
-
-
-class WidenedRows(StreamedRows):
-    """Streamed rows with more columns at the end."""  # rows (m, p); columns (m, k)
-
-    def __init__(self, rows: StreamedRows, columns: Array) -> None:
-        shape = len(rows), 1, rows.shape[1] + columns.shape[1]
-        super().__init__([RowSource(shape, partial(_beside, rows, columns))])
-        self.rows, self.columns = rows, columns
-
-    def __matmul__(self, values: Array) -> Array:
-        """See `StreamedRows`; the product of the rows without the columns is often known."""
-        p = self.rows.shape[1]
-        return np.asarray(self.rows @ values[:p] + self.columns @ values[p:])
+    if not isinstance(rows, StreamedRows):
+        return np.column_stack([rows, columns])
+    shape = len(rows), 1, rows.shape[1] + columns.shape[1]
+    return StreamedRows([RowSource(shape, partial(_beside, rows, columns))], partial(_product_beside, rows, columns))
 
 
 def _beside(rows: StreamedRows, columns: Array, which: slice | Index) -> Array:
     return np.column_stack([rows[which], columns[which]])[:, None]
+
+
+def _product_beside(rows: StreamedRows, columns: Array, values: Array) -> Array:
+    p = rows.shape[1]
+    return np.asarray(rows @ values[:p] + columns @ values[p:])  # the first is often known
 
 
 _MARGIN = 8  # times the edge of the filter, 16 periods of its cutoff: its memory is then below 1e-16

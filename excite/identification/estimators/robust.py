@@ -20,8 +20,6 @@ from excite.identification.estimator import (
 from excite.identification.estimators.least_squares import residual_noise, scaled_covariance, weighting
 from excite.identification.observations import GroupFactors, Observations
 from excite.identification.preparation import PreparedLog
-from excite.identification.recipe import Recipe
-from excite.information.target import IdentificationTarget
 from excite.trajectories import Trajectory
 from regressors.errors import InputError
 from regressors.samples import Array, Index, Samples
@@ -169,8 +167,7 @@ class Instrumental(Estimator):
         self.check(commanded)
         assert context is not None
         assert commanded is not None
-        Z = instruments(commanded, context.target, context.prepared, context.recipe)
-        return instrumental(observations, Z)
+        return instrumental(observations, instruments(commanded, context))
 
 
 _FEW = 300  # instants that suffice to find the shift
@@ -203,9 +200,7 @@ def commanded(trajectory: Trajectory, part: PreparedLog) -> Samples:
     return motion
 
 
-def instruments(
-    trajectory: Trajectory, target: IdentificationTarget, parts: tuple[PreparedLog, ...], recipe: Recipe
-) -> Array:
+def instruments(trajectory: Trajectory, context: Context) -> Array:
     """Regressor of the commanded motion, with the same rows as the measured one, shape (m, p)."""
-    played = [replace(part, samples=commanded(trajectory, part)) for part in parts]
-    return equations(target, played, recipe).matrix
+    played = [replace(part, samples=commanded(trajectory, part)) for part in context.prepared]
+    return equations(context.target, played, context.recipe).matrix
