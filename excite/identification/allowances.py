@@ -31,6 +31,7 @@ import scipy.stats
 
 from excite.identification.covariance import METHODS, divisors, robust_covariance, with_covariance
 from excite.identification.equations import (
+    constants,
     drive_directions,
     friction_drives,
     instant_columns,
@@ -84,12 +85,6 @@ def found_columns(estimate: Estimate, context: Context, found: frozenset[str]) -
     biases = nuisance_columns(context, constants).T if BIAS in found and context.recipe.bias else ()
     columns += [(BIAS, column) for column in biases if np.any(column)]
     return [(name, column) for name, column in columns if column is not None]
-
-
-def constants(part: PreparedLog) -> Array:
-    """Each component of a log's measurements as one, the others as zero, shape (n, N, n)."""
-    count, n = part.measured.shape
-    return np.tile(np.eye(n)[:, None, :], (1, count, 1))
 
 
 def delay_column(context: Context, coefficients: Array) -> Array | None:

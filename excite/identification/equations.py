@@ -108,6 +108,12 @@ def instant_columns(context: Context, change: Callable[[PreparedLog], Array]) ->
     return np.concatenate([kept_rows(target, part, recipe, y.reshape(len(y), -1).T) for part, y in changes])
 
 
+def constants(part: PreparedLog) -> Array:
+    """Each component of a log's measurements as one, the others as zero, shape (n, N, n)."""
+    n = part.measured.shape[1]
+    return np.broadcast_to(np.eye(n)[:, None], (n, *part.measured.shape))
+
+
 def right_sides(target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe, measured: Array) -> Array:
     """Right-hand sides of one log's equations for several measurements along its motion."""  # measured (k, N, n)
     y = np.array([target.model.right_side(prepared.samples, signal) for signal in measured]).T

@@ -23,10 +23,9 @@ import scipy.fft
 import scipy.optimize
 import scipy.stats
 
-from excite.identification.equations import nuisance_columns
+from excite.identification.equations import constants, nuisance_columns
 from excite.identification.estimator import Context, Estimate
 from excite.identification.observations import Observations, check_observations, rows_of_groups
-from excite.identification.preparation import PreparedLog
 from excite.identification.streamed_rows import Rows
 from regressors.errors import InputError
 from regressors.samples import Array, Index
@@ -185,14 +184,7 @@ def noise_origin(context: Context) -> tuple[bool, Array | None]:
     whose noise is multiplied by velocities or rotated. None where each row holds the noise of its own channel alone.
     """
     window = context.target.model.window
-    if window is None:
-        return False, None
-
-    def ones(part: PreparedLog) -> Array:
-        count = part.measured.shape[1]
-        return np.broadcast_to(np.eye(count)[:, None], (count, *part.measured.shape))
-
-    return window.kind == "long", nuisance_columns(context, ones)
+    return (False, None) if window is None else (window.kind == "long", nuisance_columns(context, constants))
 
 
 @dataclass(frozen=True, eq=False)

@@ -48,15 +48,11 @@ def free_settings(
     for name in wanted:
         if name not in CHOSEN:
             raise UnknownName("setting to choose", name, CHOSEN)
-    recipe_default, model_default = Recipe(), ModelChoice()
+    defaults = (recipe, Recipe()), (model, ModelChoice())
 
     def is_given(name: str) -> bool:
-        if name in given:
-            return True
-        for own, default in ((recipe, recipe_default), (model, model_default)):
-            if hasattr(default, name):
-                return bool(getattr(own, name) != getattr(default, name))
-        return False
+        own = (getattr(one, name) != getattr(default, name) for one, default in defaults if hasattr(default, name))
+        return name in given or any(own)
 
     free = {name for name in wanted if not any(map(is_given, (name, *_TOGETHER.get(name, ()))))}
     if not isinstance(model.model, str):

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.identification.allowances import constants, curves_of_moving, friction_torques, scaled_curves
+from excite.identification.allowances import curves_of_moving, friction_torques, scaled_curves
 from excite.identification.choices.left_out import (
     BlockStatistics,
     Candidate,
@@ -26,7 +26,7 @@ from excite.identification.choices.scoring import (
     possible_estimate_of_products,
     pulled_least_squares,
 )
-from excite.identification.equations import nearest
+from excite.identification.equations import constants, nearest
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, model_of, target_of
