@@ -173,8 +173,7 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     softened = cache(scoring.softened)
 
     def scored(recipe: Recipe, delay: float) -> LeftOut:
-        one = softened(recipe)
-        return one.of(one.trial.statistics(one.target, parts, recipe, delay))
+        return softened(recipe).of(softened(recipe).statistics(recipe, parts, delay))
 
     step = min(1 / part.log.rate for part in parts)
     timings = [_timing(scored, tried, step, free) for tried in _slidings(scoring, recipe, parts)]

@@ -60,9 +60,9 @@ def choose_terms(
     """Choose the optional parameters of each drive."""
     kinds = frozenset(kind for kind, (option, *_) in _TERMS.items() if option in free)
     parts = scoring.parts(recipe)
-    wide_task = _with_all(task, kinds, scoring, scoring.trial.statistics(scoring.target, parts, recipe), parts)
+    wide_task = _with_all(task, kinds, scoring, scoring.statistics(recipe, parts), parts)
     wide = target_of(robot, wide_task, recipe.common_width, instantaneous=True)
-    statistics = scoring.trial.statistics(wide, parts, recipe)
+    statistics = replace(scoring, target=wide).statistics(recipe, parts)
     always, optional = drive_terms(wide, kinds)
     estimates = () if scoring.estimate is None else _with_bodies(wide, statistics, always)
     groups, steps, tried = choose_columns(statistics, always, optional, *estimates)
@@ -70,9 +70,8 @@ def choose_terms(
     chosen_kinds = {kind for kind, _ in groups}
     carried = task.model.carried
     if LOAD_SHARE in chosen_kinds:
-        target = target_of(robot, chosen, recipe.common_width, instantaneous=True)
-        own = scoring.with_target(target, recipe)
-        carried = _carried(own, scoring.trial.statistics(target, parts, recipe))
+        own = scoring.with_target(target_of(robot, chosen, recipe.common_width, instantaneous=True), recipe)
+        carried = _carried(own, own.statistics(recipe, parts))
     speed = chosen.model.stribeck_speed if STRIBECK in chosen_kinds else task.model.stribeck_speed
     chosen = chosen.changed(carried=carried, stribeck_speed=speed)
     return chosen, Choice("terms", tuple(map(_label, groups)), tried, _reason(groups, steps, kinds))

@@ -79,9 +79,9 @@ def _with_delay_of(
     recipe, choices = choose_cutoff_and_timing(scoring, plain, cutoffs, settled)
     if "delay" in free:
         soft = fast.softened(recipe)
-        parts, trial = soft.parts(recipe), soft.trial
+        parts = soft.parts(recipe)
         step = min(1 / part.log.rate for part in parts)
-        delay, choice = choose_delay(lambda d: soft.of(trial.statistics(soft.target, parts, recipe, d)), step)
+        delay, choice = choose_delay(lambda d: soft.of(soft.statistics(recipe, parts, d)), step)
         if delay:
             recipe, choices = choose_cutoff_and_timing(scoring, replace(plain, delay=delay), cutoffs, settled)
         choices = (*choices, choice)

@@ -58,9 +58,11 @@ class Scoring:
         """The logs under a recipe."""
         return self.trial.prepared(self.target, recipe)
 
-    def statistics(self, recipe: Recipe) -> BlockStatistics:
-        """Sums of products under a recipe."""
-        return self.trial.statistics(self.target, self.parts(recipe), recipe)
+    def statistics(
+        self, recipe: Recipe, parts: Sequence[PreparedLog] | None = None, delay: float = 0.0
+    ) -> BlockStatistics:
+        """Sums of products under a recipe; of the logs under it, where these are known."""
+        return self.trial.statistics(self.target, self.parts(recipe) if parts is None else parts, recipe, delay)
 
     def of(self, statistics: BlockStatistics, judged: BlockStatistics | None = None) -> LeftOut:
         """Left-out errors, of the rows that are judged if these are not those of the estimates."""

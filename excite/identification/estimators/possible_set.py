@@ -62,11 +62,6 @@ class StandardProblem:
     prior: Array  # (t,)
     deviation: Array = field(repr=False)  # (t,)
 
-    def objective(self, theta: Array) -> float:
-        """Value of the objective for given standard parameters."""
-        misfit = float(np.sum((self.G @ theta - self.r) ** 2))
-        return (misfit + float(np.sum(((theta - self.prior) / self.deviation) ** 2))) / 2
-
     def margins(self, theta: Array) -> Array:
         """Smallest eigenvalue of each body's pseudo-inertia, shape (bodies,) [of kg m^2 and kg together]."""
         return np.array([float(np.linalg.eigvalsh(pseudo_inertia(theta[body.index]))[0]) for body in self.bodies])

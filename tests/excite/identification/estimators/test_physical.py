@@ -98,9 +98,9 @@ def test_no_possible_parameters_nearby_are_better(name: str, noise: float) -> No
     """The problem is convex: no step towards other possible parameters, the true ones among them, goes down."""
     standard, estimate = problem(name, noise), estimated(name, noise)
     theta = theta_of(estimate, standard)
-    gradient = standard.G.T @ (standard.G @ theta - standard.r)
-    gradient += (theta - standard.prior) / standard.deviation**2
-    value, rng = standard.objective(theta), np.random.default_rng(0)
+    misfit, pulled = standard.G @ theta - standard.r, (theta - standard.prior) / standard.deviation
+    gradient = standard.G.T @ misfit + pulled / standard.deviation
+    value, rng = (misfit @ misfit + pulled @ pulled) / 2, np.random.default_rng(0)
     _, _, known = robot_model(name)
     targets = [np.array([known[parameter] for parameter in standard.names])]
     for _ in range(30):  # possible bodies of all sizes: the references, stretched by random matrices
