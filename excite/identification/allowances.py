@@ -31,6 +31,7 @@ import scipy.stats
 
 from excite.identification.covariance import METHODS, divisors, robust_covariance, with_covariance
 from excite.identification.equations import (
+    constants,
     drive_directions,
     friction_drives,
     instant_columns,
@@ -71,7 +72,7 @@ def with_uncertainty(
     wider, rows = estimate, observations
     for name, column in found_columns(estimate, context, found):
         wider, rows = with_nuisance(wider, rows, column, name)
-    wider = with_covariance(wider, rows, context.recipe.covariance, noise_origin(context))
+    wider = with_covariance(wider, rows, context.recipe.covariance, *noise_origin(context))
     return wider if rows is observations else without_nuisance(wider, estimate)
 
 
@@ -86,12 +87,6 @@ def found_columns(estimate: Estimate, context: Context, found: frozenset[str]) -
     return [(name, column) for name, column in columns if column is not None]
 
 
-def constants(part: PreparedLog) -> Array:
-    """Each component of a log's measurements as one, the others as zero, shape (n, N, n)."""
-    count, n = part.measured.shape
-    return np.tile(np.eye(n)[:, None, :], (1, count, 1))
-
-
 def delay_column(context: Context, coefficients: Array) -> Array | None:
     """Change of the predicted torques with the delay, ``-d (W beta) / dt``, per sample time, shape (m,).
 
@@ -100,10 +95,9 @@ def delay_column(context: Context, coefficients: Array) -> Array | None:
     target, recipe = context.target, context.recipe
     if not recipe.delay or target.model.window is not None:
         return None
-    sizes = recipe.breakaway or 0.0, recipe.sign_width or 0.0
 
     def change(part: PreparedLog) -> Array:
-        return -np.gradient(predicted_rows(target, part.samples, *sizes, coefficients), axis=0)[None]
+        return -np.gradient(predicted_rows(target, part.samples, recipe, coefficients), axis=0)[None]
 
     return instant_columns(context, change)[:, 0]
 
@@ -344,9 +338,9 @@ def scaled_curves(friction: FrictionCurves, factors: Mapping[str, float]) -> Fri
 
 def fitted_scale(observations: Observations, measured: Context, friction: FrictionCurves) -> FrictionScale:
     """Factors of the curves that explain the logs best, all parameters identified along."""
-    names, F = friction_columns(measured, friction)
-    if not names:
+    if not curves_of_moving(measured.target, friction):
         raise InputError("`friction_scale` scales friction curves, but no moving drive has one")
+    names, F = friction_columns(measured, friction)
     extended = observations.held().beside(F, [f"scale.{name}" for name in names])
     estimate = robust_covariance(weighted(extended), extended)
     of_scale = slice(-len(names), None)

@@ -95,12 +95,9 @@ def log_scatter(each: EachLog) -> LogScatter:
     enough = counts >= 2
     with np.errstate(divide="ignore", invalid="ignore"):
         means = np.where(enough, np.nansum(weights * np.nan_to_num(each.values), axis=0) / total, np.nan)
-        ratios = np.where(enough, _squares(each, weights, means) / (counts - 1), np.nan)
+        squares = np.sum(weights * (np.nan_to_num(each.values) - means) ** 2, axis=0)
+        ratios = np.where(enough, squares / (counts - 1), np.nan)
     return LogScatter(each, counts, means, ratios, _probabilities(each, weights, counts, ratios))
-
-
-def _squares(each: EachLog, weights: Array, means: Array) -> Array:
-    return np.asarray(np.sum(weights * (np.nan_to_num(each.values) - means) ** 2, axis=0))
 
 
 def _probabilities(each: EachLog, weights: Array, counts: Array, ratios: Array) -> Array:
@@ -195,23 +192,15 @@ def _alone(
     rows = np.flatnonzero(observations.log == k)
     if rows.size <= len(observations.names):
         return None
-    parts = context.prepared[k : k + 1]
+    alone = replace(context, prepared=context.prepared[k : k + 1])
     if isinstance(observations.W, StreamedRows):
-        part = equations(context.target, parts, context.recipe)
+        part = equations(alone.target, alone.prepared, alone.recipe)
     else:
-        part = _of_log(observations.rows(rows), k)
+        noise = None if observations.noise is None else observations.noise[k : k + 1]
+        first, logs = np.zeros(rows.size, dtype=np.intp), observations.logs[k : k + 1]
+        part = replace(observations.rows(rows), log=first, logs=logs, noise=noise)
     try:
-        estimate = estimator.estimate(part, replace(context, prepared=parts))
+        estimate = estimator.estimate(part, alone)
     except ExciteError:
         return None
-    return with_uncertainty(estimate, part, replace(context, prepared=parts), found=found)
-
-
-def _of_log(observations: Observations, k: int) -> Observations:
-    noise = observations.noise
-    return replace(
-        observations,
-        log=np.zeros_like(observations.log),
-        logs=observations.logs[k : k + 1],
-        noise=None if noise is None else noise[k : k + 1],
-    )
+    return with_uncertainty(estimate, part, alone, found=found)

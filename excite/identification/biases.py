@@ -27,7 +27,7 @@ with the covariance of c by the residuals that the bumps leave, which are the no
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.linalg
@@ -55,7 +55,7 @@ from excite.logs.event import within
 from excite.logs.excitation import runs
 from excite.logs.signals.method import resample
 from regressors.errors import ExciteError, InputError, percent
-from regressors.samples import Array, Samples
+from regressors.samples import Array
 
 _SLOW = 0.1  # of the typical speed: rows of slower drives are compared with the others
 _FASTER = 2.0  # of the speed below which rows are left out
@@ -68,9 +68,7 @@ def allowing_for_standstill(
 ) -> Estimate:
     """Extend the covariance of an estimate by its change without rows near standstill, where friction holds there."""
     target, recipe = context.target, context.recipe
-    if estimate.method not in METHODS or target.model.torque_equations() is None:
-        return estimate
-    if target.model.coulomb_friction() is None:
+    if estimate.method not in METHODS or None in (target.model.torque_equations(), target.model.coulomb_friction()):
         return estimate
     shown = _held(observations)
     speed = _FASTER * recipe.standstill if recipe.standstill else _SLOW * typical_speed(target, _thinned(context))
@@ -106,9 +104,8 @@ def _held(observations: Observations) -> Observations:
 
 def _thinned(context: Context) -> list[PreparedLog]:
     """The logs at few instants, as far as these are."""
-    steps = [max(1, part.samples.time.size // _INSTANTS) for part in context.prepared]
-    every = (slice(None, None, step) for step in steps)
-    return [replace(p, samples=p.samples.rows(which)) for p, which in zip(context.prepared, every, strict=True)]
+    steps = ((part, max(1, part.samples.time.size // _INSTANTS)) for part in context.prepared)
+    return [replace(part, samples=part.samples.rows(slice(None, None, step))) for part, step in steps]
 
 
 def fast_rows(observations: Observations, context: Context, speed: float) -> NDArray[np.bool_]:
@@ -194,25 +191,19 @@ _NOISE_STRETCH = 2**16  # instants of a long log that its noise is determined fr
 _SIGNALS = ("butterworth", "savitzky-golay", "fourier", "differences")  # linear in the positions
 
 
-@dataclass(frozen=True, eq=False)
-class MotionNoise:
-    """Noise of one log's motion, as random as the measured one, after the filter."""
+def motion_noise(part: PreparedLog, recipe: Recipe, what: str, seed: int = 0) -> tuple[Array, float] | None:
+    """Draw noise of a derivative, of the size that was filtered out of a log's positions, shape (N, n).
 
-    what: str  # which derivative
-    # (N, n) its noise at the instants of the log's samples [rad/s^2 or rad/s, or with m]; zero in long logs where it
-    # is below `SHARE`
-    values: Array
-    share: float  # largest ratio of noise to noisy signal, over the joints
-
-
-def motion_noise(part: PreparedLog, recipe: Recipe, what: str, seed: int = 0) -> MotionNoise | None:
-    """Draw noise of the size that was filtered out of a log's positions."""
+    It is as random as the measured one after the filter, and zero in long logs where it is below `SHARE`; the second
+    is the largest ratio of noise to noisy signal, over the joints.
+    """
     if recipe.average or recipe.measured_velocity or recipe.signals not in _SIGNALS:
         return None
     uniform = resample(part.log).log
     method, count = chosen_method(recipe).settled(uniform.time, uniform.q), len(part.samples.time)
     whole = recipe.signals == "fourier" or uniform.count <= _NOISE_STRETCH
-    uniform = uniform if whole else uniform.rows(_middle(uniform.count))
+    first = 0 if whole else (uniform.count - _NOISE_STRETCH) // 2  # the middle of a long log
+    uniform = uniform if whole else uniform.rows(slice(first, first + _NOISE_STRETCH))
     rng = np.random.default_rng(seed)
     white = rng.normal(size=uniform.q.shape)
     passed = method.motion(uniform.time, white)
@@ -231,12 +222,7 @@ def motion_noise(part: PreparedLog, recipe: Recipe, what: str, seed: int = 0) ->
     while len(values) < count:  # as random in every stretch
         more = method.motion(uniform.time, rng.normal(size=white.shape))
         values = np.concatenate([values, size * getattr(more.samples, what)])
-    return MotionNoise(what, values[:count], most)
-
-
-def _middle(count: int) -> slice:
-    first = (count - _NOISE_STRETCH) // 2
-    return slice(first, first + _NOISE_STRETCH)
+    return values[:count], most
 
 
 def allowing_for_motion_noise(estimate: Estimate, estimator: Estimator, context: Context) -> Estimate:
@@ -246,41 +232,39 @@ def allowing_for_motion_noise(estimate: Estimate, estimator: Estimator, context:
     what = "ddq" if context.target.model.window is None else "dq"
     noises = [motion_noise(part, context.recipe, what, seed) for seed, part in enumerate(context.prepared)]
     known = [noise for noise in noises if noise is not None]
-    if len(known) < len(noises) or max(noise.share for noise in known) < SHARE:
+    if len(known) < len(noises) or (share := max(share for _, share in known)) < SHARE:
         return estimate
     try:
-        bias = motion_bias(estimate, estimator, context, known)
+        shifted = [_estimated_with(estimator, context, what, [sign * n for n, _ in known]) for sign in (1.0, -1.0)]
     except ExciteError:  # so much noise that nothing can be estimated
         return noted(estimate, "the bias by noise in the motion could not be determined")
+    bias = _motion_bias(estimate, shifted, share)
     bias = np.where(np.isfinite(bias), bias, 0.0)
     worst, deviations = largest_share(estimate, bias)
-    share = f"{percent(abs(bias[worst] / estimate.values[worst]))} or " if estimate.values[worst] else ""
+    parts = f"{percent(abs(bias[worst] / estimate.values[worst]))} or " if estimate.values[worst] else ""
     note = (
-        f"noise in the motion biases {estimate.names[worst]} most, by about {share}{deviations:.2g} of its deviations; "
+        f"noise in the motion biases {estimate.names[worst]} most, by about {parts}{deviations:.2g} of its deviations; "
         "the intervals allow for that. A lower `cutoff` lessens it"
     )
     return allowing_for(estimate, bias, *((note,) if deviations > _BIAS_SAID else ()))
 
 
-def motion_bias(estimate: Estimate, estimator: Estimator, context: Context, noises: Sequence[MotionNoise]) -> Array:
-    """Bias of an estimate by noise in the motion, shape (p,)."""
-    shifted = [_estimated_with(estimator, context, noises, sign) for sign in (1.0, -1.0)]
-    h = min(max(noise.share for noise in noises) ** 2, _MOST)
+def _motion_bias(estimate: Estimate, shifted: Sequence[Array], share: float) -> Array:
+    """Bias of an estimate by noise in the motion, from the estimates with that noise of either sign, shape (p,)."""
+    h = min(share**2, _MOST)
     return np.asarray((1 + h) / (1 - h) * ((shifted[0] + shifted[1]) / 2 - estimate.coefficients))
 
 
-def _estimated_with(estimator: Estimator, context: Context, noises: Sequence[MotionNoise], sign: float) -> Array:
-    """Estimate with the noise once more, shape (p,)."""
-    parts = tuple(_shifted(part, noise, sign) for part, noise in zip(context.prepared, noises, strict=True))
+def _estimated_with(estimator: Estimator, context: Context, what: str, noises: Sequence[Array]) -> Array:
+    """Estimate with the noise of a derivative once more, shape (p,)."""
+    motions = (
+        replace(p.samples, **{what: getattr(p.samples, what) + n})
+        for p, n in zip(context.prepared, noises, strict=True)
+    )
+    parts = tuple(replace(part, samples=motion) for part, motion in zip(context.prepared, motions, strict=True))
     observations = equations(context.target, parts, context.recipe)
     observations = observations.held() if estimator.holds_rows else observations
     return estimator.estimate(observations, replace(context, prepared=parts)).coefficients
-
-
-def _shifted(part: PreparedLog, noise: MotionNoise, sign: float) -> PreparedLog:
-    moved = {field.name: getattr(part.samples, field.name) for field in fields(Samples)}
-    moved[noise.what] = moved[noise.what] + sign * noise.values
-    return replace(part, samples=Samples(**moved))
 
 
 BUMP_SPEEDS = (0.05, 0.15, 0.45)  # of each drive's fastest

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,11 +12,8 @@ from excite.identification.estimator import Estimate, LinearSolution, solve_tria
 from excite.identification.estimators.robust import THRESHOLD
 from excite.identification.noise import (
     NoiseGroup,
-    NoiseOrigin,
     NoisePaths,
-    autocorrelation,
     autoregressive_covariance,
-    effective_samples,
     noise_paths,
     residual_diagnostics,
 )
@@ -34,7 +31,11 @@ _SHOWN = 1e-3  # share of its mean by which a stretch of rows must show a direct
 
 
 def robust_covariance(
-    estimate: Estimate, observations: Observations, kind: str = "robust", origin: NoiseOrigin | None = None
+    estimate: Estimate,
+    observations: Observations,
+    kind: str = "robust",
+    cumulated: bool = False,
+    channels: Array | None = None,
 ) -> Estimate:
     """Replace an estimate's covariance by one that allows for residuals correlated in time and across equations.
 
@@ -51,12 +52,12 @@ def robust_covariance(
             f"robust covariance is not implemented for the estimator {estimate.method}; "
             f"expected one of {', '.join(METHODS)}"
         )
-    rows = _correlation(estimate, observations, noise_paths(estimate, observations, origin or NoiseOrigin()))
-    covariance, note = _KINDS[kind](estimate, observations, rows)
+    paths = noise_paths(estimate, observations, cumulated, channels)
+    covariance, note = _KINDS[kind](estimate, observations, paths)
     seen = np.isfinite(np.diag(estimate.covariance))
     kept = np.where(np.outer(seen, seen), covariance, estimate.covariance)
     spent = observations.y.size - estimate.degrees_of_freedom
-    freedom = residual_degrees_of_freedom(rows.effective, spent, len(observations.equations))
+    freedom = residual_degrees_of_freedom(paths.effective, spent, len(observations.equations))
     return replace(estimate, covariance=kept, degrees_of_freedom=freedom, notes=(*estimate.notes, note))
 
 
@@ -72,31 +73,8 @@ def divisors(estimate: Estimate) -> Array:
     return scale if estimate.method in _WEIGHTED else np.ones_like(scale)
 
 
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """Residuals divided by their noise, and their correlation."""
-
-    lag_one: Array  # per log: the mean of its groups
-    effective: float
-    paths: NoisePaths
-
-
-def _correlation(estimate: Estimate, observations: Observations, paths: NoisePaths) -> _Rows:
-    of_groups = sorted(rows_of_groups(observations.group), key=lambda one: one[0])
-    lag_one, effective = np.zeros(len(observations.logs)), 0.0
-    for log in range(len(observations.logs)):
-        correlations = []
-        for own in (rows for g, rows in of_groups if g // len(observations.equations) == log):
-            e = np.ascontiguousarray(paths.noise[own])
-            r = autocorrelation(e)
-            effective += effective_samples(r, e.size)
-            correlations.append(float(r[1]) if r.size > 1 else 0.0)
-        lag_one[log] = np.mean(correlations) if correlations else 0.0
-    return _Rows(lag_one, effective, paths)
-
-
-def _newey_west(estimate: Estimate, observations: Observations, rows: _Rows) -> tuple[Array, str]:
-    bread, score = _problem(estimate, observations, rows, divisors(estimate))
+def _newey_west(estimate: Estimate, observations: Observations, paths: NoisePaths) -> tuple[Array, str]:
+    bread, score = _problem(estimate, observations, paths, divisors(estimate))
     spread = np.zeros((bread.half.shape[1], bread.half.shape[1]))
     widths = []
     for log in range(len(observations.logs)):
@@ -104,21 +82,21 @@ def _newey_west(estimate: Estimate, observations: Observations, rows: _Rows) -> 
         if not blocks:
             continue
         time = observations.time[blocks[0].start : blocks[-1].stop]
-        width = bandwidth(float(rows.lag_one[log]), 1 + int(np.count_nonzero(time[1:] != time[:-1])))
+        width = bandwidth(float(paths.lag_one[log]), 1 + int(np.count_nonzero(time[1:] != time[:-1])))
         widths.append(width)
-        sums = (_instant_sums(rows.paths.sums[k] * score[k, None], observations.time[k]) @ bread.half for k in blocks)
+        sums = (_instant_sums(paths.sums[k] * score[k, None], observations.time[k]) @ bread.half for k in blocks)
         spread += _bartlett(sums, width)
     m = observations.y.size
     spread *= m / max(1, estimate.degrees_of_freedom)
     over = " to ".join(str(width) for width in sorted({min(widths), max(widths)}))
-    note = f"covariance by Newey and West over {over} instants, about {rows.effective:.0f} effective rows of {m}"
+    note = f"covariance by Newey and West over {over} instants, about {paths.effective:.0f} effective rows of {m}"
     return np.asarray(bread.half @ spread @ bread.half.T), note
 
 
-def _autoregressive(estimate: Estimate, observations: Observations, rows: _Rows) -> tuple[Array, str]:
+def _autoregressive(estimate: Estimate, observations: Observations, paths: NoisePaths) -> tuple[Array, str]:
     divisor, group, m = divisors(estimate), observations.group, observations.y.size
-    bread, score = _problem(estimate, observations, rows, divisor)
-    paths, groups = rows.paths, []
+    bread, score = _problem(estimate, observations, paths, divisor)
+    groups = []
     alike = paths.sums is paths.rows
     stretches = row_stretches(observations) if alike else [slice(0, m)]  # cumulated sums reach over the whole log
     X = [_product(paths.rows, stretch, bread.half) for stretch in stretches]
@@ -132,8 +110,8 @@ def _autoregressive(estimate: Estimate, observations: Observations, rows: _Rows)
             part, weight = group[stretch] == g, 1.0 / divisor[g] ** 2
             noise, channels = score[stretch][part] / weight, paths.channels[stretch][part]
             groups.append(NoiseGroup(noise, x[part], weight * u[part], channels))
-    covariance = bread.half @ autoregressive_covariance(groups, rows.effective, share) @ bread.half.T
-    note = f"covariance for autoregressive noise, about {rows.effective:.0f} effective rows"
+    covariance = bread.half @ autoregressive_covariance(groups, paths.effective, share) @ bread.half.T
+    note = f"covariance for autoregressive noise, about {paths.effective:.0f} effective rows"
     return covariance, note if share == 1.0 else f"{note}; found from {sum(map(len, X))} of {m} rows"
 
 
@@ -149,10 +127,10 @@ def _whitening(X: Sequence[Array], share: float) -> Array:
     return np.asarray((vectors / np.sqrt(np.maximum(values, _SHOWN))) @ vectors.T)
 
 
-def _robust(estimate: Estimate, observations: Observations, rows: _Rows) -> tuple[Array, str]:
+def _robust(estimate: Estimate, observations: Observations, paths: NoisePaths) -> tuple[Array, str]:
     """That of stationary noise, scaled where that of Newey and West is larger."""
-    stationary, assumed = _autoregressive(estimate, observations, rows)
-    other, note = _newey_west(estimate, observations, rows)
+    stationary, assumed = _autoregressive(estimate, observations, paths)
+    other, note = _newey_west(estimate, observations, paths)
     ratio = np.divide(np.diag(other), np.diag(stationary), out=np.ones(len(other)), where=np.diag(stationary) > 0)
     factor = np.sqrt(np.maximum(ratio, 1.0))
     stretches = assumed.partition("; ")[2]
@@ -160,16 +138,16 @@ def _robust(estimate: Estimate, observations: Observations, rows: _Rows) -> tupl
     return stationary * np.outer(factor, factor), f"{note}; {least}"
 
 
-_Kind = Callable[[Estimate, Observations, _Rows], tuple[Array, str]]
+_Kind = Callable[[Estimate, Observations, NoisePaths], tuple[Array, str]]
 _KINDS: dict[str, _Kind] = {"robust": _robust, "newey-west": _newey_west, "autoregressive": _autoregressive}
 
 
 def _problem(
-    estimate: Estimate, observations: Observations, rows: _Rows, divisor: Array
+    estimate: Estimate, observations: Observations, paths: NoisePaths, divisor: Array
 ) -> tuple[LinearSolution, Array]:
     """Least-squares solution, whose `half` is a factor of ``(W'VW)^-1``, and ``v_i e_i`` of every row."""
     solution = solve_triangular_system(GroupFactors.of(observations).stacked(divisor))
-    score, scale, inside = np.array(rows.paths.noise), group_scale(estimate), 0
+    score, scale, inside = np.array(paths.noise), group_scale(estimate), 0
     for g, own in rows_of_groups(observations.group):
         if estimate.method == "huber":
             ratio = score[own] / scale[g]
@@ -211,21 +189,18 @@ def _bartlett(parts: Iterable[Array], width: int) -> Array:
 
 
 def with_covariance(
-    estimate: Estimate, observations: Observations, kind: str, origin: NoiseOrigin | None = None
+    estimate: Estimate, observations: Observations, kind: str, cumulated: bool = False, channels: Array | None = None
 ) -> Estimate:
     """Choose the covariance of an estimate by the correlation of its residuals, or as asked for."""
-    cumulated = origin is not None and origin.cumulated
-    if kind == "white" or (kind == "auto" and not cumulated and _white(estimate, observations)):
+    if kind == "auto" and not cumulated:
+        residuals = residual_diagnostics(estimate, observations)
+        kind = "white" if all(one.whiteness > 0.001 or abs(one.lag_one) < 0.05 for one in residuals) else "auto"
+    if kind == "white":
         return estimate
     if kind == "auto" and estimate.method not in METHODS:
         note = "residuals are correlated in time, but the intervals assume white ones: they are too narrow"
         return replace(estimate, notes=(*estimate.notes, note))
-    return robust_covariance(estimate, observations, origin=origin)
-
-
-def _white(estimate: Estimate, observations: Observations) -> bool:
-    """True if no equation's residuals are clearly correlated in time."""
-    return all(r.whiteness > 0.001 or abs(r.lag_one) < 0.05 for r in residual_diagnostics(estimate, observations))
+    return robust_covariance(estimate, observations, cumulated=cumulated, channels=channels)
 
 
 def condition_number(observations: Observations) -> float:

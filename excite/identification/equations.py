@@ -9,15 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from excite.identification.estimator import Context
 from excite.identification.observations import Observations, join_observations
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe, Sizes
-from excite.identification.streamed_rows import HELD, DecimatedRows, Decimation, HeldRows, RowSource, StreamedRows
+from excite.identification.streamed_rows import HELD, Decimation, RowSource, StreamedRows, held_rows
 from excite.information.target import IdentificationTarget
 from excite.logs.event import within
 from regressors.errors import InputError
@@ -49,13 +49,11 @@ def streamed_equations(target: IdentificationTarget, prepared: PreparedLog, reci
         raise InputError(
             "`low_pass` and `every` are for models of single instants; a model of windows integrates already"
         )
-    source = measured_rows(target, samples, recipe.breakaway or 0.0, recipe.sign_width or 0.0)
+    source = measured_rows(target, samples, recipe.breakaway, recipe.sign_width)
     decimation, kept, moving, time = _selection(target, prepared, recipe)
+    source = source if decimation is None else decimation.rows(source)
     observations = Observations(
-        W=StreamedRows(
-            (source if decimation is None else DecimatedRows(source, decimation),),
-            (None if kept is None else np.flatnonzero(kept),),
-        ),
+        W=StreamedRows([source if kept is None else source.at(kept)]),
         y=_selected(model.right_side(samples, prepared.measured).reshape(-1, 1), r, decimation, kept)[:, 0],
         names=base.names,
         units=base.units,
@@ -65,50 +63,36 @@ def streamed_equations(target: IdentificationTarget, prepared: PreparedLog, reci
         logs=(prepared.log.source,),
         time=np.repeat(time, r),
     )
-    return observations if moving is None else observations.rows(np.flatnonzero(moving))
-
-
-Flags = NDArray[np.bool_]
+    return observations if moving is None else observations.rows(moving)
 
 
 def _selection(
     target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe
-) -> tuple[Decimation | None, Flags | None, Flags | None, Array]:
-    """Decimation of a log's equations, which instants are kept after it, which rows of these, and the instants left."""
-    model, decimation = target.model, None
-    time = model.row_times(prepared.samples.time)
-    if model.window is None and (recipe.low_pass is not None or recipe.every is not None):
+) -> tuple[Decimation | None, Index | None, Index | None, Array]:
+    """Decimation of a log's equations, which instants are left after it, which rows of these, and the instants left.
+
+    Left are instants and windows that have no part in what is left out, and rows of drives that do not stand; None
+    where these are all.
+    """
+    window, every, decimation, kept, moving = target.model.window, prepared.samples.time, None, None, None
+    time = target.model.row_times(every)
+    if window is None and (recipe.low_pass is not None or recipe.every is not None):
         decimation = Decimation.of(time, recipe.low_pass, recipe.every)
         time = time[decimation.kept]
-    kept = _kept(target, prepared, time)
-    time = time if kept is None else time[kept]
-    return decimation, kept, _moving(target, prepared, time), time
+    if prepared.left_out:
+        begin = None if window is None else every[window.ends(every)[0]]
+        kept = np.flatnonzero(~within(time, prepared.left_out, begin))
+        time = time[kept]
+    if prepared.standing:
+        moving = np.flatnonzero(~np.column_stack([within(time, spans) for spans in prepared.standing]))
+    return decimation, kept, moving, time
 
 
-def _selected(y: Array, r: int, decimation: Decimation | None, kept: Flags | None) -> Array:
+def _selected(y: Array, r: int, decimation: Decimation | None, kept: Index | None) -> Array:
     """Rows of the instants that are kept; r to each instant."""  # y (N r, k)
-    if decimation is not None:
-        y = decimation(y.reshape(-1, r, y.shape[1])).reshape(-1, y.shape[1])
-    return y if kept is None else y[np.repeat(kept, r)]
-
-
-def _kept(target: IdentificationTarget, prepared: PreparedLog, time: Array) -> NDArray[np.bool_] | None:
-    """Which instants or windows have no part in what is left out, shape of ``time``; None for all of them."""
-    if not prepared.left_out:
-        return None
-    window, samples = target.model.window, prepared.samples
-    begin = None if window is None else samples.time[window.ends(samples.time)[0]]
-    return ~within(time, prepared.left_out, begin)
-
-
-def _moving(target: IdentificationTarget, prepared: PreparedLog, time: Array) -> NDArray[np.bool_] | None:
-    """Which rows are of equations whose drives do not stand, shape (N r,) for N instants; None for all of them."""
-    if not prepared.standing:
-        return None
-    kept = np.ones((time.size, len(target.model.row_labels)), dtype=bool)
-    for equation, spans in enumerate(prepared.standing):
-        kept[:, equation] = ~within(time, spans)
-    return kept.ravel()
+    y = y.reshape(-1, r, y.shape[1])
+    y = y if decimation is None else decimation(y)
+    return (y if kept is None else y[kept]).reshape(-1, y.shape[2])
 
 
 def nuisance_columns(context: Context, change: Callable[[PreparedLog], Array]) -> Array:
@@ -124,6 +108,12 @@ def instant_columns(context: Context, change: Callable[[PreparedLog], Array]) ->
     return np.concatenate([kept_rows(target, part, recipe, y.reshape(len(y), -1).T) for part, y in changes])
 
 
+def constants(part: PreparedLog) -> Array:
+    """Each component of a log's measurements as one, the others as zero, shape (n, N, n)."""
+    n = part.measured.shape[1]
+    return np.broadcast_to(np.eye(n)[:, None], (n, *part.measured.shape))
+
+
 def right_sides(target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe, measured: Array) -> Array:
     """Right-hand sides of one log's equations for several measurements along its motion."""  # measured (k, N, n)
     y = np.array([target.model.right_side(prepared.samples, signal) for signal in measured]).T
@@ -137,48 +127,47 @@ def kept_rows(target: IdentificationTarget, prepared: PreparedLog, recipe: Recip
     return y if moving is None else y[moving]
 
 
-class MeasuredRows(RowSource):
-    """Base columns of a model of single instants along a motion."""
-
-    def __init__(
-        self, target: IdentificationTarget, samples: Samples, breakaway: Sizes = 0.0, sign_width: Sizes = 0.0
-    ) -> None:
-        self.model, self.index, self.samples = target.model, target.base.index, samples
-        self.shape = samples.time.size, len(target.model.row_labels), self.index.size
-        self.friction: DirectedFriction | None = None
-        if np.any(breakaway) or isinstance(sign_width, tuple):  # else the directions are those that the model has
-            direction = drive_directions(target.robot, samples, sign_width, breakaway)  # of all instants: it remembers
-            assert direction is not None
-            self.friction = friction_drives(target, samples)
-            self.torque = direction[:, list(self.friction.drives)] * self.friction.magnitudes
-
-    def part(self, which: slice | Index) -> Array:
-        """See `RowSource.part`."""
-        W = self.model.selected(self.samples.rows(which), self.index).reshape(-1, *self.shape[1:])
-        if self.friction is not None and self.friction.columns:
-            put_friction(W, self.friction.columns, self.torque[which], self.friction.rows)
-        return W
-
-
 def measured_rows(
-    target: IdentificationTarget, samples: Samples, breakaway: Sizes = 0.0, sign_width: Sizes = 0.0
+    target: IdentificationTarget, samples: Samples, breakaway: Sizes | None = None, sign_width: Sizes | None = None
 ) -> RowSource:
     """Regressor W of a motion in the base columns, to be computed in parts."""
+    model, index, friction, torque = target.model, target.base.index, None, None
+    r = len(model.row_labels)
+    if np.any(breakaway or 0.0) or isinstance(sign_width, tuple):  # else the directions are those that the model has
+        if model.window is not None:
+            what = "`breakaway`" if np.any(breakaway or 0.0) else "a `sign_width` of each drive"
+            raise InputError(
+                f"{what} is for the differential model; models of windows integrate friction along the path"
+            )
+        direction = drive_directions(target.robot, samples, sign_width, breakaway)  # of all instants: it remembers
+        assert direction is not None
+        friction = friction_drives(target, samples)
+        torque = direction[:, list(friction.drives)] * friction.magnitudes
+    if model.window is not None:
+        return held_rows(np.ascontiguousarray(model.assemble(samples)[:, index]).reshape(-1, r, index.size))
+    return RowSource((samples.time.size, r, index.size), partial(_part, target, samples, friction, torque))
+
+
+def _part(
+    target: IdentificationTarget,
+    samples: Samples,
+    friction: DirectedFriction | None,
+    torque: Array | None,
+    which: slice | Index,
+) -> Array:
+    """Rows of some instants of a motion, with friction torques per unit parameter, shape (N, k), where they differ."""
     model, index = target.model, target.base.index
-    if model.window is None:
-        return MeasuredRows(target, samples, breakaway, sign_width)
-    if np.any(breakaway) or isinstance(sign_width, tuple):
-        what = "`breakaway`" if np.any(breakaway) else "a `sign_width` of each drive"
-        raise InputError(f"{what} is for the differential model; models of windows integrate friction along the path")
-    W = np.ascontiguousarray(model.assemble(samples)[:, index])
-    return HeldRows(W.reshape(-1, len(model.row_labels), index.size))
+    W = model.selected(samples.rows(which), index).reshape(-1, len(model.row_labels), index.size)
+    if friction is not None and torque is not None and friction.columns:
+        put_friction(W, friction.columns, torque[which], friction.rows)
+    return W
 
 
 def measured_regressor(
-    target: IdentificationTarget, samples: Samples, breakaway: Sizes = 0.0, sign_width: Sizes = 0.0
+    target: IdentificationTarget, samples: Samples, breakaway: Sizes | None = None, sign_width: Sizes | None = None
 ) -> Array:
     """Stacked regressor W of a motion in the base columns."""
-    return StreamedRows((measured_rows(target, samples, breakaway, sign_width),), (None,)).whole()
+    return StreamedRows([measured_rows(target, samples, breakaway, sign_width)]).whole()
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,11 +207,9 @@ def put_friction(W: Array, columns: Sequence[int], torque: Array, rows: Array) -
         W[:, :, column] += torque[:, k, None] * rows[k]
 
 
-def predicted_rows(
-    target: IdentificationTarget, samples: Samples, breakaway: Sizes, sign_width: Sizes, coefficients: Array
-) -> Array:
+def predicted_rows(target: IdentificationTarget, samples: Samples, recipe: Recipe, coefficients: Array) -> Array:
     """``W beta`` at every instant of a motion, shape (N, r); W is never held as a whole."""  # coefficients (b,)
-    W = StreamedRows((measured_rows(target, samples, breakaway, sign_width),), (None,))
+    W = StreamedRows([measured_rows(target, samples, recipe.breakaway, recipe.sign_width)])
     return (W @ coefficients).reshape(-1, len(target.model.row_labels))
 
 
@@ -234,21 +221,16 @@ def listed(sizes: Sizes | None) -> str:
     return ", ".join(f"{size:.3g}" for size in np.atleast_1d(sizes or 0.0).tolist())
 
 
-def directions(z: Array, dz: Array, sign_width: Sizes | None, breakaway: Sizes | None) -> Array | None:
-    """Direction of the friction of each drive along a motion, from -1 to 1."""  # z, dz (N, k)
+def drive_directions(robot: Robot, samples: Samples, sign_width: Sizes | None, breakaway: Sizes | None) -> Array | None:
+    """Direction of the friction of each moving drive along a motion of the joints, from -1 to 1, shape (N, k)."""
+    rows = drive_rows(robot)
     for what, given in (("sign_width", sign_width), ("breakaway", breakaway)):
-        if isinstance(given, tuple) and len(given) != z.shape[1]:
-            raise InputError(f"`{what}` needs one value, or {z.shape[1]}, one per moving drive; given {len(given)}")
+        if isinstance(given, tuple) and len(given) != len(rows):
+            raise InputError(f"`{what}` needs one value, or {len(rows)}, one per moving drive; given {len(given)}")
     distance, width = (np.asarray(given or 0.0) for given in (breakaway, sign_width))
     if np.any(distance):
-        return measured_direction(z, np.maximum(distance, _ZERO))
-    return np.asarray(np.tanh(dz / np.maximum(width, _ZERO))) if np.any(width) else None
-
-
-def drive_directions(robot: Robot, samples: Samples, sign_width: Sizes | None, breakaway: Sizes | None) -> Array | None:
-    """Direction of the friction of each moving drive along a motion of the joints, see `directions`."""
-    rows = drive_rows(robot)
-    return directions(samples.q @ rows.T, samples.dq @ rows.T, sign_width, breakaway)
+        return measured_direction(samples.q @ rows.T, np.maximum(distance, _ZERO))
+    return np.asarray(np.tanh(samples.dq @ rows.T / np.maximum(width, _ZERO))) if np.any(width) else None
 
 
 def drive_rows(robot: Robot) -> Array:

@@ -23,13 +23,12 @@ import scipy.fft
 import scipy.optimize
 import scipy.stats
 
-from excite.identification.equations import nuisance_columns
+from excite.identification.equations import constants, nuisance_columns
 from excite.identification.estimator import Context, Estimate
 from excite.identification.observations import Observations, check_observations, rows_of_groups
-from excite.identification.preparation import PreparedLog
 from excite.identification.streamed_rows import Rows
 from regressors.errors import InputError
-from regressors.samples import Array
+from regressors.samples import Array, Index
 
 _ITERATIONS = 30
 _SETTLED = 0.002  # relative change of the deviations
@@ -83,21 +82,21 @@ def autoregressive_noise(autocovariance: Array, count: int) -> AutoregressiveNoi
 
 def noise_of_residuals(residual: Array) -> AutoregressiveNoise:
     """Stationary noise of which one equation's residuals are a sample, shape (n,) in the order of time."""
-    autocovariance = _autocovariance(residual, np.ones((residual.size, 1)))
-    return autoregressive_noise(autocovariance, residual.size)
+    return autoregressive_noise(_autocovariance(residual, _shares(np.ones((residual.size, 1)))), residual.size)
 
 
 def autoregressive_covariance(groups: Sequence[NoiseGroup], effective: float, share: float = 1.0) -> Array:
     """Covariance C of the module's equations, shape (r, r)."""
     scaled = [np.asarray(group.channels * _sizes(group)) for group in groups]
-    found = [_autocovariance(group.noise, D) for group, D in zip(groups, scaled, strict=True)]
+    shares = [_shares(D) for D in scaled]
+    found = [_autocovariance(group.noise, share) for group, share in zip(groups, shares, strict=True)]
     aim = found
     C = np.zeros((groups[0].rows.shape[1],) * 2)
     first: Array | None = None
     for _ in range(_ITERATIONS):
         fitted = [autoregressive_noise(r, group.noise.size) for r, group in zip(aim, groups, strict=True)]
-        spread = [_Spread.of(*each) for each in zip(groups, scaled, fitted, strict=True)]
-        before, C = C, np.asarray(sum(part.covariance for part in spread)) / share
+        spread = [_spread(*each) for each in zip(groups, scaled, fitted, strict=True)]
+        before, C = C, np.asarray(sum(covariance for _, covariance in spread)) / share
         first = C if first is None else first
         if np.trace(C) > _DIVERGES * np.trace(first):  # almost as many parameters as effective rows: as for white noise
             C = first * effective / max(effective - C.shape[0], 1.0)
@@ -106,7 +105,8 @@ def autoregressive_covariance(groups: Sequence[NoiseGroup], effective: float, sh
         if settled or C.shape[0] < _LITTLE * effective:
             break
         half = _square_root(C)
-        aim = [r + part.removed(group, half, r.size) for r, part, group in zip(found, spread, groups, strict=True)]
+        parts = zip(found, groups, spread, shares, strict=True)
+        aim = [r + _removed(group.rows, carried, half, of_lag) for r, group, (carried, _), of_lag in parts]
     half = _square_root(C)
     return np.asarray(half @ half.T)
 
@@ -115,10 +115,6 @@ def _square_root(C: Array) -> Array:
     """Factor H of ``C = H H'``, without what rounding makes negative."""
     values, vectors = np.linalg.eigh(C)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
-
-
-def _lags(count: int) -> int:
-    return max(1, min(int(10 * np.log10(max(count, 2))), count // 10))
 
 
 def _sizes(group: NoiseGroup) -> Array:
@@ -136,27 +132,20 @@ def _sizes(group: NoiseGroup) -> Array:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Spread:
+def _spread(group: NoiseGroup, channels: Array, noise: AutoregressiveNoise) -> tuple[Array, Array]:
     """Effect of the noise of one group: ``Omega B'``, shape (n, r), and ``B Omega B'``, shape (r, r)."""
+    carried = np.zeros_like(group.influence)
+    for D in channels.T[np.any(channels, axis=0)]:
+        carried += D[:, None] * _toeplitz_product(noise, D[:, None] * group.influence)
+    covariance = group.influence.T @ carried
+    return carried, (covariance + covariance.T) / 2
 
-    carried: Array
-    covariance: Array
-    shares: Array  # sum over instants of the noise's covariance at each lag, for an autocovariance of one
 
-    @classmethod
-    def of(cls, group: NoiseGroup, channels: Array, noise: AutoregressiveNoise) -> _Spread:
-        carried = np.zeros_like(group.influence)
-        for D in channels.T[np.any(channels, axis=0)]:
-            carried += D[:, None] * _toeplitz_product(noise, D[:, None] * group.influence)
-        covariance = group.influence.T @ carried
-        return cls(carried, (covariance + covariance.T) / 2, _shares(channels, _lags(group.noise.size)))
-
-    def removed(self, group: NoiseGroup, half: Array, lags: int) -> Array:
-        """Autocovariance that the fit takes from the residuals, at the first lags, for ``C = half half'``."""
-        X, carried, left = group.rows, self.carried, group.rows @ half
-        taken = [_shifted(X, carried, k) + _shifted(carried, X, k) - _shifted(left, left, k) for k in range(lags)]
-        return np.asarray(taken / self.shares)
+def _removed(X: Array, carried: Array, half: Array, shares: Array) -> Array:
+    """Autocovariance that the fit takes from the residuals, at the first lags, for ``C = half half'``."""
+    left = X @ half
+    taken = [_shifted(X, carried, k) + _shifted(carried, X, k) - _shifted(left, left, k) for k in range(shares.size)]
+    return np.asarray(taken / shares)
 
 
 def _shifted(x: Array, y: Array, lag: int) -> float:
@@ -175,40 +164,27 @@ def _toeplitz_product(noise: AutoregressiveNoise, x: Array) -> Array:
     return product
 
 
-def _autocovariance(e: Array, channels: Array) -> Array:
+def _autocovariance(e: Array, shares: Array) -> Array:
     """Autocovariance of the channels' noise, of deviation one in the largest, from the products at each lag."""
-    lags = _lags(e.size)
-    return np.array([e[: e.size - k] @ e[k:] for k in range(lags + 1)]) / _shares(channels, lags)
+    return np.array([e[: e.size - k] @ e[k:] for k in range(shares.size)]) / shares
 
 
-def _shares(channels: Array, lags: int) -> Array:
+def _shares(channels: Array) -> Array:
     """``n / (n - k) sum_t sum_c D_tc D_(t+k)c`` at each lag k, at least half of that at lag 0."""
     n = len(channels)
+    lags = max(1, min(int(10 * np.log10(max(n, 2))), n // 10))
     sums = np.array([n / (n - k) * np.sum(channels[: n - k] * channels[k:]) for k in range(lags + 1)])
     return np.asarray(np.maximum(sums, 0.5 * sums[0]))
 
 
-@dataclass(frozen=True, eq=False)
-class NoiseOrigin:
-    """Where the noise in the rows comes from."""
+def noise_origin(context: Context) -> tuple[bool, Array | None]:
+    """Whether rows hold the noise of all instants since the first one, as of long windows; and its channels.
 
-    cumulated: bool = False  # True for long windows, whose rows hold the noise of all instants since the first one
-    # (m, c) change of each row with each measured channel, by which its noise enters; for time windows, whose noise
-    # is multiplied by velocities or rotated. Not given where each row holds the noise of its own channel alone
-    channels: Array | None = None
-
-
-def noise_origin(context: Context) -> NoiseOrigin:
-    """Where the noise in the equations of logs comes from."""
+    These are the change of each row with each measured channel, shape (m, c), by which its noise enters; for windows,
+    whose noise is multiplied by velocities or rotated. None where each row holds the noise of its own channel alone.
+    """
     window = context.target.model.window
-    if window is None:
-        return NoiseOrigin()
-
-    def ones(part: PreparedLog) -> Array:
-        count = part.measured.shape[1]
-        return np.broadcast_to(np.eye(count)[:, None], (count, *part.measured.shape))
-
-    return NoiseOrigin(window.kind == "long", nuisance_columns(context, ones))
+    return (False, None) if window is None else (window.kind == "long", nuisance_columns(context, constants))
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,24 +195,40 @@ class NoisePaths:
     rows: Rows  # (m, p) rows X of ``n = n_true - X (estimate - truth)``
     sums: Rows  # (m, p) rows U: the estimate's error is ``(W' V W)^-1 sum_i v_i U_i n_i``
     channels: Array  # (m, c) by which the noise of each channel enters
+    lag_one: Array  # autocorrelation of each log's noise from one row to the next: the mean of its groups
+    effective: float  # number of independent rows with as much information
 
 
-def noise_paths(estimate: Estimate, observations: Observations, origin: NoiseOrigin) -> NoisePaths:
-    """How noise enters observations of single instants and short windows, or of long windows."""
-    e, W, D = estimate.residual(observations), observations.W, origin.channels
-    D = np.broadcast_to(1.0, (e.size, 1)) if D is None else D
-    if not origin.cumulated:
-        return NoisePaths(e, W, W, D)
-    noise, rows, sums, channels = np.empty_like(e), np.empty(W.shape), np.empty(W.shape), D.copy()
+def noise_paths(
+    estimate: Estimate, observations: Observations, cumulated: bool = False, channels: Array | None = None
+) -> NoisePaths:
+    """How noise enters observations of single instants and short windows, or of long windows; see `noise_origin`."""
+    noise, W, D = estimate.residual(observations), observations.W, channels
+    D = np.broadcast_to(1.0, (noise.size, 1)) if D is None else D
+    if not cumulated:
+        return NoisePaths(noise, W, W, D, *_correlation(noise, observations))
+    e, noise, rows, sums, D = noise, np.empty_like(noise), np.empty(W.shape), np.empty(W.shape), D.copy()
     group = observations.group
     for g in np.flatnonzero(np.bincount(group)):
         part = np.flatnonzero(group == g)
         of_group = W[part]
         noise[part], rows[part] = _changes(e[part]), _changes(of_group)
         sums[part] = np.cumsum(of_group[::-1], axis=0)[::-1]
-        if origin.channels is not None:
-            channels[part] = _changes(D[part])
-    return NoisePaths(noise, rows, sums, channels)
+        if channels is not None:
+            D[part] = _changes(channels[part])
+    return NoisePaths(noise, rows, sums, D, *_correlation(noise, observations))
+
+
+def _correlation(noise: Array, observations: Observations) -> tuple[Array, float]:
+    """Mean autocorrelation of each log's groups from one row to the next, and the effective rows of all."""
+    of_logs: list[list[float]] = [[] for _ in observations.logs]
+    effective = 0.0
+    for g, own in sorted(rows_of_groups(observations.group), key=lambda one: one[0]):
+        e = np.ascontiguousarray(noise[own])
+        r = autocorrelation(e)
+        effective += effective_samples(r, e.size)
+        of_logs[g // len(observations.equations)].append(float(r[1]) if r.size > 1 else 0.0)
+    return np.array([np.mean(one) if one else 0.0 for one in of_logs]), effective
 
 
 def _changes(x: Array) -> Array:
@@ -273,10 +265,10 @@ class GroupResidual:
 
 
 # of the last estimate from some observations: the covariance, the file and the summary ask for the same
-_KNOWN: WeakKeyDictionary[Observations, dict[tuple[bytes, int], tuple[GroupResidual, ...]]] = WeakKeyDictionary()
+_KNOWN: WeakKeyDictionary[Observations, dict[bytes, tuple[GroupResidual, ...]]] = WeakKeyDictionary()
 
 
-def residual_diagnostics(estimate: Estimate, observations: Observations, lags: int = LAGS) -> tuple[GroupResidual, ...]:
+def residual_diagnostics(estimate: Estimate, observations: Observations) -> tuple[GroupResidual, ...]:
     """Residuals of every log and equation that has rows."""
     check_observations(observations)
     if estimate.names != observations.names:
@@ -284,26 +276,14 @@ def residual_diagnostics(estimate: Estimate, observations: Observations, lags: i
             f"the estimate has the parameters {', '.join(estimate.names)}, "
             f"the observations have {', '.join(observations.names)}"
         )
-    if lags < 1:
-        raise InputError(f"residuals: lags must be 1 or more, given {lags}")
-    asked = (estimate.coefficients.tobytes(), lags)
+    asked = estimate.coefficients.tobytes()
     known = _KNOWN.setdefault(observations, {})
     if asked not in known:
         known.clear()
-        known[asked] = _diagnostics(estimate.residual(observations), observations, lags)
+        groups = sorted(rows_of_groups(observations.group), key=lambda one: one[0])
+        residual = estimate.residual(observations)
+        known[asked] = tuple(_group(g, residual[rows], observations, rows) for g, rows in groups)
     return known[asked]
-
-
-def _diagnostics(residual: Array, observations: Observations, lags: int) -> tuple[GroupResidual, ...]:
-    diagnostics = []
-    for g, rows in sorted(rows_of_groups(observations.group), key=lambda one: one[0]):
-        log, equation = divmod(g, len(observations.equations))
-        name, unit = observations.equations[equation]
-        part = np.ascontiguousarray(residual[rows])
-        diagnostics.append(
-            _group(observations.logs[log], name, unit, part, observations.y[rows], observations.time[rows], lags)
-        )
-    return tuple(diagnostics)
 
 
 def effective_samples(r: Array, n: int) -> float:
@@ -314,23 +294,23 @@ def effective_samples(r: Array, n: int) -> float:
     return n / max(spread, 1.0)
 
 
-def _group(log: str, name: str, unit: str, e: Array, y: Array, time: Array, lags: int) -> GroupResidual:
-    n = e.size
-    rms, size = float(np.sqrt(np.mean(e**2))), float(np.sqrt(np.mean(y**2)))
+def _group(g: int, residual: Array, observations: Observations, rows: slice | Index) -> GroupResidual:
+    log, equation = divmod(g, len(observations.equations))
+    e, n = np.ascontiguousarray(residual), residual.size
+    rms, size = float(np.sqrt(np.mean(e**2))), float(np.sqrt(np.mean(observations.y[rows] ** 2)))
     worst = int(np.argmax(np.abs(e)))
     r = autocorrelation(e)
-    count = min(lags, max(1, n // 5))
+    count = min(LAGS, max(1, n // 5))
     k = np.arange(1, min(count, n - 1) + 1)
     statistic = float(n * (n + 2) * np.sum(r[k] ** 2 / (n - k)))
     return GroupResidual(
-        log=log,
-        equation=name,
-        unit=unit,
+        observations.logs[log],
+        *observations.equations[equation],
         rows=n,
         rms=rms,
         relative=rms / size if size > 0 else (0.0 if rms == 0 else np.inf),
         worst=float(e[worst]),
-        worst_time=float(time[worst]),
+        worst_time=float(observations.time[rows][worst]),
         lag_one=float(r[1]) if n > 1 else 0.0,
         lags=k.size,
         ljung_box=statistic,

@@ -197,39 +197,27 @@ def _factors(observations: Observations, front: Array | None) -> GroupFactors:
     y, group = observations.y[:, None], observations.group
     columns = [observations.W, y] if front is None else [front, observations.W, y]
     width = sum(block.shape[1] for block in columns)
-    factors = [_GrowingFactor(width) for _ in range(len(observations.logs) * len(observations.equations))]
+    factors = [np.zeros((0, width))] * (len(observations.logs) * len(observations.equations))
     for rows in observations.blocks():
         blocks = [block[rows] for block in columns]
         for g, own in rows_of_groups(group[rows]):
-            factors[g].add(np.concatenate([block[own] for block in blocks], axis=1))
-            if not np.all(np.isfinite(factors[g].R)):
+            factors[g] = _grown(factors[g], np.concatenate([block[own] for block in blocks], axis=1))
+            if not np.all(np.isfinite(factors[g])):
                 raise InputError(_not_finite(observations, rows))
-    return GroupFactors(tuple(factor.whole() for factor in factors), np.bincount(group, minlength=len(factors)))
+    return GroupFactors(tuple(factors), np.bincount(group, minlength=len(factors)))
 
 
-class _GrowingFactor:
-    """Triangular factor of the rows so far, of the columns in which they are not zero.
+def _grown(R: Array, rows: Array) -> Array:
+    """Triangular factor with rows that follow, of the columns that are not zero; shapes (k, width).
 
     The torque of a joint does not depend on the bodies before it, so that the equations of the last joints have few
     such columns, and QR takes time by their square.
     """
-
-    def __init__(self, width: int) -> None:
-        self.columns = np.zeros(width, dtype=bool)
-        self.R = np.zeros((0, 0))
-
-    def add(self, rows: Array) -> None:
-        """Rows that follow, shape (k, width)."""
-        seen = self.columns | np.any(rows, axis=0)
-        if not np.array_equal(seen, self.columns):
-            self.R, self.columns = self.whole()[:, seen], seen
-        self.R = triangular_factor(np.concatenate([self.R, rows[:, seen]]))
-
-    def whole(self) -> Array:
-        """Factor of all columns, shape (k, width)."""
-        R = np.zeros((self.R.shape[0], self.columns.size))
-        R[:, self.columns] = self.R
-        return R
+    seen = np.any(R, axis=0) | np.any(rows, axis=0)
+    factor = triangular_factor(np.concatenate([R[:, seen], rows[:, seen]]))
+    grown = np.zeros((len(factor), seen.size))
+    grown[:, seen] = factor
+    return grown
 
 
 def rows_of_groups(group: Index) -> Iterator[tuple[int, slice | Index]]:

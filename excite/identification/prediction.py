@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,22 +61,16 @@ def _missing_curves(samples: Samples, target: IdentificationTarget, friction: Fr
     identified = [name for name in without if numbers[name] in columns]
     frictionless = [name for name in without if numbers[name] not in columns]
     notes = [f"no friction curve of {', '.join(identified)}: identified with the rest"] if identified else []
-    return (*notes, *_frictionless(frictionless, robot))
-
-
-def _frictionless(names: Sequence[str], robot: Robot) -> tuple[str, ...]:
-    """Note on moving drives that have neither a curve nor friction columns."""
-    if not names:
-        return ()
-    described = FrictionCurves.of_robot(robot)
-    stated = [name for name in names if described.curve(name) is not None]
-    note = f"no friction curve of {', '.join(names)}, and no friction columns, as asked: assumed to have no friction"
-    if stated:
-        note += (
-            f", though the robot's description states friction for {', '.join(stated)}: give `friction=True` to "
-            "identify it"
-        )
-    return (note,)
+    if frictionless:
+        described, names = FrictionCurves.of_robot(robot), ", ".join(frictionless)
+        note = f"no friction curve of {names}, and no friction columns, as asked: assumed to have no friction"
+        if stated := [name for name in frictionless if described.curve(name) is not None]:
+            note += (
+                f", though the robot's description states friction for {', '.join(stated)}: give `friction=True` to "
+            )
+            note += "identify it"
+        notes.append(note)
+    return tuple(notes)
 
 
 def carried_torques(part: PreparedLog, robot: Robot, recipe: Recipe) -> Callable[[FrictionCurves], Array]:
@@ -100,18 +94,12 @@ def known_torque(
     temperature: Array | None = None,
 ) -> Array:
     """Joint torques of known friction along a motion, ``C' f(C dq)``."""  # predicted (N, r); temperature (N, n)
-    load = _load(target, predicted) if friction.loaded else None
+    load, equations = predicted if friction.loaded else None, target.model.torque_equations()
+    if load is not None and equations is not None and not equations.every_joint:  # of the drives that it moves
+        load = np.asarray(predicted @ carried_along(target.robot, equations.directions).T)
     direction = drive_directions(target.robot, samples, recipe.sign_width, recipe.breakaway)
     drive_temperature = of_drives(target.robot, temperature)
     return friction.joint_torque(target.robot, samples.q, samples.dq, direction, drive_temperature, load)
-
-
-def _load(target: IdentificationTarget, predicted: Array) -> Array:
-    """Joint torques from right-hand sides; for a partial motion, those of the drives that it moves."""
-    equations = target.model.torque_equations()
-    if equations is None or equations.every_joint:
-        return predicted
-    return np.asarray(predicted @ carried_along(target.robot, equations.directions).T)
 
 
 def mean_friction(friction: FrictionCurves, robot: Robot, temperature: Array | None) -> FrictionCurves:
@@ -195,7 +183,7 @@ def prediction(
     """Predict the measurements of a log along its filtered motion."""  # coefficients (b,)
     model, log, samples = target.model, part.log, part.samples
     r = len(model.row_labels)
-    predicted = predicted_rows(target, samples, recipe.breakaway or 0.0, recipe.sign_width or 0.0, coefficients)
+    predicted = predicted_rows(target, samples, recipe, coefficients)
     if friction is not None:
         known = known_torque(friction, target, samples, recipe, predicted, part.temperature)
         predicted = predicted + model.right_side(samples, known).reshape(-1, r)

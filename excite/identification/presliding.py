@@ -7,7 +7,8 @@ smoothly then explains the torques better, as long as it does not blur real fric
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import scipy.optimize
@@ -28,7 +29,6 @@ from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
 from excite.tasks.task import Task
 from regressors.models.base import triangular_factor
-from regressors.models.windows import Window
 from regressors.robot.columns import COULOMB
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.samples import Array, Samples
@@ -39,63 +39,38 @@ CLOSE = 1e-3  # of log10 of a size: the search then adds nothing to the scatter 
 WORTH = 0.005  # gain in the mean logarithm of the residuals below which the exact sign stays
 _ROWS = 10_000
 
-Part = tuple[PreparedLog, Observations]
 Score = Callable[[Sequence[Array]], float]
-
-
-@dataclass(frozen=True)
-class Presliding:
-    """Sign change of Coulomb friction; the exact sign of the velocity where both parameters are zero."""
-
-    sign_width: float = 0.0  # w of ``tanh(dz / w)`` [rad/s or m/s]
-    breakaway: float = 0.0  # d of `measured_direction` [rad or m]
-
-
-def best_presliding(
-    target: IdentificationTarget,
-    parts: Sequence[Part],
-    *,
-    by_distance: bool = True,
-    friction: FrictionCurves | None = None,
-) -> Presliding:
-    """Find the presliding of largest likelihood, each equation having its own noise."""
-    (exact, misfit), *found = presliding_candidates(target, parts, by_distance=by_distance, friction=friction)
-    least = min((one for _, one in found), default=misfit)
-    if misfit - least <= WORTH:
-        return exact
-    # the last, over a distance, if it explains as much: it also holds at standstill, which logs may not show
-    return next(presliding for presliding, one in reversed(found) if one - least <= WORTH)
+# of a recipe: w of ``tanh(dz / w)`` [rad/s or m/s], d of `measured_direction` [rad or m]; zeros for the exact sign
+Sliding = dict[str, Any]
+_EXACT: Sliding = {"sign_width": 0.0, "breakaway": 0.0}
 
 
 def presliding_candidates(
-    target: IdentificationTarget,
-    parts: Sequence[Part],
-    *,
-    by_distance: bool = True,
-    friction: FrictionCurves | None = None,
-) -> list[tuple[Presliding, float]]:
-    """The exact sign; and over a velocity, and over a distance, the presliding of largest likelihood.
+    recipe: Recipe, target: IdentificationTarget, parts: Sequence[PreparedLog], friction: FrictionCurves | None = None
+) -> list[tuple[Sliding, float]]:
+    """The exact sign; and over a velocity, and over a distance if not given, the presliding of largest likelihood.
 
     Each with its misfit, the mean over the equations of the logarithm of the residuals' size.
     """
     if target.model.coulomb_friction() is None:
-        return [(Presliding(), 0.0)]
-    drives = [friction_drives(target, part.samples) for part, _ in parts]
+        return [(_EXACT, 0.0)]
+    plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
+    # friction remembers every row, those too that make no equations later
+    equations = [streamed_equations(target, replace(part, left_out=()), plain) for part in parts]
+    drives = [friction_drives(target, part.samples) for part in parts]
     C = drive_rows(target.robot)
-    if friction is None:
-        score, used = _score_of_columns(parts, drives), sorted(set(drives[0].drives))
-    else:
-        score, used = _score_of_curves(target, parts, drives, friction), list(range(len(C)))
-    paths, speeds = ([getattr(part.samples, name) @ C.T for part, _ in parts] for name in ("q", "dq"))
+    used = sorted(set(drives[0].drives)) if friction is None else list(range(len(C)))
+    score = _score(target, parts, equations, drives, friction)
+    paths, speeds = ([getattr(part.samples, name) @ C.T for part in parts] for name in ("q", "dq"))
     speed = _typical([np.sqrt(np.mean(dz[:, used] ** 2, axis=0)) for dz in speeds])
     travel = _typical([np.std(z[:, used], axis=0) for z in paths])
-    found = [(Presliding(), score([np.sign(dz) for dz in speeds]))]
+    found = [(_EXACT, score([np.sign(dz) for dz in speeds]))]
     if speed > 0 and travel > 0:
         width, misfit = _refined(speed * WIDTHS, lambda w: score([np.tanh(dz / w) for dz in speeds]))
-        found.append((Presliding(sign_width=width), misfit))
-        if by_distance:
+        found.append(({**_EXACT, "sign_width": width}, misfit))
+        if recipe.breakaway is None:
             distance, misfit = _refined(travel * DISTANCES, lambda d: score([measured_direction(z, d) for z in paths]))
-            found.append((Presliding(breakaway=distance), misfit))
+            found.append(({**_EXACT, "breakaway": distance}, misfit))
     return found
 
 
@@ -117,65 +92,43 @@ def _typical(sizes: Sequence[Array]) -> float:
     return float(np.median(together)) if together.size else 0.0
 
 
-def _score_of_columns(parts: Sequence[Part], drives: Sequence[DirectedFriction]) -> Score:
-    """Misfit of friction directions if the magnitudes are identified along, on a subset of the rows."""
-    every = _step(parts)
-    W, y = _thinned(parts, drives[0].rows.shape[1], every)
-
-    def score(directions: Sequence[Array]) -> float:
-        _put(W, drives, directions, every)
-        return _misfit(W, y)
-
-    return score
-
-
-def _score_of_curves(
-    target: IdentificationTarget, parts: Sequence[Part], drives: Sequence[DirectedFriction], friction: FrictionCurves
+def _score(
+    target: IdentificationTarget,
+    parts: Sequence[PreparedLog],
+    equations: Sequence[Observations],
+    drives: Sequence[DirectedFriction],
+    friction: FrictionCurves | None,
 ) -> Score:
-    """Misfit of friction directions for curves, and for the columns of other drives, on a subset of the rows."""
-    model = target.model
-    r = len(model.row_labels)
-    every = _step(parts)
-    W, _ = _thinned(parts, r, every)
-    thinned = [_every(part, target, every) for part, _ in parts]
+    """Misfit of friction directions, on a subset of the rows: of columns whose magnitudes are identified, or of curves.
+
+    The columns of drives without a curve are identified along with curves.
+    """
+    model, r = target.model, len(target.model.row_labels)
+    every = max(1, sum(len(one.y) for one in equations) // _ROWS)
+    rows = [(np.arange(0, len(one.y), every * r)[:, None] + np.arange(r)).ravel() for one in equations]
+    W, y = (np.concatenate([getattr(o, name)[k] for o, k in zip(equations, rows, strict=True)]) for name in "Wy")
+    W, y = W.reshape(-1, r, W.shape[1]), y.reshape(-1, r)
+    thinned = [] if friction is None else [_every(part, target, every) for part in parts]
 
     def score(directions: Sequence[Array]) -> float:
-        _put(W, drives, directions, every)
-        y = [
+        """Of the directions of every log's drives, whose friction is written into its columns of W."""
+        torque = [s[::every, list(d.drives)] * d.magnitudes[::every] for d, s in zip(drives, directions, strict=True)]
+        put_friction(W, drives[0].columns, np.concatenate(torque), drives[0].rows)
+        if friction is None:
+            return _misfit(W, y)
+        carried = [
             model.right_side(m, friction.carried_torque(target.robot, m.q, m.dq, tau, s[::every], T)).reshape(-1, r)
             for (m, tau, T), s in zip(thinned, directions, strict=True)
         ]
-        return _misfit(W, np.concatenate(y))
+        return _misfit(W, np.concatenate(carried))
 
     return score
-
-
-def _put(W: Array, drives: Sequence[DirectedFriction], directions: Sequence[Array], every: int) -> None:
-    """Write the friction of every log into its columns of the decimated regressor, in place."""
-    torque = [s[::every, list(d.drives)] * d.magnitudes[::every] for d, s in zip(drives, directions, strict=True)]
-    put_friction(W, drives[0].columns, np.concatenate(torque), drives[0].rows)
 
 
 def _every(part: PreparedLog, target: IdentificationTarget, every: int) -> tuple[Samples, Array, Array | None]:
     """Motion, torques and drive temperatures of a log, decimated."""
-    drive_temperature = of_drives(target.robot, part.temperature)
-    return (
-        part.samples.rows(slice(None, None, every)),
-        part.measured[::every],
-        None if drive_temperature is None else drive_temperature[::every],
-    )
-
-
-def _step(parts: Sequence[Part]) -> int:
-    """Decimation of the rows."""
-    return max(1, sum(len(observations.y) for _, observations in parts) // _ROWS)
-
-
-def _thinned(parts: Sequence[Part], r: int, every: int) -> tuple[Array, Array]:
-    """Decimated equations of all logs: the regressor (N, r, b), and the right-hand side (N, r)."""
-    rows = [(np.arange(0, len(o.y), every * r)[:, None] + np.arange(r)).ravel() for _, o in parts]
-    W, y = (np.concatenate([getattr(o, name)[k] for (_, o), k in zip(parts, rows, strict=True)]) for name in "Wy")
-    return W.reshape(-1, r, W.shape[1]), y.reshape(-1, r)
+    temperature = of_drives(target.robot, None if part.temperature is None else part.temperature[::every])
+    return part.samples.rows(slice(None, None, every)), part.measured[::every], temperature
 
 
 def _misfit(W: Array, y: Array) -> float:
@@ -214,25 +167,20 @@ def with_presliding(
     """Complete a recipe with the presliding of friction that fits the data best, where it is not given."""
     if recipe.sign_width is not None or recipe.breakaway or target.model.window is not None:
         return replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)
-    equations = undirected_equations(recipe, target, parts)
-    presliding = best_presliding(target, equations, by_distance=recipe.breakaway is None, friction=friction)
-    return replace(recipe, sign_width=presliding.sign_width, breakaway=presliding.breakaway)
-
-
-def undirected_equations(
-    recipe: Recipe, target: IdentificationTarget, parts: Sequence[PreparedLog]
-) -> list[tuple[PreparedLog, Observations]]:
-    """Equations of every instant of some logs, with the exact sign of friction, for a search of its presliding."""
-    plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
-    # friction remembers every row, those too that make no equations later
-    return [(part, streamed_equations(target, replace(part, left_out=()), plain)) for part in parts]
+    (exact, misfit), *found = presliding_candidates(recipe, target, parts, friction)
+    least = min((one for _, one in found), default=misfit)
+    if misfit - least <= WORTH:
+        return replace(recipe, **exact)
+    # the last, over a distance, if it explains as much: it also holds at standstill, which logs may not show
+    return replace(recipe, **next(sliding for sliding, one in reversed(found) if one - least <= WORTH))
 
 
 def presliding_note(recipe: Recipe, target: IdentificationTarget, *, known: bool) -> tuple[str, ...]:
     """Describe the presliding of friction, or the length of the windows."""
     base, window = target.base, target.model.window
     if window is not None:
-        return (_window_note(window),)
+        cumulated = "the noise of long windows is a cumulated sum, and the intervals allow for that"
+        return (cumulated if window.kind == "long" else f"windows of {1e3 * window.length:.4g} ms",)
     columns = any(base.columns[k].kind == COULOMB for k in base.index)
     if not known and not columns:
         return ()
@@ -245,9 +193,3 @@ def presliding_note(recipe: Recipe, target: IdentificationTarget, *, known: bool
     if np.any(recipe.sign_width or 0.0):
         return (f"{what} changes sign over {listed(recipe.sign_width)} rad/s (or m/s) of drive velocity",)
     return (f"{what} has the sign of the velocity",)
-
-
-def _window_note(window: Window) -> str:
-    if window.kind == "long":
-        return "the noise of long windows is a cumulated sum, and the intervals allow for that"
-    return f"windows of {1e3 * window.length:.4g} ms"

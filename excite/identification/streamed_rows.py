@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -18,25 +18,27 @@ MOST = 2**31  # bytes of a regressor that a method may ask for as a whole
 BLOCK = 2048  # instants
 
 
-class RowSource(ABC):
-    """Equations of a motion at N instants, r at each, for b parameters."""
+class RowSource:
+    """Equations of a motion at N instants, r at each, for b parameters: shape (N, r, b).
 
-    shape: tuple[int, int, int]  # (N, r, b)
+    `part` gives the rows of a stretch of instants, or of some in ascending order, shape (k, r, b).
+    """
 
-    @abstractmethod
-    def part(self, which: slice | Index) -> Array:
-        """Rows of a stretch of instants, or of some in ascending order, shape (k, r, b)."""
+    def __init__(self, shape: tuple[int, ...], part: Callable[[slice | Index], Array]) -> None:
+        self.shape, self.part = shape, part
+
+    def at(self, instants: Index) -> RowSource:
+        """Equations of some of the instants."""
+        return RowSource((instants.size, *self.shape[1:]), partial(_part_at, self, instants))
 
 
-class HeldRows(RowSource):
+def _part_at(source: RowSource, instants: Index, which: slice | Index) -> Array:
+    return source.part(instants[which])
+
+
+def held_rows(rows: Array) -> RowSource:
     """Rows that are an array already."""  # rows (N, r, b)
-
-    def __init__(self, rows: Array) -> None:
-        self.rows, self.shape = rows, (rows.shape[0], rows.shape[1], rows.shape[2])
-
-    def part(self, which: slice | Index) -> Array:
-        """See `RowSource.part`."""
-        return self.rows[which]
+    return RowSource(rows.shape, rows.__getitem__)
 
 
 class StreamedRows:
@@ -46,15 +48,11 @@ class StreamedRows:
     product is kept, since the residuals are needed by the covariance, the summary and the figures.
     """
 
-    def __init__(self, sources: Sequence[RowSource], instants: Sequence[Index | None]) -> None:
-        self.sources, self.instants = tuple(sources), tuple(instants)
-        used = zip(self.sources, self.instants, strict=True)
-        counts = [(s.shape[0] if kept is None else kept.size) * s.shape[1] for s, kept in used]
-        self._offsets = np.concatenate([[0], np.cumsum(counts)]).astype(int)
-        # each source, its instants, and where its rows begin and end
-        ends = self._offsets[:-1], self._offsets[1:]
-        self._parts = list(zip(self.sources, self.instants, *ends, strict=True))
-        self.shape = (int(self._offsets[-1]), self.sources[0].shape[2])
+    def __init__(self, sources: Sequence[RowSource], product: Callable[[Array], Array] | None = None) -> None:
+        self.sources, self._multiplied = tuple(sources), product
+        ends: list[int] = np.cumsum([s.shape[0] * s.shape[1] for s in self.sources]).tolist()
+        self._parts = list(zip(self.sources, [0, *ends], ends, strict=False))  # where the rows of each begin and end
+        self.shape = (ends[-1], self.sources[0].shape[2])
         self._product: tuple[Array, Array] | None = None
 
     @property
@@ -76,10 +74,12 @@ class StreamedRows:
 
     def __matmul__(self, values: Array) -> Array:
         """``W @ values``, shape (m,) for values of shape (b,)."""
+        if self._multiplied is not None:
+            return self._multiplied(values)
         if self._product is None or not np.array_equal(self._product[0], values):
             product = np.empty(self.shape[0])
-            for first, last in self._blocks():
-                product[first:last] = self._stretch(first, last) @ values
+            for block in self._blocks():
+                product[block] = self[block] @ values
             product.flags.writeable = False
             self._product = np.array(values), product
         return self._product[1]
@@ -95,37 +95,33 @@ class StreamedRows:
                 "(weighted, least-squares, ridge, total, physical)"
             )
         rows = np.empty(self.shape)
-        for first, last in self._blocks():
-            rows[first:last] = self._stretch(first, last)
+        for block in self._blocks():
+            rows[block] = self[block]
         return rows
 
-    def _blocks(self) -> list[tuple[int, int]]:
-        blocks = []
-        for source, _, start, end in self._parts:
-            edges = [*range(int(start), int(end), BLOCK * source.shape[1]), int(end)]
-            blocks += list(itertools.pairwise(edges))
-        return blocks
+    def _blocks(self) -> Iterator[slice]:
+        for source, start, end in self._parts:
+            edges = [*range(start, end, BLOCK * source.shape[1]), end]
+            yield from itertools.starmap(slice, itertools.pairwise(edges))
 
     def _stretch(self, first: int, last: int) -> Array:
         """Rows from `first` to before `last`."""
         pieces = []
-        for source, kept, start, end in self._parts:
-            a, b = max(first, start) - start, min(last, end) - start
+        for source, start, end in self._parts:
+            a, b, r = max(first, start) - start, min(last, end) - start, source.shape[1]
             if a < b:
-                r = source.shape[1]
-                begin, stop = int(a // r), int(-(-b // r))
-                rows = source.part(slice(begin, stop) if kept is None else kept[begin:stop])
+                rows = source.part(slice(a // r, -(-b // r)))
                 pieces.append(rows.reshape(-1, self.shape[1])[a % r : a % r + b - a])
-        return np.concatenate(pieces) if len(pieces) != 1 else pieces[0]
+        return pieces[0] if len(pieces) == 1 else np.concatenate([np.empty((0, self.shape[1])), *pieces])
 
     def _gathered(self, rows: Index) -> Array:
         gathered = np.empty((rows.size, self.shape[1]))
-        for source, kept, start, end in self._parts:
+        for source, start, end in self._parts:
             wanted = np.flatnonzero((rows >= start) & (rows < end))
             if wanted.size:
                 instant, equation = np.divmod(rows[wanted] - start, source.shape[1])
                 each, place = np.unique(instant, return_inverse=True)
-                gathered[wanted] = source.part(each if kept is None else kept[each])[place, equation]
+                gathered[wanted] = source.part(each)[place, equation]
         return gathered
 
 
@@ -137,38 +133,25 @@ def joined_rows(parts: Sequence[Rows]) -> Rows:
     arrays = [part for part in parts if isinstance(part, np.ndarray)]
     if len(arrays) == len(parts):
         return np.concatenate(arrays)
-    streamed = [StreamedRows((HeldRows(x[:, None]),), (None,)) if isinstance(x, np.ndarray) else x for x in parts]
-    sources = [source for part in streamed for source in part.sources]
-    return StreamedRows(sources, [kept for part in streamed for kept in part.instants])
+    sources = ([held_rows(x[:, None])] if isinstance(x, np.ndarray) else x.sources for x in parts)
+    return StreamedRows(list(itertools.chain.from_iterable(sources)))
 
 
 def widened(rows: Rows, columns: Array) -> Rows:
     """Rows with more columns at the end, streamed where they are."""  # rows (m, p); columns (m, k)
-    return WidenedRows(rows, columns) if isinstance(rows, StreamedRows) else np.column_stack([rows, columns])
+    if not isinstance(rows, StreamedRows):
+        return np.column_stack([rows, columns])
+    shape = len(rows), 1, rows.shape[1] + columns.shape[1]
+    return StreamedRows([RowSource(shape, partial(_beside, rows, columns))], partial(_product_beside, rows, columns))
 
 
-class WidenedRows(StreamedRows):
-    """Streamed rows with more columns at the end."""  # rows (m, p); columns (m, k)
-
-    def __init__(self, rows: StreamedRows, columns: Array) -> None:
-        super().__init__((_Beside(rows, columns),), (None,))
-        self.rows, self.columns = rows, columns
-
-    def __matmul__(self, values: Array) -> Array:
-        """See `StreamedRows`; the product of the rows without the columns is often known."""
-        p = self.rows.shape[1]
-        return np.asarray(self.rows @ values[:p] + self.columns @ values[p:])
+def _beside(rows: StreamedRows, columns: Array, which: slice | Index) -> Array:
+    return np.column_stack([rows[which], columns[which]])[:, None]
 
 
-class _Beside(RowSource):
-    """Single rows, and the columns beside them."""
-
-    def __init__(self, rows: StreamedRows, columns: Array) -> None:
-        self.rows, self.columns, self.shape = rows, columns, (len(rows), 1, rows.shape[1] + columns.shape[1])
-
-    def part(self, which: slice | Index) -> Array:
-        """See `RowSource.part`."""
-        return np.column_stack([self.rows[which], self.columns[which]])[:, None]
+def _product_beside(rows: StreamedRows, columns: Array, values: Array) -> Array:
+    p = rows.shape[1]
+    return np.asarray(rows @ values[:p] + columns @ values[p:])  # the first is often known
 
 
 _MARGIN = 8  # times the edge of the filter, 16 periods of its cutoff: its memory is then below 1e-16
@@ -193,23 +176,30 @@ class Decimation:
         """Signals at the instants that are left, from shape (N, ...)."""
         return x[self.kept] if self.cutoff is None else low_passed(x, self.rate, self.cutoff)[self.kept]
 
+    def rows(self, source: RowSource) -> RowSource:
+        """Rows of a source at the instants that are left."""
+        instants = np.arange(source.shape[0])[self.kept]
+        if self.cutoff is None:
+            return source.at(instants)
+        margin, small = _MARGIN * edge(self.rate, self.cutoff), 8 * np.prod(source.shape) <= HELD
+        many = instants.size if small else max(BLOCK, -(-2 * margin // self.kept.step))
+        blocks = _FilteredBlocks(
+            source, instants, margin, many, partial(low_passed, rate=self.rate, cutoff=self.cutoff)
+        )
+        return RowSource((instants.size, *source.shape[1:]), blocks.part)
 
-class DecimatedRows(RowSource):
-    """Rows of a source, low-passed and decimated."""
 
-    def __init__(self, source: RowSource, decimation: Decimation) -> None:
-        self.source, self.decimation = source, decimation
-        self.instants = np.arange(source.shape[0])[decimation.kept]
-        self.shape = (self.instants.size, *source.shape[1:])
-        self._margin = 0 if decimation.cutoff is None else _MARGIN * edge(decimation.rate, decimation.cutoff)
-        small = 8 * np.prod(source.shape) <= HELD
-        self._many = self.shape[0] if small else max(BLOCK, -(-2 * self._margin // decimation.kept.step))
+class _FilteredBlocks:
+    """Low-passed rows of a source at some instants, in blocks of many instants that are filtered at once."""
+
+    def __init__(
+        self, source: RowSource, instants: Index, margin: int, many: int, smooth: Callable[[Array], Array]
+    ) -> None:
+        self.source, self.instants, self.margin, self.many, self.smooth = source, instants, margin, many, smooth
         self._known: tuple[int, Array] | None = None
 
     def part(self, which: slice | Index) -> Array:
-        """See `RowSource.part`."""
-        if self.decimation.cutoff is None:
-            return self.source.part(self.instants[which])
+        """See `RowSource`."""
         if isinstance(which, slice):
             return self._stretch(which.start, which.stop)
         runs = np.split(which, np.flatnonzero(np.diff(which) > BLOCK) + 1)  # gaps too long to be computed along
@@ -217,8 +207,8 @@ class DecimatedRows(RowSource):
 
     def _stretch(self, first: int, last: int) -> Array:
         pieces = []
-        for number in range(first // self._many, -(-last // self._many)):
-            start = number * self._many
+        for number in range(first // self.many, -(-last // self.many)):
+            start = number * self.many
             pieces.append(self._filtered(number)[max(first - start, 0) : last - start])
         return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
 
@@ -226,17 +216,15 @@ class DecimatedRows(RowSource):
         """One of the blocks that are filtered at once; the last one is kept, since rows are asked for in sequence."""
         if self._known is None or self._known[0] != number:
             self._known = None
-            self._known = number, self._filter(self.instants[number * self._many : (number + 1) * self._many])
+            self._known = number, self._filter(self.instants[number * self.many : (number + 1) * self.many])
         return self._known[1]
 
     def _filter(self, instants: Index) -> Array:
         """Filtered rows of some instants, from those around them; equation by equation, to hold little at once."""
-        assert self.decimation.cutoff is not None
         N, r, b = self.source.shape
-        start, stop = max(0, int(instants[0]) - self._margin), min(N, int(instants[-1]) + self._margin + 1)
+        start, stop = max(0, int(instants[0]) - self.margin), min(N, int(instants[-1]) + self.margin + 1)
         W, rows = self.source.part(slice(start, stop)), np.zeros((instants.size, r, b))
         for j in range(r):
             used = np.flatnonzero(np.any(W[:, j], axis=0))
-            smooth = low_passed(W[:, j, used], self.decimation.rate, self.decimation.cutoff)
-            rows[:, j, used] = smooth[instants - start]
+            rows[:, j, used] = self.smooth(W[:, j, used])[instants - start]
         return rows

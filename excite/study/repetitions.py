@@ -89,8 +89,7 @@ def effort_noise(result: Identification) -> Array:
     """
     target = instantaneous_target(result.robot, result.task, result.recipe)
     part, model = result.prepared[0], target.model
-    widths = result.recipe.breakaway or 0.0, result.recipe.sign_width or 0.0
-    predicted = predicted_rows(target, part.samples, *widths, result.estimate.coefficients)
+    predicted = predicted_rows(target, part.samples, result.recipe, result.estimate.coefficients)
     left = model.right_side(part.samples, part.measured).reshape(predicted.shape) - predicted
     magnitude = np.median(np.abs(left), axis=0)
     return np.asarray(magnitude / scipy.stats.norm.ppf(0.75))

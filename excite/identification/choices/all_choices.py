@@ -48,15 +48,11 @@ def free_settings(
     for name in wanted:
         if name not in CHOSEN:
             raise UnknownName("setting to choose", name, CHOSEN)
-    recipe_default, model_default = Recipe(), ModelChoice()
+    defaults = (recipe, Recipe()), (model, ModelChoice())
 
     def is_given(name: str) -> bool:
-        if name in given:
-            return True
-        for own, default in ((recipe, recipe_default), (model, model_default)):
-            if hasattr(default, name):
-                return bool(getattr(own, name) != getattr(default, name))
-        return False
+        own = (getattr(one, name) != getattr(default, name) for one, default in defaults if hasattr(default, name))
+        return name in given or any(own)
 
     free = {name for name in wanted if not any(map(is_given, (name, *_TOGETHER.get(name, ()))))}
     if not isinstance(model.model, str):
@@ -158,28 +154,23 @@ def _cutoffs(pieces: Sequence[LogPiece], automatic: Sequence[PreparedLog]) -> li
 _OF_TIMING = ("delay", "sign_width", "breakaway")
 
 
+@dataclass
 class ChoicesInTurn:
-    """Choices one after the other, each with what the earlier ones chose.
+    """Choices one after the other, each with what the earlier ones chose."""
 
-    `task`, `tried` and `choices` are what is chosen so far.
-    """
+    robot: Robot
+    task: Task  # what is chosen so far, with `tried` and `choices`
+    whole: Scoring  # by every row
+    free: frozenset[str]
+    tried: Recipe
+    progress: Callable[[str], None]
+    undivided: bool
+    choices: tuple[Choice, ...] = ()
+    _known: tuple[Task, IdentificationTarget] | None = None
 
-    def __init__(
-        self,
-        robot: Robot,
-        task: Task,
-        whole: Scoring,
-        free: frozenset[str],
-        tried: Recipe,
-        progress: Callable[[str], None],
-        undivided: bool,
-    ) -> None:
-        self.robot, self.task, self.free, self.friction = robot, task, free, whole.trial.friction
-        self.whole = self.scoring = whole  # by every row, and by those that settings are chosen by
-        self.tried = self.undirected = tried
-        self.progress, self.undivided = progress, undivided
-        self.choices: tuple[Choice, ...] = ()
-        self._known: tuple[Task, IdentificationTarget] | None = None
+    def __post_init__(self) -> None:
+        self.scoring, self.friction = self.whole, self.whole.trial.friction  # by the rows that settings are chosen by
+        self.undirected = self.tried
 
     def in_turn(self, cutoffs: Sequence[float]) -> Iterator[None]:
         """Make the choices that are free; each is complete where this yields."""

@@ -15,7 +15,7 @@ from excite.identification.choices.left_out import Choice, LeftOut, best_of, can
 from excite.identification.choices.scoring import Scoring
 from excite.identification.equations import listed
 from excite.identification.preparation import PreparedLog
-from excite.identification.presliding import presliding_candidates, undirected_equations
+from excite.identification.presliding import presliding_candidates
 from excite.identification.recipe import Recipe
 from regressors.errors import InputError, percent
 from regressors.samples import Array
@@ -173,8 +173,7 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     softened = cache(scoring.softened)
 
     def scored(recipe: Recipe, delay: float) -> LeftOut:
-        one = softened(recipe)
-        return one.of(one.trial.statistics(one.target, parts, recipe, delay))
+        return softened(recipe).of(softened(recipe).statistics(recipe, parts, delay))
 
     step = min(1 / part.log.rate for part in parts)
     timings = [_timing(scored, tried, step, free) for tried in _slidings(scoring, recipe, parts)]
@@ -202,9 +201,8 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
 def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> list[Recipe]:
     if recipe.sign_width is not None or recipe.breakaway is not None:
         return [replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)]
-    equations = undirected_equations(recipe, scoring.target, parts)
-    found = presliding_candidates(scoring.target, equations, friction=scoring.trial.friction)
-    return [replace(recipe, **vars(presliding)) for presliding, _ in found]
+    found = presliding_candidates(recipe, scoring.target, parts, scoring.trial.friction)
+    return [replace(recipe, **sliding) for sliding, _ in found]
 
 
 _Timing = tuple[Recipe, LeftOut, tuple[Choice, ...]]

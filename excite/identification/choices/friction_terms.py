@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.identification.allowances import constants, curves_of_moving, friction_torques, scaled_curves
+from excite.identification.allowances import curves_of_moving, friction_torques, scaled_curves
 from excite.identification.choices.left_out import (
     BlockStatistics,
     Candidate,
@@ -26,7 +26,7 @@ from excite.identification.choices.scoring import (
     possible_estimate_of_products,
     pulled_least_squares,
 )
-from excite.identification.equations import nearest
+from excite.identification.equations import constants, nearest
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, model_of, target_of
@@ -60,20 +60,20 @@ def choose_terms(
     """Choose the optional parameters of each drive."""
     kinds = frozenset(kind for kind, (option, *_) in _TERMS.items() if option in free)
     parts = scoring.parts(recipe)
-    wide_task = _with_all(task, kinds, scoring, scoring.trial.statistics(scoring.target, parts, recipe), parts)
+    wide_task = _with_all(task, kinds, scoring, scoring.statistics(recipe, parts), parts)
     wide = target_of(robot, wide_task, recipe.common_width, instantaneous=True)
-    statistics = scoring.trial.statistics(wide, parts, recipe)
+    statistics = replace(scoring, target=wide).statistics(recipe, parts)
     always, optional = drive_terms(wide, kinds)
     estimates = () if scoring.estimate is None else _with_bodies(wide, statistics, always)
     groups, steps, tried = choose_columns(statistics, always, optional, *estimates)
     chosen = with_terms(wide_task, groups, kinds)
     chosen_kinds = {kind for kind, _ in groups}
+    carried = task.model.carried
     if LOAD_SHARE in chosen_kinds:
-        chosen = _carrying(chosen, robot, scoring, recipe, parts)
-    else:
-        chosen = chosen.changed(carried=task.model.carried)
-    if STRIBECK not in chosen_kinds:
-        chosen = chosen.changed(stribeck_speed=task.model.stribeck_speed)
+        own = scoring.with_target(target_of(robot, chosen, recipe.common_width, instantaneous=True), recipe)
+        carried = _carried(own, own.statistics(recipe, parts))
+    speed = chosen.model.stribeck_speed if STRIBECK in chosen_kinds else task.model.stribeck_speed
+    chosen = chosen.changed(carried=carried, stribeck_speed=speed)
     return chosen, Choice("terms", tuple(map(_label, groups)), tried, _reason(groups, steps, kinds))
 
 
@@ -84,21 +84,17 @@ def _with_all(
     every = without_curve(True, scoring.target.robot, scoring.trial.friction)
     changes: dict[str, object] = {_TERMS[kind][0]: True if kind == ROTOR else every for kind in kinds}
     if LOAD_SHARE in kinds:
-        beta = scoring.fitted(statistics, scoring.of(statistics).weights)
-        changes["carried"] = standard_of(scoring.target.model, scoring.target.base, beta)
+        changes["carried"] = _carried(scoring, statistics)
     if STRIBECK in kinds:
         speeds = np.concatenate([np.sqrt(np.mean(part.samples.dq**2, axis=0)) for part in parts])
         changes["stribeck_speed"] = float(f"{_SPEED * np.median(speeds):.2g}")
     return task.changed(**changes)
 
 
-def _carrying(task: Task, robot: Robot, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> Task:
-    """The task with the carried torques of its own estimate."""
-    target = target_of(robot, task, recipe.common_width, instantaneous=True)
-    own = scoring.with_target(target, recipe)
-    statistics = scoring.trial.statistics(target, parts, recipe)
-    beta = own.fitted(statistics, own.of(statistics).weights)
-    return task.changed(carried=standard_of(target.model, target.base, beta))
+def _carried(scoring: Scoring, statistics: BlockStatistics) -> dict[str, float]:
+    """Standard parameters of the estimate, whose torques are carried."""
+    beta = scoring.fitted(statistics, scoring.of(statistics).weights)
+    return standard_of(scoring.target.model, scoring.target.base, beta)
 
 
 def _with_bodies(

@@ -52,9 +52,7 @@ def choose_by_rows(scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], fr
     if not {"cutoff", "delay"} & free or "standstill" not in free or scoring.target.model.torque_equations() is None:
         return every
     moving, fast = (_of_faster(scoring, recipe, share) for share in (MOVING, _FAST))
-    if moving is None or fast is None:
-        return every
-    if not _spoilt(scoring, moving, recipe):
+    if moving is None or fast is None or not _spoilt(scoring, moving, recipe):
         return every
     tried = {_ALL: every, _MOVING: replace(_with_delay_of(fast, moving, plain, cutoffs, free), least=MOVING)}
     if _misled(fast, recipe, plain):
@@ -81,9 +79,9 @@ def _with_delay_of(
     recipe, choices = choose_cutoff_and_timing(scoring, plain, cutoffs, settled)
     if "delay" in free:
         soft = fast.softened(recipe)
-        parts, trial = soft.parts(recipe), soft.trial
+        parts = soft.parts(recipe)
         step = min(1 / part.log.rate for part in parts)
-        delay, choice = choose_delay(lambda d: soft.of(trial.statistics(soft.target, parts, recipe, d)), step)
+        delay, choice = choose_delay(lambda d: soft.of(soft.statistics(recipe, parts, d)), step)
         if delay:
             recipe, choices = choose_cutoff_and_timing(scoring, replace(plain, delay=delay), cutoffs, settled)
         choices = (*choices, choice)
@@ -133,9 +131,8 @@ def _spoilt(scoring: Scoring, moving: Scoring, recipe: Recipe) -> bool:
 
 def _counts(scoring: Scoring, masks: Sequence[Mask]) -> Array:
     """Rows of each block and equation, shape (B, r)."""
-    sums = []
-    for mask, block in zip(masks, scoring.trial.blocks, strict=True):
-        sums += [mask[block == number].sum(axis=0) for number in np.unique(block[block >= 0])]
+    logs = zip(masks, scoring.trial.blocks, strict=True)
+    sums = [mask[block == k].sum(axis=0) for mask, block in logs for k in np.unique(block[block >= 0])]
     return np.array(sums, dtype=float)
 
 

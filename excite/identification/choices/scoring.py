@@ -58,9 +58,11 @@ class Scoring:
         """The logs under a recipe."""
         return self.trial.prepared(self.target, recipe)
 
-    def statistics(self, recipe: Recipe) -> BlockStatistics:
-        """Sums of products under a recipe."""
-        return self.trial.statistics(self.target, self.parts(recipe), recipe)
+    def statistics(
+        self, recipe: Recipe, parts: Sequence[PreparedLog] | None = None, delay: float = 0.0
+    ) -> BlockStatistics:
+        """Sums of products under a recipe; of the logs under it, where these are known."""
+        return self.trial.statistics(self.target, self.parts(recipe) if parts is None else parts, recipe, delay)
 
     def of(self, statistics: BlockStatistics, judged: BlockStatistics | None = None) -> LeftOut:
         """Left-out errors, of the rows that are judged if these are not those of the estimates."""
@@ -112,8 +114,8 @@ def pulled_least_squares(
     definition, names = target.model.definition()
     A = np.asarray(target.base.D @ definition)[list(columns)]
     pull = near_described(target.model, described, within)
-    spread = A * np.array([pull.deviations.get(name, 0.0) for name in names])
-    center = A @ np.array([pull.values.get(name, 0.0) for name in names])
+    values, deviations = np.array([pull.get(name, (0.0, 0.0)) for name in names]).T
+    spread, center = A * deviations, A @ values
     known = np.flatnonzero(np.any(spread != 0.0, axis=1))
     length = np.linalg.norm(spread[known], axis=1)
     inverse = np.linalg.pinv((spread[known] / length[:, None]).T)
@@ -169,7 +171,7 @@ def choose_bodies(
 
 def deviations_to_try(target: IdentificationTarget, described: Mapping[str, float]) -> Sequence[float | None]:
     """Deviations from the description that are tried; only None where it states no body."""
-    return DEVIATIONS if near_described(target.model, described, 1.0).values else DEVIATIONS[:1]
+    return DEVIATIONS if near_described(target.model, described, 1.0) else DEVIATIONS[:1]
 
 
 def _words(deviation: float | None) -> str:
@@ -276,17 +278,6 @@ class TrialRows:
     W: Array  # (N, r, b) fast along N. Its columns of directed friction are written by `regressor`
     directed: DirectedFriction | None  # None where the model has no friction torque at every instant
 
-    @classmethod
-    def of(
-        cls, target: IdentificationTarget, part: PreparedLog, delay: float, time: Array, motion: Samples
-    ) -> TrialRows:
-        """Compute the equations; arguments as of the class."""
-        rows = nearest(part.samples.time, time)
-        samples = motion.rows(rows)
-        W = target.model.entries(samples, target.base.index).transpose(2, 0, 1)
-        directed = None if target.model.coulomb_friction() is None else friction_drives(target, samples)
-        return cls(target, part, delay, time, rows, motion, W, directed)
-
     def regressor(self, recipe: Recipe) -> Array:
         """W with friction that has the recipe's directions, shape (N, r, b); valid until the next call."""
         if self.directed is not None and self.directed.columns:
@@ -332,9 +323,8 @@ class Trial:
         """Sums of products of every block."""  # kept (N, r)
         equations = self.equations(target, parts, recipe, delay)
         if kept is not None:
-            rows = [nearest(part.samples.time, time) for part, time in zip(parts, self.instants, strict=True)]
-            masks = [mask[row] for mask, row in zip(kept, rows, strict=True)]
-            equations = _masked(equations, masks)
+            logs = zip(kept, parts, self.instants, strict=True)
+            equations = _masked(equations, [mask[nearest(part.samples.time, time)] for mask, part, time in logs])
         if self.rows is not None:
             equations = _masked(equations, self.rows)
         return BlockStatistics.of([W for W, _ in equations], [y for _, y in equations], self.blocks)
@@ -343,26 +333,25 @@ class Trial:
         self, target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe, delay: float = 0.0
     ) -> list[tuple[Array, Array]]:
         """W, shape (N, r, b), and y, shape (N, r), of each log at its trial instants; valid until the next call."""
-        return [
-            self._equations(target, part, recipe, time, delay) for part, time in zip(parts, self.instants, strict=True)
-        ]
-
-    def _equations(
-        self, target: IdentificationTarget, part: PreparedLog, recipe: Recipe, time: Array, delay: float
-    ) -> tuple[Array, Array]:
-        trial = self._rows(target, part, delay, time)
-        rows, measured = trial.rows, part.measured
-        if self.friction is not None:
-            measured = without_friction(replace(part, samples=trial.motion), target, self.friction, recipe).measured
-        y = target.model.right_side(trial.motion.rows(rows), measured[rows]).reshape(rows.size, -1)
-        return trial.regressor(recipe), y
+        equations = []
+        for part, time in zip(parts, self.instants, strict=True):
+            trial, measured = self._rows(target, part, delay, time), part.measured
+            if self.friction is not None:
+                measured = without_friction(replace(part, samples=trial.motion), target, self.friction, recipe).measured
+            y = target.model.right_side(trial.motion.rows(trial.rows), measured[trial.rows])
+            equations.append((trial.regressor(recipe), y.reshape(trial.rows.size, -1)))
+        return equations
 
     def _rows(self, target: IdentificationTarget, part: PreparedLog, delay: float, time: Array) -> TrialRows:
         """Equations of the last ones, or new ones; arguments as of `TrialRows`."""
         for known in self._recent:
             if known.target is target and known.part is part and known.delay == delay and known.time is time:
                 return known
-        new = TrialRows.of(target, part, delay, time, self._motion(part).by(delay))
+        rows, motion = nearest(part.samples.time, time), self._motion(part).by(delay)
+        samples = motion.rows(rows)
+        W = target.model.entries(samples, target.base.index).transpose(2, 0, 1)
+        directed = None if target.model.coulomb_friction() is None else friction_drives(target, samples)
+        new = TrialRows(target, part, delay, time, rows, motion, W, directed)
         self._recent.append(new)
         while len(self._recent) > 1 and sum(known.W.nbytes for known in self._recent) > _MOST:
             self._recent.popleft()
@@ -370,11 +359,10 @@ class Trial:
 
     def _motion(self, part: PreparedLog) -> DelayedMotion:
         """A log's motion, to be delayed."""
-        for motion in self._motions:
-            if motion.samples is part.samples:
-                return motion
-        self._motions.append(DelayedMotion(part.samples))
-        return self._motions[-1]
+        known = next((motion for motion in self._motions if motion.samples is part.samples), None)
+        if known is None:
+            self._motions.append(known := DelayedMotion(part.samples))
+        return known
 
 
 def _masked(equations: Sequence[tuple[Array, Array]], masks: Sequence[Mask]) -> list[tuple[Array, Array]]:

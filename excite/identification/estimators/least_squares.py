@@ -91,13 +91,12 @@ class LeastSquares(Estimator):
 
 def weighted(observations: Observations) -> Estimate:
     """Minimiser of ``sum_g ||y_g - W_g beta||^2 / sigma_g^2`` with covariance ``(W' Sigma^-1 W)^-1``."""
-    return weighted_estimate("weighted", observations, weighting(observations))
+    return weighted_estimate("weighted", weighting(observations))
 
 
-def weighted_estimate(method: str, observations: Observations, problem: GroupWeights) -> Estimate:
+def weighted_estimate(method: str, problem: GroupWeights) -> Estimate:
     """Estimate from the solution of a weighted problem."""
-    values, covariance = problem.solution.values, scaled_covariance(problem.solution.half, problem.variance)
-    return problem.stated(method, observations, problem.variance, values, covariance, problem.notes)
+    return problem.stated(method, problem.solution.values, problem.solution.half, problem.notes)
 
 
 class Weighted(Estimator):
@@ -120,6 +119,7 @@ _FLOOR = 1e-11  # of a group's y: residuals of exact data are rounding errors
 class GroupWeights:
     """Rows divided by their noise, and the least-squares problem of these."""
 
+    observations: Observations
     factors: GroupFactors
     scale: Array  # (groups,) divisor of each group's rows [unit of its equation]; positive
     R: Array  # (k, p + 1) triangular factor of the rows divided by their scale
@@ -132,19 +132,12 @@ class GroupWeights:
         """Variance of a row divided by its scale: one, or NaN where it is not given, and no redundant row is left."""
         return 1.0 if self.freedom > 0 or self.notes[0] == _GIVEN else np.nan
 
-    def stated(
-        self,
-        method: str,
-        observations: Observations,
-        variance: float,
-        values: Array,
-        covariance: Array,
-        notes: tuple[str, ...],
-    ) -> Estimate:
-        """Estimate with some values, and the noise of the residuals that they leave."""
-        leverages = self.factors.leverages(self.solution.half) / self.scale**2
-        noise = residual_noise(observations, self.factors, values, leverages)
-        return stated_estimate(method, observations, self.solution, variance, values, covariance, noise, notes)
+    def stated(self, method: str, values: Array, half: Array, notes: tuple[str, ...]) -> Estimate:
+        """Estimate with some values, a factor of their covariance, and the noise of the residuals that they leave."""
+        rows, solution, covariance = self.observations, self.solution, scaled_covariance(half, self.variance)
+        leverages = self.factors.leverages(solution.half) / self.scale**2
+        noise = residual_noise(rows, self.factors, values, leverages)
+        return stated_estimate(method, rows, solution, self.variance, values, covariance, noise, notes)
 
 
 _GIVEN = "rows weighted by the given noise"
@@ -163,7 +156,7 @@ def weighting(observations: Observations, factors: GroupFactors | None = None) -
         scale = observations.noise.ravel()
         if not np.all(np.isfinite(scale) & (scale > 0)):
             raise InputError(f"observations: known noise must be positive, given {observations.noise.tolist()}")
-        return _problem(factors, scale, p, (_GIVEN,))
+        return _problem(observations, factors, scale, (_GIVEN,))
     sizes = factors.sizes()
     start = np.where(sizes > 0, sizes, sizes.max(initial=0.0) or 1.0)
     scale, floor = start, _FLOOR * start
@@ -176,24 +169,25 @@ def weighting(observations: Observations, factors: GroupFactors | None = None) -
         change = float(np.abs(np.log(updated / scale)).max())
         scale = updated
         if change < _TOLERANCE:
-            return _problem(factors, scale, p, ("rows weighted by the residuals of their log and equation",))
+            note = "rows weighted by the residuals of their log and equation"
+            return _problem(observations, factors, scale, (note,))
     note = (
         f"the weights of the rows did not converge: they still changed by {change:.1e} after {_ITERATIONS} iterations"
     )
-    return _problem(factors, scale, p, (note,))
+    return _problem(observations, factors, scale, (note,))
 
 
-def _problem(factors: GroupFactors, scale: Array, p: int, notes: tuple[str, ...]) -> GroupWeights:
+def _problem(observations: Observations, factors: GroupFactors, scale: Array, notes: tuple[str, ...]) -> GroupWeights:
     R = factors.stacked(scale)
-    solution = solve_triangular_system(R[:, -p - 1 :])
-    return GroupWeights(factors, scale, R, solution, factors.rows - solution.rank, notes)
+    solution = solve_triangular_system(R[:, -observations.W.shape[1] - 1 :])
+    return GroupWeights(observations, factors, scale, R, solution, factors.rows - solution.rank, notes)
 
 
 PRIOR = 1e8
 _BLOCK = 64
 
 
-def recursive(observations: Observations, prior: float = PRIOR, forgetting: float = 1.0, every: int = 1) -> Estimate:
+def recursive(observations: Observations, prior: float = PRIOR, every: int = 1) -> Estimate:
     """Estimate after all rows, taken in their order, with its whole history.
 
     ``X_{L+1} = X_L + P_{L+1} d_L (y_L - d_L' X_L)``, ``P_{L+1} = P_L - P_L d_L d_L' P_L / (1 + d_L' P_L d_L)``,
@@ -202,8 +196,6 @@ def recursive(observations: Observations, prior: float = PRIOR, forgetting: floa
     """  # result (k,)
     if not (np.isfinite(prior) and prior > 0):
         raise InputError(f"recursive: the prior c must be a positive number, given {prior}")
-    if not 0 < forgetting <= 1:
-        raise InputError(f"recursive: the forgetting factor must be in (0, 1], given {forgetting}")
     if every < 1:
         raise InputError(f"recursive: every must be 1 or more, given {every}")
     factors = GroupFactors.of(observations)
@@ -211,33 +203,29 @@ def recursive(observations: Observations, prior: float = PRIOR, forgetting: floa
     kept = np.unique(np.append(np.arange(every - 1, last.size, every), last.size - 1))
     p, wanted = observations.W.shape[1], last[kept]
     estimates, values, root = np.empty((kept.size, p)), np.zeros(p), np.sqrt(prior) * np.eye(p)
-    for rows, age in _blocks(last):
-        D, y = observations.W[rows], observations.y[rows]
-        path, root = _block_of_rows(values, root, D, y, forgetting ** age.astype(float))
+    for rows in _blocks(last):
+        path, root = _block_of_rows(values, root, observations.W[rows], observations.y[rows])
         a, b = np.searchsorted(wanted, (rows.start, rows.stop))
         estimates[a:b] = path[wanted[a:b] - rows.start]
-        values, root = path[-1], root / forgetting ** (age[-1] / 2)
+        values = path[-1]
     solution = solve_triangular_system(factors.stacked(np.ones(factors.count.size)))
     freedom = factors.rows - solution.rank
     variance = float(factors.squares(values).sum()) / freedom if freedom > 0 else np.nan
-    if observations.noise is None or forgetting < 1:
+    if observations.noise is None:
         covariance, note = scaled_covariance(root, variance), _EQUAL_NOISE
     else:
         covariance, note = plain_covariance(observations, factors, solution, variance), _GIVEN_NOISE
     noise = residual_noise(observations, factors, values, factors.leverages(solution.half))
-    notes = (f"started from zero with P = {prior:g} E", f"forgetting factor {forgetting:g}", note)
+    notes = (f"started from zero with P = {prior:g} E", "forgetting factor 1", note)
     estimate = stated_estimate("recursive", observations, solution, variance, values, covariance, noise, notes)
     return replace(estimate, history=(observations.time[wanted], estimates))
 
 
-def _block_of_rows(values: Array, root: Array, D: Array, y: Array, variance: Array) -> tuple[Array, Array]:
+def _block_of_rows(values: Array, root: Array, D: Array, y: Array) -> tuple[Array, Array]:
     """Estimates after each of some rows, shape (rows, p), and F with ``P = F F'`` after them."""
     # values (p,): X before them; root (p, p): F before them
     k, p = D.shape
-    array = np.zeros((k + p, k + p))  # transposed [[V^1/2, D F], [0, F]]
-    array[np.arange(k), np.arange(k)] = np.sqrt(variance)
-    array[k:, :k] = (D @ root).T
-    array[k:, k:] = root.T
+    array = np.block([[np.eye(k), np.zeros((k, p))], [(D @ root).T, root.T]])  # transposed [[E, D F], [0, F]]
     lower = np.asarray(np.linalg.qr(array, mode="r")).T
     S, K = lower[:k, :k], lower[k:, :k]
     innovation = scipy.linalg.lapack.dtrtrs(S, y - D @ values, lower=1)[0]  # S^-1 (y - D X)
@@ -250,13 +238,12 @@ def _ends_of_instants(observations: Observations) -> Index:
     return np.append(np.flatnonzero(changed), observations.time.size - 1)
 
 
-def _blocks(last: Index) -> Iterator[tuple[slice, Index]]:
-    """Blocks of rows of whole instants, with the number of each row's instant within its block, counted from one."""
+def _blocks(last: Index) -> Iterator[slice]:
+    """Blocks of rows of whole instants."""
     start = first = 0
     while first < last.size:
         end = max(int(np.searchsorted(last, start + _BLOCK)), first + 1)
-        counts = np.diff(np.concatenate([[start - 1], last[first:end]]))
-        yield slice(start, int(last[end - 1]) + 1), np.repeat(np.arange(1, end - first + 1), counts)
+        yield slice(start, int(last[end - 1]) + 1)
         start, first = int(last[end - 1]) + 1, end
 
 
@@ -300,13 +287,12 @@ def ridge(observations: Observations, weight: float | None = None, reference: Ar
     weight = _best_weight(s, coordinates, solution.square, problem.factors.rows) if weight is None else weight
     factors = s**2 / (s**2 + weight)
     values = reference + solution.half @ (factors * coordinates)
-    covariance = scaled_covariance(solution.half * factors, problem.variance)
     notes = (
         f"weight {weight:.3g}, {how}: {factors.sum():.4g} effective parameters of {p}",
         "intervals are those of the noise alone: they ignore the bias that the pull causes",
         *problem.notes,
     )
-    return problem.stated("ridge", observations, problem.variance, values, covariance, notes)
+    return problem.stated("ridge", values, solution.half * factors, notes)
 
 
 def _best_weight(s: Array, coordinates: Array, left: float, rows: int) -> float:

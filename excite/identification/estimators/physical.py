@@ -12,9 +12,8 @@ from excite.identification.estimator import Context, Estimate, Estimator
 from excite.identification.estimators.least_squares import weighting
 from excite.identification.estimators.possible_set import (
     PossibleSet,
-    Quadratic,
+    Pull,
     StandardProblem,
-    exact_torques,
     near_described,
     nearest,
     own_scale,
@@ -45,28 +44,23 @@ def physical(
     model: RegressorModel,
     base: Base,
     *,
-    pull: Quadratic | None = None,
+    pull: Pull | None = None,
     reference: Mapping[str, float] | None = None,
-    least: float = LEAST,
 ) -> Estimate:
     """Weighted least squares over physically possible standard parameters of bodies and drives.
 
-    ``min ||R (A theta) - Q'y||^2 / 2 + pull`` subject to ``J(theta_i) >= least E`` of every body, rotor inertias,
+    ``min ||R (A theta) - Q'y||^2 / 2 + pull`` subject to ``J(theta_i) >= LEAST E`` of every body, rotor inertias,
     Coulomb and viscous friction of zero or more, and the zeros and equalities of the robot's structure. The triangular
     factor enters as residuals, never as R'R. What the data does not determine stays near the reference. Where the
     weighted least-squares estimate is physically possible, the result equals it.
     """
-    if not (np.isfinite(least) and least > 0):
-        raise InputError(f"physical: the least eigenvalue must be a positive number, given {least}")
     problem = weighting(observations)
-    standard = standard_problem(observations, problem, model, base, pull, reference)
-    theta = _unchanged(standard, least) if pull is None else None
+    standard = standard_problem(problem, model, base, pull, reference)
+    theta = _unchanged(standard) if pull is None else None
     if theta is not None:
-        notes = (UNCHANGED, *exact_torques(problem))
-        return possible_estimate("physical", observations, problem, standard, theta, notes)
-    theta, notes = _minimiser(standard, least)
-    notes = (*(_active(standard, theta, least) or (INSIDE,)), *notes, *exact_torques(problem))
-    return possible_estimate("physical", observations, problem, standard, theta, notes)
+        return possible_estimate(problem, standard, theta, (UNCHANGED,))
+    theta, notes = _minimiser(standard)
+    return possible_estimate(problem, standard, theta, (*(_active(standard, theta) or (INSIDE,)), *notes))
 
 
 def possible_fit(
@@ -74,38 +68,36 @@ def possible_fit(
     model: RegressorModel,
     base: Base,
     *,
-    pull: Quadratic | None = None,
+    pull: Pull | None = None,
     reference: Mapping[str, float] | None = None,
 ) -> Array:
     """Base parameters of `physical`, shape (b,), without what else belongs to an estimate."""
-    standard = standard_problem(observations, weighting(observations), model, base, pull, reference)
-    return np.asarray(standard.A @ _minimiser(standard, LEAST)[0])
+    standard = standard_problem(weighting(observations), model, base, pull, reference)
+    return np.asarray(standard.A @ _minimiser(standard)[0])
 
 
-def nearest_possible(
-    standard: StandardProblem, least: float = LEAST, shares: Sequence[float] = ()
-) -> tuple[Array, bool]:
+def nearest_possible(standard: StandardProblem, shares: Sequence[float] = ()) -> tuple[Array, bool]:
     """Possible standard parameters nearest the reference, and whether they have the residuals of least squares."""
     for share in (*shares, 0.0):
-        theta = _unchanged(standard, least, share)
+        theta = _unchanged(standard, share)
         if theta is not None:
             return theta, True
-    return _minimiser(standard, least)[0], False
+    return _minimiser(standard)[0], False
 
 
-def _minimiser(standard: StandardProblem, least: float) -> tuple[Array, tuple[str, ...]]:
+def _minimiser(standard: StandardProblem) -> tuple[Array, tuple[str, ...]]:
     """Standard parameters at the optimum, shape (t,), certified to be possible, and what to say of them."""
     S = standard.S * _free_scale(standard)
     rows = np.concatenate([standard.G @ S, S / standard.deviation[:, None]])
     U, s, V = np.linalg.svd(rows, full_matrices=False)
     right = U.T @ np.concatenate([standard.r, standard.prior / standard.deviation])
     half = V.T / s  # theta = S half (right + z): the objective is |z|^2 / 2
-    possible = _possible_set(standard, S @ (half @ right), S @ half, least)
+    possible = _possible_set(standard, S @ (half @ right), S @ half)
     described = s * (V @ (np.linalg.pinv(S) @ _inside(standard))) - right
     z, notes = nearest(possible, described)
     for tried in (z, possible.towards(z, described)):
-        theta = _lifted(standard, S @ (half @ (right + tried)), least)
-        if _is_possible(standard, theta, least):
+        theta = _lifted(standard, S @ (half @ (right + tried)))
+        if _is_possible(standard, theta):
             return theta, notes
     raise ConicSolverError("physically possible parameters: none agree with the structure of the robot")
 
@@ -119,15 +111,15 @@ def _inside(standard: StandardProblem) -> Array:
     return theta
 
 
-def _is_possible(standard: StandardProblem, theta: Array, least: float) -> bool:
+def _is_possible(standard: StandardProblem, theta: Array) -> bool:
     return bool(
-        np.all(standard.margins(theta) >= least * (1 - _LIFT_ROUNDING)) and np.all(theta[standard.positive] >= 0)
+        np.all(standard.margins(theta) >= LEAST * (1 - _LIFT_ROUNDING)) and np.all(theta[standard.positive] >= 0)
     )
 
 
-def _lifted(standard: StandardProblem, theta: Array, least: float) -> Array:
+def _lifted(standard: StandardProblem, theta: Array) -> Array:
     """Move parameters that are outside by the solver's tolerance, some 1e-10, inside: all J by the same ``d E``."""
-    short = max(0.0, least - float(standard.margins(theta).min(initial=np.inf)))
+    short = max(0.0, LEAST - float(standard.margins(theta).min(initial=np.inf)))
     shift = np.zeros(theta.size)
     for body in standard.bodies:
         shift[body.index] = from_pseudo_inertia(short * np.eye(4))
@@ -136,7 +128,7 @@ def _lifted(standard: StandardProblem, theta: Array, least: float) -> Array:
     return np.asarray(lifted)
 
 
-def _unchanged(standard: StandardProblem, least: float, share: float = 0.0) -> Array | None:
+def _unchanged(standard: StandardProblem, share: float = 0.0) -> Array | None:
     """Possible standard parameters with the residuals of unconstrained least squares, if there are any."""
     S = standard.S * _free_scale(standard)
     U, s, V = np.linalg.svd(standard.G @ S)
@@ -149,20 +141,18 @@ def _unchanged(standard: StandardProblem, least: float, share: float = 0.0) -> A
     slope = left_open @ (V.T / s)
     origin = best + slope @ right
     try:
-        z, _ = nearest(_possible_set(standard, S @ origin, S @ slope, least, share))
+        z, _ = nearest(_possible_set(standard, S @ origin, S @ slope, share))
     except ConicSolverError:
         return None
     x = origin + slope @ z
     theta = np.asarray(S @ (x + shown.T @ (coordinates - shown @ x)))  # refined to rounding accuracy
     positive, size = theta[standard.positive], standard.scale[standard.positive]
     theta[standard.positive] = np.where(np.abs(positive) <= _ZERO * size, np.maximum(positive, 0.0), positive)
-    return theta if _is_possible(standard, theta, least) else None
+    return theta if _is_possible(standard, theta) else None
 
 
-def _possible_set(
-    standard: StandardProblem, origin: Array, slope: Array, least: float, share: float = 0.0
-) -> PossibleSet:
-    lowest = [_INSIDE * least * np.eye(4) + share * body.reference for body in standard.bodies]
+def _possible_set(standard: StandardProblem, origin: Array, slope: Array, share: float = 0.0) -> PossibleSet:
+    lowest = [_INSIDE * LEAST * np.eye(4) + share * body.reference for body in standard.bodies]
     return possible_set(standard, origin, slope, lowest, [own_scale(body.reference) for body in standard.bodies])
 
 
@@ -171,12 +161,12 @@ def _free_scale(standard: StandardProblem) -> Array:
     return np.asarray((standard.S * standard.scale[:, None]).max(axis=0))
 
 
-def _active(standard: StandardProblem, theta: Array, least: float) -> tuple[str, ...]:
+def _active(standard: StandardProblem, theta: Array) -> tuple[str, ...]:
     """Notes on the active bounds."""
     notes = []
     for body in standard.bodies:
         T = own_scale(body.reference)
-        slack = np.linalg.eigvalsh(T @ (pseudo_inertia(theta[body.index]) - least * np.eye(4)) @ T.T)
+        slack = np.linalg.eigvalsh(T @ (pseudo_inertia(theta[body.index]) - LEAST * np.eye(4)) @ T.T)
         if slack[0] < _AT_BOUND:
             notes.append(f"pseudo-inertia of {body.name} at its bound")
     for j in standard.positive:

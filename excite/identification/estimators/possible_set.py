@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from excite.errors import ConicSolverError
 from excite.identification.estimator import Estimate
 from excite.identification.estimators.least_squares import GroupWeights, weighted_estimate
-from excite.identification.observations import Observations
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import Base
 from regressors.models.model import RegressorModel
@@ -28,26 +27,15 @@ from regressors.robot.inertia import PARAMETERS_PER_LINK, from_pseudo_inertia, p
 from regressors.samples import Array, Index
 
 WEAK = 1e-6  # information per squared scale that determines what the data does not, for rows of unit noise
-_MASS, _LENGTH = 1.0, 0.1  # of a body without known parameters
+_LENGTH = 0.1  # of a body without known parameters
 _POSITIVE = (ROTOR, COULOMB, VISCOUS)
 _ROTOR = 1e-4
 _EXACT = 1e-8  # of the length of a group's y: noise below it counts as that
 _EXACT_NOTE = "the data has hardly any noise: possible bodies fit it to about 1e-8 of its size, not to its noise"
 
 
-@dataclass(frozen=True)
-class Quadratic:
-    """Prior knowledge of single parameters: adds ``sum ((theta_k - value_k) / deviation_k)^2 / 2``."""
-
-    values: Mapping[str, float]  # standard parameters and their prior standard deviations, for the same names
-    deviations: Mapping[str, float]
-
-    def __post_init__(self) -> None:
-        for name in {*self.values} ^ {*self.deviations}:
-            raise InputError(f"pull: {name} must have a value and a deviation, given one of them")
-        for name, deviation in self.deviations.items():
-            if not deviation > 0:
-                raise InputError(f"pull: the deviation of {name} must be greater than zero, given {deviation}")
+# prior knowledge of single parameters, value and deviation: adds ``sum ((theta_k - value_k) / deviation_k)^2 / 2``
+Pull = Mapping[str, tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,42 +62,27 @@ class StandardProblem:
     prior: Array  # (t,)
     deviation: Array = field(repr=False)  # (t,)
 
-    def objective(self, theta: Array) -> float:
-        """Value of the objective for given standard parameters."""
-        misfit = float(np.sum((self.G @ theta - self.r) ** 2))
-        return (misfit + float(np.sum(((theta - self.prior) / self.deviation) ** 2))) / 2
-
     def margins(self, theta: Array) -> Array:
         """Smallest eigenvalue of each body's pseudo-inertia, shape (bodies,) [of kg m^2 and kg together]."""
         return np.array([float(np.linalg.eigvalsh(pseudo_inertia(theta[body.index]))[0]) for body in self.bodies])
 
 
 def standard_problem(
-    observations: Observations,
     problem: GroupWeights,
     model: RegressorModel,
     base: Base,
-    pull: Quadratic | None = None,
+    pull: Pull | None = None,
     reference: Mapping[str, float] | None = None,
 ) -> StandardProblem:
     """Set up the problem for observations in a model's base columns."""
-    if observations.names != base.names:
+    if problem.observations.names != base.names:
         raise InputError(
-            f"observations have the parameters {', '.join(observations.names)}, "
+            f"observations have the parameters {', '.join(problem.observations.names)}, "
             f"the base of the model has {', '.join(base.names)}"
         )
-    p, exact = base.rank, _exact(problem)
-    R = problem.factors.stacked(np.maximum(problem.scale, _exact_scale(problem))) if np.any(exact) else problem.R
+    p, least = base.rank, _exact_scale(problem)
+    R = problem.factors.stacked(np.maximum(problem.scale, least)) if np.any(problem.scale < least) else problem.R
     return problem_of_factor(R[:p, :p], R[:p, p], model, base, pull, reference)
-
-
-def exact_torques(problem: GroupWeights) -> tuple[str, ...]:
-    """A note where rows have less noise than the numbers of the conic solver."""
-    return (_EXACT_NOTE,) if np.any(_exact(problem)) else ()
-
-
-def _exact(problem: GroupWeights) -> NDArray[np.bool_]:
-    return np.asarray(problem.scale < _exact_scale(problem))
 
 
 def _exact_scale(problem: GroupWeights) -> Array:
@@ -122,7 +95,7 @@ def problem_of_factor(
     r: Array,
     model: RegressorModel,
     base: Base,
-    pull: Quadratic | None = None,
+    pull: Pull | None = None,
     reference: Mapping[str, float] | None = None,
 ) -> StandardProblem:
     """Set up the problem for a triangular factor of a model's base columns, ``min ||R A theta - r||``."""
@@ -134,12 +107,11 @@ def problem_of_factor(
     if (torque := float(np.linalg.norm(R @ A @ prior))) > 0 and np.any(r):
         bodies, prior, scale = _bodies(model, known, float(np.linalg.norm(r)) / torque)
     deviation = scale / np.sqrt(WEAK)
-    for name in pull.values if pull is not None else ():
+    for name, known_within in (pull or {}).items():
         if name not in names:
             raise UnknownName("standard parameter", name, names)
-        assert pull is not None
         k = names.index(name)
-        prior[k], deviation[k] = pull.values[name], pull.deviations[name]
+        prior[k], deviation[k] = known_within
     positive = np.array([k for k, c in enumerate(model.standard_columns) if c.kind in _POSITIVE], dtype=np.intp)
     S = _structure(model, names)
     return StandardProblem(names, A, R @ A, r, S, bodies, positive, scale, prior, deviation)
@@ -171,23 +143,23 @@ def _bodies(
     bodies = []
     for owner, ten in _whole_bodies(model):
         index = np.array(ten, dtype=np.intp)
-        J = possible_inertia(known, [columns[k].name for k in ten], size)
+        J = pseudo_inertia([known.get(columns[k].name, np.nan) for k in ten])
+        J = J if is_possible(J) else size * np.diag([_LENGTH**2] * 3 + [1.0])  # a small ball
         bodies.append(Body("load" if owner is None else labels[owner], index, J))
         reference[index] = from_pseudo_inertia(J)
         scale[index] = _sizes(J)
     return tuple(bodies), reference, scale
 
 
-def near_described(model: RegressorModel, described: Mapping[str, float], within: float) -> Quadratic:
+def near_described(model: RegressorModel, described: Mapping[str, float], within: float) -> Pull:
     """Pull of every body that is described towards its description."""
-    values: dict[str, float] = {}
-    deviations: dict[str, float] = {}
+    pull: dict[str, tuple[float, float]] = {}
     for _, ten in _whole_bodies(model):
         names = [model.standard_columns[k].name for k in ten]
         if is_possible(J := pseudo_inertia([described.get(n, np.nan) for n in names])):
-            values.update((name, described[name]) for name in names)
-            deviations.update(zip(names, (within * _sizes(J)).tolist(), strict=True))
-    return Quadratic(values, deviations)
+            sizes = zip(names, (within * _sizes(J)).tolist(), strict=True)
+            pull.update((name, (described[name], deviation)) for name, deviation in sizes)
+    return pull
 
 
 def _whole_bodies(model: RegressorModel) -> Iterator[tuple[int | None, list[int]]]:
@@ -208,14 +180,6 @@ def _sizes(J: Array) -> Array:
 def is_possible(J: Array) -> bool:
     """True if a pseudo-inertia is known and positive definite."""
     return bool(np.all(np.isfinite(J)) and np.linalg.eigvalsh(J)[0] > 0)
-
-
-def possible_inertia(known: Mapping[str, float], names: Sequence[str], mass: float = _MASS) -> Array:
-    """Pseudo-inertia of a body if its ten parameters are known and possible; else of a small ball, shape (4, 4)."""
-    J = pseudo_inertia([known.get(name, np.nan) for name in names])
-    if is_possible(J):
-        return J
-    return mass * np.diag([_LENGTH**2] * 3 + [1.0])
 
 
 _FIXED = 1e-12  # slope of a parameter, over its size, that does not count
@@ -367,17 +331,13 @@ def _settings(further: dict[str, float]) -> clarabel.DefaultSettings:
 
 
 def possible_estimate(
-    method: str,
-    observations: Observations,
-    problem: GroupWeights,
-    standard: StandardProblem,
-    theta: Array,
-    notes: tuple[str, ...],
+    problem: GroupWeights, standard: StandardProblem, theta: Array, notes: tuple[str, ...]
 ) -> Estimate:
     """Estimate from possible standard parameters, with the covariance of weighted least squares."""
-    free = weighted_estimate(method, observations, problem)
+    free = weighted_estimate("physical", problem)
     fit = np.asarray(standard.A @ theta)
     values = np.where(np.isnan(free.values), np.nan, fit)
     named = dict(zip(standard.names, theta.tolist(), strict=True))
-    notes = (*free.notes, *notes, "covariance of the estimate without constraints")
+    exact = (_EXACT_NOTE,) if np.any(problem.scale < _exact_scale(problem)) else ()
+    notes = (*free.notes, *notes, *exact, "covariance of the estimate without constraints")
     return replace(free, values=values, standard=named, notes=notes, fit=fit, unconstrained=free.coefficients)

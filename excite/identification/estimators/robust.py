@@ -20,8 +20,6 @@ from excite.identification.estimator import (
 from excite.identification.estimators.least_squares import residual_noise, scaled_covariance, weighting
 from excite.identification.observations import GroupFactors, Observations
 from excite.identification.preparation import PreparedLog
-from excite.identification.recipe import Recipe
-from excite.information.target import IdentificationTarget
 from excite.trajectories import Trajectory
 from regressors.errors import InputError
 from regressors.samples import Array, Index, Samples
@@ -169,8 +167,7 @@ class Instrumental(Estimator):
         self.check(commanded)
         assert context is not None
         assert commanded is not None
-        Z = instruments(commanded, context.target, context.prepared, context.recipe)
-        return instrumental(observations, Z)
+        return instrumental(observations, instruments(commanded, context))
 
 
 _FEW = 300  # instants that suffice to find the shift
@@ -182,10 +179,6 @@ def commanded(trajectory: Trajectory, part: PreparedLog) -> Samples:
     time, q = part.samples.time, part.samples.q
     period = trajectory.family.duration
 
-    def at(delay: float) -> Samples:
-        wrapped = trajectory.samples(np.mod(time - delay, period))
-        return replace(wrapped, time=time)
-
     few = slice(None, None, max(1, time.size // _FEW))
 
     def misfit(delay: float) -> float:
@@ -196,7 +189,7 @@ def commanded(trajectory: Trajectory, part: PreparedLog) -> Samples:
     nearest = coarse[int(np.argmin([misfit(delay) for delay in coarse]))]
     step = period / 200
     minimum = scipy.optimize.minimize_scalar(misfit, bounds=(nearest - step, nearest + step), method="bounded")
-    motion = at(float(minimum.x))
+    motion = replace(trajectory.samples(np.mod(time - float(minimum.x), period)), time=time)
     size = float(np.linalg.norm(q - q.mean(axis=0)))
     astray = float(np.linalg.norm(motion.q - q)) / size if size > 0 else np.inf
     if astray > FAR:
@@ -207,9 +200,7 @@ def commanded(trajectory: Trajectory, part: PreparedLog) -> Samples:
     return motion
 
 
-def instruments(
-    trajectory: Trajectory, target: IdentificationTarget, parts: tuple[PreparedLog, ...], recipe: Recipe
-) -> Array:
+def instruments(trajectory: Trajectory, context: Context) -> Array:
     """Regressor of the commanded motion, with the same rows as the measured one, shape (m, p)."""
-    played = [replace(part, samples=commanded(trajectory, part)) for part in parts]
-    return equations(target, played, recipe).matrix
+    played = [replace(part, samples=commanded(trajectory, part)) for part in context.prepared]
+    return equations(context.target, played, context.recipe).matrix

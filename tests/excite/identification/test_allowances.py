@@ -25,7 +25,7 @@ from excite.identification.estimator import Context
 from excite.identification.estimators.least_squares import weighted
 from excite.identification.preparation import prepare
 from excite.identification.procedure import estimate_parameters
-from excite.identification.streamed_rows import HeldRows, StreamedRows
+from excite.identification.streamed_rows import StreamedRows, held_rows
 from excite.information.target import target_of
 from excite.tasks.task import Task
 
@@ -81,7 +81,7 @@ def test_streamed_rows_are_widened_as_an_array_is() -> None:
     rng = np.random.default_rng(0)
     W, c = rng.normal(size=(200, 3)), rng.normal(size=200)
     held = observations_of(W, W @ np.ones(3) + 0.1 * rng.normal(size=200))
-    streamed = replace(held, W=StreamedRows([HeldRows(W[:, None])], [None]))
+    streamed = replace(held, W=StreamedRows([held_rows(W[:, None])]))
     results = []
     for observations in (held, streamed):
         extended, wider = with_nuisance(weighted(observations), observations, c)

@@ -24,7 +24,7 @@ from excite.identification.identification import Identification
 from excite.identification.identify import identify
 from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
-from excite.identification.streamed_rows import HeldRows, StreamedRows
+from excite.identification.streamed_rows import StreamedRows, held_rows
 from excite.information.target import target_of
 from excite.logs.log import Log
 from excite.simulation.simulate import simulate
@@ -191,8 +191,8 @@ def test_what_only_slow_rows_show_has_an_interval_as_wide_as_itself(noisy_log: L
 def test_of_streamed_rows_stretches_stand_for_all(stuck: Identification) -> None:
     result = stuck
     held = result.observations
-    rows = HeldRows(held.matrix.reshape(-1, 3, held.W.shape[1]))
-    streamed = replace(held, W=StreamedRows((rows,), (None,)))
+    rows = held_rows(held.matrix.reshape(-1, 3, held.W.shape[1]))
+    streamed = replace(held, W=StreamedRows([rows]))
     plain = Weighted().estimate(held)
     expected = allowing_for_standstill(plain, Weighted(), held, context_of(result))
     wider = allowing_for_standstill(plain, Weighted(), streamed, context_of(result))
@@ -215,10 +215,10 @@ def test_the_noise_has_the_size_that_passes_the_filter(exact, stretch, delay, mo
     clean = prepare(exact, irp6(), target, recipe)
     for seed in (1, 2):
         part = prepare(noisy(exact, 0.0, NOISE, seed), irp6(), target, recipe)
-        drawn = motion_noise(part, recipe, "ddq", seed)
-        assert drawn.values.shape == part.samples.q.shape
+        drawn, _ = motion_noise(part, recipe, "ddq", seed)
+        assert drawn.shape == part.samples.q.shape
         measured = np.std(part.samples.ddq - clean.samples.ddq, axis=0)
-        np.testing.assert_allclose(np.std(drawn.values, axis=0), measured, rtol=0.2)
+        np.testing.assert_allclose(np.std(drawn, axis=0), measured, rtol=0.2)
 
 
 def test_motions_that_are_no_linear_function_of_positions_have_none_nor_exact_ones(exact: Log) -> None:

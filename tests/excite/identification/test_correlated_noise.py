@@ -21,9 +21,10 @@ from excite.identification.estimator import Context
 from excite.identification.estimators.least_squares import least_squares, weighted
 from excite.identification.noise import (
     NoiseGroup,
-    NoiseOrigin,
     _autocovariance,
-    _Spread,
+    _removed,
+    _shares,
+    _spread,
     autoregressive_covariance,
     autoregressive_noise,
     noise_origin,
@@ -56,7 +57,7 @@ def test_yule_and_walker_recover_the_coefficients() -> None:
     D = rng.uniform(0.5, 2.0, (40_000, 1))  # channels scale the autocovariance
     e = scipy.signal.lfilter([1.0], [1.0, -0.8], rng.normal(size=40_000))
     expected = 0.8 ** np.arange(4) / (1 - 0.8**2)
-    np.testing.assert_allclose(_autocovariance(D[:, 0] * e, D)[:4], expected, rtol=0.05)
+    np.testing.assert_allclose(_autocovariance(D[:, 0] * e, _shares(D))[:4], expected, rtol=0.05)
 
 
 @pytest.mark.parametrize("channels", [1, 2])
@@ -69,13 +70,13 @@ def test_the_spread_is_that_of_the_matrices(channels: int) -> None:
     T = scipy.linalg.toeplitz(ar2_autocovariance(n))
     Omega = sum(np.outer(d, d) * T for d in D.T)
     group = NoiseGroup(np.zeros(n), X, B, D)
-    spread = _Spread.of(group, D, autoregressive_noise(ar2_autocovariance(lags + 1), 10_000))
+    carried, spread = _spread(group, D, autoregressive_noise(ar2_autocovariance(lags + 1), 10_000))
     C = B.T @ Omega @ B
-    np.testing.assert_allclose(spread.covariance, C, rtol=1e-9)
+    np.testing.assert_allclose(spread, C, rtol=1e-9)
     left_over = Omega - X @ B.T @ Omega - (X @ B.T @ Omega).T + X @ C @ X.T
     shares = [n / (n - k) * sum(float(d[: n - k] @ d[k:]) for d in D.T) for k in range(lags)]
     lost = [np.trace(Omega - left_over, offset=k) for k in range(lags)]
-    removed = spread.removed(group, np.linalg.cholesky(C), spread.shares.size)[:lags]
+    removed = _removed(X, carried, np.linalg.cholesky(C), _shares(D))[:lags]
     np.testing.assert_allclose(removed, np.array(lost) / shares, rtol=1e-9)
 
 
@@ -126,7 +127,6 @@ def test_deviations_of_autoregressive_noise_are_those_that_the_estimates_have() 
     np.testing.assert_allclose(np.mean(stated, axis=0), exact, rtol=0.1)
 
 
-CUMULATED = NoiseOrigin(cumulated=True)
 BETA = np.array([1.0, -2.0, 0.5])
 
 
@@ -142,7 +142,7 @@ def long_windows(rng: np.random.Generator, count: int = 400, equations: int = 2)
 def test_the_error_of_the_estimate_is_the_sum_over_the_noise() -> None:
     observations, noise = long_windows(np.random.default_rng(0))
     estimate = least_squares(observations)
-    paths = noise_paths(estimate, observations, CUMULATED)
+    paths = noise_paths(estimate, observations, cumulated=True)
     error = estimate.values - BETA
     W = observations.W
     np.testing.assert_allclose(np.linalg.solve(W.T @ W, paths.sums.T @ noise), error, rtol=1e-9)
@@ -156,7 +156,7 @@ def test_the_deviations_are_those_of_noise_that_is_a_cumulated_sum(kind: str) ->
     stated = []
     for _ in range(20):
         observations, _ = long_windows(rng, equations=1)
-        stated.append(robust_covariance(least_squares(observations), observations, kind, CUMULATED).deviation)
+        stated.append(robust_covariance(least_squares(observations), observations, kind, cumulated=True).deviation)
     A = np.linalg.pinv(observations.W) @ np.tril(np.ones((400, 400)))
     exact = 0.1 * np.linalg.norm(A, axis=1)
     assert np.all(least_squares(observations).deviation < 0.5 * exact)  # as if independent
@@ -166,9 +166,9 @@ def test_the_deviations_are_those_of_noise_that_is_a_cumulated_sum(kind: str) ->
 def test_auto_takes_long_windows_as_cumulated_without_asking_the_residuals() -> None:
     observations, _ = long_windows(np.random.default_rng(2))
     estimate = least_squares(observations)
-    auto, robust = (with_covariance(estimate, observations, kind, CUMULATED) for kind in ("auto", "robust"))
+    auto, robust = (with_covariance(estimate, observations, kind, cumulated=True) for kind in ("auto", "robust"))
     np.testing.assert_array_equal(auto.covariance, robust.covariance)
-    assert with_covariance(estimate, observations, "white", CUMULATED) is estimate
+    assert with_covariance(estimate, observations, "white", cumulated=True) is estimate
 
 
 @pytest.mark.parametrize("window", ["short", "long"])
@@ -177,13 +177,13 @@ def test_channels_are_the_changes_of_the_rows_with_the_measured_torques(window: 
     task = TASK.changed(model="energy", window=window)
     target, recipe = target_of(irp6(), task), Recipe(rows="all", sign_width=0.0)
     part = prepare(log, irp6(), target, recipe)
-    origin = noise_origin(Context(target, (part,), recipe))
+    cumulated, channels = noise_origin(Context(target, (part,), recipe))
     rng = np.random.default_rng(3)
     gains = rng.normal(size=3)
     shifted = dataclasses.replace(part, measured=part.measured + gains)
     before, after = (join_observations([equations_of(target, p, recipe)]).y for p in (part, shifted))
-    np.testing.assert_allclose(origin.channels @ gains, after - before, atol=1e-9)
-    assert origin.cumulated == (window == "long")
+    np.testing.assert_allclose(channels @ gains, after - before, atol=1e-9)
+    assert cumulated == (window == "long")
 
 
 def test_long_windows_of_the_energy_model_cover() -> None:
@@ -199,8 +199,8 @@ def test_long_windows_of_the_energy_model_cover() -> None:
     assert missed["white"] / (3 * 13) > 0.2
     assert missed["auto"] / (3 * 13) < 0.03
     assert any("cumulated sum" in note for note in found.estimate.notes)
-    origin = noise_origin(Context(target_of(irp6(), TASK), (), Recipe()))  # a model of single instants has none
-    assert (origin.cumulated, origin.channels) == (False, None)
+    # a model of single instants has none
+    assert noise_origin(Context(target_of(irp6(), TASK), (), Recipe())) == (False, None)
 
 
 COUNT = 6000

@@ -19,7 +19,7 @@ from excite.identification.equations import (
 )
 from excite.identification.identification import Identification
 from excite.identification.preparation import prepare
-from excite.identification.presliding import _score_of_columns
+from excite.identification.presliding import _score
 from excite.identification.procedure import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.information.target import target_of
@@ -119,7 +119,7 @@ def test_presliding_is_judged_with_the_magnitudes_of_all_directed_columns() -> N
     target = target_of(ROBOT, TASK)
     part = prepare(recorded, ROBOT, target, EXACT)
     drives = friction_drives(target, part.samples)
-    score = _score_of_columns([(part, equations_of(target, part, EXACT))], [drives])
+    score = _score(target, [part], [equations_of(target, part, EXACT)], [drives], None)
     dz = part.samples.dq @ drive_rows(ROBOT).T
     assert score([np.tanh(dz / 0.05)]) < score([np.tanh(dz / 0.06)]) - 3.0
 

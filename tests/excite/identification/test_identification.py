@@ -23,6 +23,7 @@ from played import (
 )
 
 from excite.identification.covariance import condition_number
+from excite.identification.estimator import Context
 from excite.identification.estimators.robust import commanded, instruments
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
@@ -196,7 +197,7 @@ def test_another_motion_is_not_taken_for_the_commanded_one() -> None:
 
 def test_instruments_are_the_regressor_of_the_commanded_motion() -> None:
     target, part = target_of(irp6(), TASK), follower(0.2, noise=1e-4)
-    Z = instruments(commanded_motion(), target, (part, part), EXACT)
+    Z = instruments(commanded_motion(), Context(target, (part, part), EXACT))
     W = target.model.assemble(follower(0.2).samples)[:, target.base.index]
     assert Z.shape == (2 * len(W), target.base.rank)
     smooth = [k for k, name in enumerate(target.base.names) if name.startswith("X")]

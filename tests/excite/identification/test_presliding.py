@@ -11,15 +11,14 @@ from played import EXACT, TASK, curves, described, found, irp6, played, three_jo
 
 from excite.identification.equations import (
     dahl_direction,
-    directions,
+    drive_directions,
     drive_rows,
-    equations_of,
     friction_drives,
     measured_direction,
     measured_regressor,
 )
 from excite.identification.preparation import prepare
-from excite.identification.presliding import Presliding, best_presliding
+from excite.identification.presliding import with_presliding
 from excite.identification.result_json import load_result
 from excite.information.target import target_of
 from excite.logs.log import Log
@@ -72,7 +71,7 @@ def test_models_without_friction_turn_nothing() -> None:
     for task in (TASK.changed(friction=False), TASK.changed(model="energy")):
         target = target_of(irp6(), task)
         part = prepare(log, irp6(), target, EXACT)
-        assert best_presliding(target, [(part, equations_of(target, part, EXACT))]) == Presliding()
+        assert with_presliding(EXACT, target, [part], None) == replace(EXACT, sign_width=0.0, breakaway=0.0)
 
 
 @pytest.mark.parametrize("task", [TASK, Task("irp6", joints=("1", "3")), Task("irp6", drives=("2", "3"))])
@@ -118,9 +117,11 @@ def test_widths_and_distances_of_each_drive_are_taken(tmp_path) -> None:
     ):
         with pytest.raises(InputError, match=message):
             found(task, soft, recipe=replace(EXACT, **changes))
-    dz = np.array([[0.3, -0.2], [0.0, 0.1]])  # zero is the sign
-    np.testing.assert_array_equal(directions(dz, dz, (0.0, 1e-9), None), np.sign(dz))
-    assert directions(dz, dz, 0.0, (0.0, 0.0)) is None
+    robot, dq = irp6(), np.array([[0.3] * 5, [0.0] * 5])  # zero is the sign
+    samples, widths = Samples(np.arange(2.0), *[dq] * 4), (0.0,) * 4 + (1e-9,)
+    directions = drive_directions(robot, samples, widths, None)
+    np.testing.assert_array_equal(directions, np.sign(dq @ drive_rows(robot).T))
+    assert drive_directions(robot, samples, 0.0, (0.0,) * 5) is None
 
 
 def written_out(z: Array, distance: float) -> Array:

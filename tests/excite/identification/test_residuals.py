@@ -59,11 +59,11 @@ def test_autocorrelation_is_the_sum(seed: int, n: int) -> None:
 
 
 def test_ljung_box_is_its_formula() -> None:
-    observations = observations_of(np.ones((50, 1)), coloured(np.random.default_rng(1), 0.4, 50))
-    (group,) = residual_diagnostics(least_squares(observations), observations, lags=7)
+    observations = observations_of(np.ones((35, 1)), coloured(np.random.default_rng(1), 0.4, 35))
+    (group,) = residual_diagnostics(least_squares(observations), observations)
     e = observations.y - observations.y.mean()
     r = [np.sum(e[:-k] * e[k:]) / np.sum(e**2) for k in range(1, 8)]
-    statistic = 50 * 52 * sum(r[k - 1] ** 2 / (50 - k) for k in range(1, 8))
+    statistic = 35 * 37 * sum(r[k - 1] ** 2 / (35 - k) for k in range(1, 8))
     assert group.ljung_box == pytest.approx(statistic)
     assert group.lags == 7
     assert group.lag_one == pytest.approx(r[0])
@@ -177,7 +177,6 @@ def test_bad_input() -> None:
     other = dataclasses.replace(GOOD, names=("a", "b", "c", "d"))
     for make, message in (
         (lambda: residual_diagnostics(weighted(GOOD), other), "has the parameters b1, b2, b3, b4"),
-        (lambda: residual_diagnostics(weighted(GOOD), GOOD, lags=0), "lags must be 1 or more, given 0"),
         (lambda: robust_covariance(instrumental(GOOD, GOOD.W), GOOD), "not implemented for the estimator instrumental"),
         (
             lambda: robust_covariance(weighted(GOOD), GOOD, "white"),

@@ -14,10 +14,9 @@ from played import TASK, found, noisy, played, three_joints
 from excite.identification import equations, observations, streamed_rows
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
-from excite.identification.streamed_rows import HeldRows, StreamedRows, joined_rows
+from excite.identification.streamed_rows import RowSource, StreamedRows, held_rows, joined_rows
 from excite.logs.log import Log
 from regressors.errors import InputError
-from regressors.samples import Array
 
 ALL = Recipe(rows="all")
 RECIPES = {
@@ -75,7 +74,7 @@ def test_streamed_rows_are_read_as_an_array_is(seed: int, block: int, r: int) ->
     W = np.concatenate([part[k].reshape(-1, 4) for part, k in zip(parts, kept, strict=True)])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(streamed_rows, "BLOCK", block)
-        streamed = StreamedRows([HeldRows(part) for part in parts], kept)
+        streamed = StreamedRows([held_rows(part).at(k) for part, k in zip(parts, kept, strict=True)])
         a, b = np.sort(rng.integers(0, len(W) + 1, 2))
         np.testing.assert_array_equal(streamed[a:b], W[a:b])
         np.testing.assert_array_equal(streamed[a:b:2], W[a:b:2])
@@ -90,18 +89,9 @@ def test_streamed_rows_are_read_as_an_array_is(seed: int, block: int, r: int) ->
         np.testing.assert_array_equal(both.whole(), np.concatenate([W, W]))
 
 
-class _Counted(HeldRows):
-    def __init__(self, count: int) -> None:
-        super().__init__(np.zeros((1, 3, 10)))
-        self.shape = (count, 3, 10)
-
-    def part(self, which: slice) -> Array:
-        return np.full((which.stop - which.start, 3, 10), 1.0)
-
-
 def test_a_product_holds_one_block_at_once() -> None:
     """Rows of 240 MB are multiplied in less than 40 MB, half of which is the product."""
-    W = StreamedRows((_Counted(1_000_000),), (None,))
+    W = StreamedRows([RowSource((1_000_000, 3, 10), lambda which: np.full((which.stop - which.start, 3, 10), 1.0))])
     tracemalloc.start()
     product = W @ np.ones(10)
     _, peak = tracemalloc.get_traced_memory()

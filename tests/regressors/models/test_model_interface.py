@@ -17,7 +17,7 @@ from excite.identification.estimator import Context
 from excite.identification.estimators.least_squares import weighted, weighting
 from excite.identification.estimators.possible_set import standard_problem
 from excite.identification.preparation import prepare
-from excite.identification.presliding import best_presliding, presliding_note
+from excite.identification.presliding import presliding_note, with_presliding
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
 from excite.logs.log import Log
@@ -241,7 +241,7 @@ def observations_of(target: IdentificationTarget, beta: Array) -> tuple[Any, Con
 
 def problem_of(target: IdentificationTarget) -> Any:
     observations, _ = observations_of(target, np.ones(target.base.rank))
-    return standard_problem(observations, weighting(observations), target.model, target.base)
+    return standard_problem(weighting(observations), target.model, target.base)
 
 
 # --- models of one's own ---------------------------------------------------------------------------------------------
@@ -355,7 +355,7 @@ def test_springs_are_identified_from_a_log_as_everything_else_is() -> None:
     estimate = weighted(observations)
     np.testing.assert_allclose(estimate.values, beta, rtol=1e-8)
     assert dict(zip(estimate.names, estimate.values, strict=True))["K3"] == pytest.approx(50.0)
-    turning = best_presliding(target, [(context.prepared[0], observations)])
+    turning = with_presliding(Recipe(), target, context.prepared, None)
     assert (turning.sign_width, turning.breakaway) == (0.0, 0.0)
 
 

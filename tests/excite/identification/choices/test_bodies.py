@@ -91,8 +91,8 @@ def test_pulled_least_squares_is_the_posterior_mean(within: float) -> None:
     definition, names = target().model.definition()
     A = target().base.D @ definition
     pull = near_described(target().model, described(), within)
-    D = np.diag([pull.deviations.get(name, 0.0) for name in names])
-    theta0 = np.array([pull.values.get(name, 0.0) for name in names])
+    theta0, deviations = np.array([pull.get(name, (0.0, 0.0)) for name in names]).T
+    D = np.diag(deviations)
     covariance = A @ D @ D @ A.T
     known = np.diag(covariance) > 0
     assert 0 < np.count_nonzero(~known) < known.size  # friction is not described
@@ -116,14 +116,14 @@ def test_the_best_deviation_is_taken_and_none_without_described_bodies() -> None
 def test_deviations_are_in_the_sizes_of_a_body() -> None:
     pull = near_described(target().model, described(), 0.5)
     columns = target().model.standard_columns
-    owner = next(c.owner for c in columns if c.name in pull.values)
-    names = [c.name for c in columns if c.owner == owner and c.name in pull.values]
+    owner = next(c.owner for c in columns if c.name in pull)
+    names = [c.name for c in columns if c.owner == owner and c.name in pull]
     assert len(names) == 10
     J = pseudo_inertia([described()[name] for name in names])
     mass, length = J[3, 3], np.sqrt(np.trace(J[:3, :3]) / J[3, 3])
     expected = [mass] + 3 * [mass * length] + 6 * [mass * length**2]
-    np.testing.assert_allclose([pull.deviations[name] for name in names], 0.5 * np.array(expected))
-    np.testing.assert_allclose([pull.values[name] for name in names], [described()[name] for name in names])
+    np.testing.assert_allclose([pull[name][1] for name in names], 0.5 * np.array(expected))
+    np.testing.assert_allclose([pull[name][0] for name in names], [described()[name] for name in names])
 
 
 def estimate(within: float | None) -> Estimate:
@@ -138,7 +138,7 @@ def distance(within: float) -> float:
     """Of that estimate from the description, in sizes of the bodies."""
     theta = estimate(within).standard
     own = near_described(target().model, described(), 1.0)
-    return float(np.sqrt(sum(((theta[n] - v) / own.deviations[n]) ** 2 for n, v in own.values.items())))
+    return float(np.sqrt(sum(((theta[n] - v) / deviation) ** 2 for n, (v, deviation) in own.items())))
 
 
 def test_possible_bodies_are_nearer_to_the_description_the_smaller_the_deviation() -> None:

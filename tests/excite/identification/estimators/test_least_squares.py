@@ -273,23 +273,9 @@ def test_logs_follow_one_another() -> None:
     assert len(found.history[0]) == 60  # the last instant of one log and the first of the next stay apart
 
 
-@pytest.mark.parametrize("equations", [1, 2])
-@pytest.mark.parametrize("forgetting", [0.7, 0.98])
-def test_forgetting_is_an_exponential_weight(forgetting: float, equations: int) -> None:
-    W, y = small_problem(5, 120, 3)
-    age = np.repeat(np.arange(120 // equations)[::-1], equations)
-    w = forgetting ** (age / 2)
-    prior = np.sqrt(forgetting ** (120 // equations) / 100.0) * np.eye(3)
-    stacked = np.concatenate([W * w[:, None], prior])
-    expected = np.linalg.lstsq(stacked, np.append(y * w, np.zeros(3)))[0]
-    found = recursive(observations_of(W, y, equations=equations), prior=100.0, forgetting=forgetting)
-    np.testing.assert_allclose(found.values, expected, rtol=1e-7)
-
-
 def test_bad_settings() -> None:
     for setting, message in (
         ({"prior": 0.0}, "the prior c must be a positive number, given 0.0"),
-        ({"forgetting": 1.2}, r"forgetting factor must be in \(0, 1\], given 1.2"),
         ({"every": 0}, "every must be 1 or more, given 0"),
     ):
         with pytest.raises(InputError, match=message):
