@@ -27,7 +27,7 @@ from excite.identification.large_residual import (
     missing_terms,
     noisy_derivatives,
 )
-from excite.identification.log_faults import load_that_explains
+from excite.identification.log_faults import every_joint_moves, load_that_explains
 from excite.identification.noise import residual_diagnostics
 from excite.identification.observations import GroupFactors, Observations
 from excite.identification.prediction import LogPrediction, instantaneous_target, prediction, relative_error
@@ -83,19 +83,19 @@ def warnings_of(result: Identification) -> tuple[Doubt, ...]:
 
 def _untold_load(result: Identification, target: IdentificationTarget) -> Doubt | None:
     """Warning where the bodies depart from the described ones as with a load at the last link."""
-    known, equations = _believed_bodies(target), target.model.torque_equations()
-    if known is None or equations is None or not (equations.every_joint and target.motion.complete):
+    known = _believed_bodies(target)
+    if known is None or not every_joint_moves(target):
         return None
     motion = _motions(result)
     some = motion.rows(np.unique(np.linspace(0, motion.time.size - 1, _INSTANTS).astype(int)))
     Y = target.model.instants(some)[:, target.base.index].reshape(some.time.size, -1, target.base.rank)
     inertial = inertial_columns(target.base)
     difference = Y[:, :, inertial] @ (result.coefficients - known)[inertial]
-    load = load_that_explains(target.robot, some, difference, Y @ result.coefficients)
-    if load is None or load.mass < 0:
+    load = load_that_explains(target, some, difference, Y @ result.coefficients)
+    if load is None or load[0] < 0:
         return None
     return Doubt(
-        f"the bodies depart from the described ones as if the robot carried something: {load.text}",
+        f"the bodies depart from the described ones as if the robot carried something: {load[1]}",
         "what was identified is the robot with that load, if it had one",
         "identify again from a log without it, or say with `identify_payload` what it is",
     )

@@ -185,19 +185,19 @@ def _other_load(
     target: IdentificationTarget, part: PreparedLog, predicted: LogPrediction, judged: Verdict
 ) -> tuple[str, ...]:
     """The load that the log has and the result lacks, or the reverse, where that explains what contradicts."""
-    equations = target.model.torque_equations()
-    if judged.holds or equations is None or not (equations.every_joint and target.motion.complete):
+    if judged.holds:
         return ()
     time, motion = predicted.time, part.samples
     measured, torques = (
         np.column_stack([np.interp(motion.time, time, column) for column in rows.T])
         for rows in (predicted.measured, predicted.predicted)
     )
-    load = load_that_explains(target.robot, motion, measured - torques, measured)
+    load = load_that_explains(target, motion, measured - torques, measured)
     if load is None:
         return ()
-    whose = "this log has it, and the result lacks it" if load.mass > 0 else "the result has it, and this log lacks it"
-    return (f"{load.text}; {whose}: verify with a log of the same load, or identify again",)
+    mass, text = load
+    whose = "this log has it, and the result lacks it" if mass > 0 else "the result has it, and this log lacks it"
+    return (f"{text}; {whose}: verify with a log of the same load, or identify again",)
 
 
 def _torques_answer(judged: Verdict, whole: CorrectedError) -> str:
