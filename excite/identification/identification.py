@@ -325,7 +325,7 @@ def _parameter(result: Identification, k: int, reference: float) -> dict[str, An
     side = facts.motor_sides.get(name)
     return {
         "name": name,
-        "expression": facts.base.expressions[k],
+        "expression": facts.expressions[k],
         "unit": estimate.units[k],
         "value": _finite(value),
         "standard_deviation": _finite(deviation),
