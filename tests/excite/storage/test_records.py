@@ -27,7 +27,7 @@ from excite.views.friction_views import friction_plan_view
 from regressors.errors import InputError
 
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"
-CURVES = ("time", "measured", "predicted", "motion", "replay", "step", "robot")
+CURVES = ("time", "measured", "predicted", "joints", "motion_time", "motion_q", "replay", "step", "robot")
 
 
 def same_entries(one: Verification, other: Verification) -> None:
