@@ -146,9 +146,8 @@ def _tried(result: Identification) -> str:
 
 def _excess(result: Identification) -> float:
     """Relative error of least squares in left-out blocks beyond that of the estimate's own rows; 0 where not known."""
-    scored = [
-        c.error for one in result.choices if one.name == "estimator" for c in one.candidates if c.value == "weighted"
-    ]
+    of_estimator = [c for one in result.choices if one.name == "estimator" for c in one.candidates]
+    scored = [c.error for c in of_estimator if c.value == "weighted"]
     return float(np.sqrt(max(0.0, scored[0] ** 2 - _residual_size(result) ** 2))) if scored else 0.0
 
 
@@ -201,12 +200,11 @@ def _residual(
 
 def _noise(parts: list[LogPrediction], above: float) -> float:
     """Norm of the noise of the measurements over that of the measurements."""
-    square = sum(
-        p.time.size
-        * float(np.sum(measurement_noise(p.measured, p.measured - p.predicted, mean_rate(p.time), above).square))
-        for p in parts
-        if p.time.size > 1
-    )
+    square = 0.0
+    for p in parts:
+        if p.time.size > 1:
+            noise = measurement_noise(p.measured, p.measured - p.predicted, mean_rate(p.time), above)
+            square += p.time.size * float(np.sum(noise.square))
     size = sum(float(np.sum(p.measured**2)) for p in parts)
     return float(np.sqrt(square / size)) if size > 0 else 0.0
 
@@ -217,7 +215,8 @@ def _missing(result: Identification, target: IdentificationTarget, parts: list[L
     if equations is None:
         return UNEXPLAINED
     residual, speed = (
-        np.concatenate(each) for each in zip(*((p.measured - p.predicted, p.speed) for p in parts), strict=True)
+        np.concatenate([p.measured - p.predicted for p in parts]),
+        np.concatenate([p.speed for p in parts]),
     )
     along = [(part.samples.time, equations.speeds(part.samples.ddq)) for part in result.prepared]
     acceleration = [
@@ -233,15 +232,12 @@ def _without_curve(result: Identification, target: IdentificationTarget) -> list
     if result.friction is None:
         return []
     speeds = np.concatenate([part.samples.dq for part in result.prepared])
-    moving = [
-        name for name, row in drives_with_friction(target.robot) if np.ptp(speeds @ np.asarray(row, dtype=float)) > 0
-    ]
-    return [name for name in moving if name not in result.friction.curves]
+    drives = [(name, row) for name, row in drives_with_friction(target.robot) if name not in result.friction.curves]
+    return [name for name, row in drives if np.ptp(speeds @ np.asarray(row, dtype=float)) > 0]
 
 
 _MOTIONS = 12
 _INSTANTS = 1500
-_CHUNK = 16384  # rows
 _LEAST = 1e-12  # of the largest eigenvalue
 
 
@@ -273,8 +269,8 @@ def expected_error(
     per_equation = np.sqrt((counts * squares).sum(axis=0) / np.maximum(log_rows, 1))
     share = np.sqrt(log_rows * r / motions[0].shape[0])  # none of an equation without rows
     share = np.divide(share, per_equation, out=np.zeros(r), where=per_equation > 0)
-    weight = np.tile(share, motions[0].shape[0] // r)
-    designed = min(_ratio(_inverse(_information(W, weight)), gram, torque) for W in motions)
+    alone = (W * np.tile(share, len(W) // r)[:, None] for W in motions)
+    designed = min(_ratio(_inverse(A.T @ A), gram, torque) for A in alone)
     return _ratio(determined, gram, torque), designed
 
 
@@ -285,13 +281,6 @@ def _effective_noise(estimate: Estimate, observations: Observations) -> Array:
         noise[g] = one.rms * np.sqrt(one.rows / one.effective)
     least = 1e-9 * noise[np.isfinite(noise)].max(initial=0.0) or 1.0
     return np.asarray(np.maximum(noise, least))
-
-
-def _information(W: Array, weight: Array) -> Array:
-    """``W' diag(weight^2) W``, by parts, so that no second W is held."""
-    parts = (slice(start, start + _CHUNK) for start in range(0, len(W), _CHUNK))
-    weighted = (W[part] * weight[part, None] for part in parts)
-    return np.asarray(sum((A.T @ A for A in weighted), np.zeros((W.shape[1], W.shape[1]))))
 
 
 def _inverse(M: Array) -> Array:

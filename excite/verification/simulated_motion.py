@@ -67,18 +67,6 @@ def most_windows(duration: float, horizon: float) -> int | None:
     return min(_MOST, max(_FEWEST, round(SAMPLE / horizon)))
 
 
-def sampling_remark(replay: Replay, horizon: float) -> str | None:
-    """Which windows were simulated, in words; None where all of them were."""
-    if not replay.left_out:
-        return None
-    count = len(replay.starts)
-    total = count + replay.left_out
-    return (
-        f"simulated motion: {count} of {total} windows of {horizon:.3g} s, spread evenly over the log; "
-        "torques are predicted in all of its rows"
-    )
-
-
 _SHORTEST = 4  # samples
 
 Simulate = Callable[[float], Replay]
@@ -102,10 +90,19 @@ def shortest_horizon(time: Array) -> float:
     return _SHORTEST * float(time[-1] - time[0]) / (time.size - 1)
 
 
-def horizon_remark(replay: Replay, horizon: float, asked: float) -> str | None:
-    """What became of the simulated motion over the time that was asked for; None where nothing is to be said."""
+def motion_remarks(replay: Replay | None, horizon: float | None, asked: float) -> tuple[str, ...]:
+    """What became of the simulated motion over the time that was asked for, and which windows were simulated."""
+    if replay is None or horizon is None:
+        return ()
+    remarks = []
     if not replay.ok:
-        return f"the simulated motion says nothing: {failure(replay)}, over shorter times too"
-    if horizon < asked:
-        return f"the motion is simulated over {horizon:.3g} s at a time: it diverges within {asked:g} s"
-    return None
+        remarks.append(f"the simulated motion says nothing: {failure(replay)}, over shorter times too")
+    elif horizon < asked:
+        remarks.append(f"the motion is simulated over {horizon:.3g} s at a time: it diverges within {asked:g} s")
+    if replay.left_out:
+        count = len(replay.starts)
+        remarks.append(
+            f"simulated motion: {count} of {count + replay.left_out} windows of {horizon:.3g} s, spread evenly over "
+            "the log; torques are predicted in all of its rows"
+        )
+    return tuple(remarks)
