@@ -119,7 +119,12 @@ def _usable_rows(log: Log, robot: Robot, target: IdentificationTarget, recipe: R
     # a copy: what is kept for a log must not hold it
     log, found = cleaned(replace(_rows_asked_for(log, recipe)), robot)
     notes = []
-    moving = log.of(_present(log, target.robot.joint_names))
+    names = target.robot.joint_names
+    if absent := [name for name in names if name not in log.joints]:
+        raise InputError(
+            f"{log.source} has the joints {', '.join(log.joints)}, but not {', '.join(absent)}, which the model moves"
+        )
+    moving = log.of(names)
     if recipe.rows == AUTO:
         stretch, reason = exciting_rows(moving)
         notes.append(reason)
@@ -213,14 +218,6 @@ def _errors_naming(log: Log) -> Iterator[None]:
     except InputError as error:
         text = str(error)
         raise InputError(text if text.startswith(log.source) else f"{log.source}: {text}") from error
-
-
-def _present(log: Log, names: Sequence[str]) -> Sequence[str]:
-    if absent := [name for name in names if name not in log.joints]:
-        raise InputError(
-            f"{log.source} has the joints {', '.join(log.joints)}, but not {', '.join(absent)}, which the model moves"
-        )
-    return names
 
 
 def _on_the_motion(samples: Samples, log: Log, target: IdentificationTarget) -> Samples:

@@ -9,9 +9,9 @@ robot is believed a little, so that a fault that the parameters of one joint cou
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 import scipy.optimize
@@ -63,6 +63,7 @@ _DELAYS = np.array([-0.03, -0.01, 0.01, 0.03, 0.06, 0.1])  # [s]
 _IN_MOTION = 0.1  # of the root mean square speed of each drive
 _OF_LOG = 0.1  # of the shortest log: longer delays are not searched
 _ZEROS = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0])
+_GAINS = np.log([1e-3, 1e-2, 0.05, 0.1, 0.2, 0.35, 0.6, 0.8, 1.25, 1.6, 2.8, 5.0, 10.0, 20.0, 100.0, 1e3])
 
 
 def spoilt_log(
@@ -177,7 +178,8 @@ class FaultSearch:
         names = self.target.robot.joint_names
         fits = [self._fit(fault) for fault in column_faults(names)]
         fits += [fit for j in range(len(names)) if (fit := self._with_gain(j)) is not None]
-        return [*fits, self._delayed(np.ones(len(names), dtype=int)), *self._zeros()]
+        fits.append(self._delayed(np.ones(len(names), dtype=int)))
+        return [*fits, *map(self._with_zero, range(len(names)))]
 
     def late_joints(self, none: Fault) -> list[Fault]:
         """The torques of one joint late, beside the fit ``none`` at other instants.
@@ -209,33 +211,31 @@ class FaultSearch:
 
     def _with_gain(self, j: int) -> Fault | None:
         """The best gain of one joint."""
-        names = self.target.robot.joint_names
 
         def fit(log_gain: float) -> Fault:
-            return self.plain.fit(gain_fault(names, j, float(np.exp(log_gain))))
+            return self.plain.fit(gain_fault(self.target.robot.joint_names, j, float(np.exp(log_gain))))
 
-        trials = np.log([1e-3, 1e-2, 0.05, 0.1, 0.2, 0.35, 0.6, 0.8, 1.25, 1.6, 2.8, 5.0, 10.0, 20.0, 100.0, 1e3])
-        best = trials[int(np.argmin([fit(x).size for x in trials]))]
-        refined = scipy.optimize.minimize_scalar(
-            lambda x: fit(x).size, bounds=(best - 0.6, best + 0.6), method="bounded", options={"xatol": 0.01}
-        )
-        gain = float(np.exp(refined.x))
-        if 1 / ODD_GAIN < gain < ODD_GAIN:
-            return None
-        return self.plain.fit(gain_fault(names, j, gain))
+        best = _best(lambda log_gain: fit(log_gain).size, _GAINS, 0.6, xatol=0.01)
+        return None if 1 / ODD_GAIN < np.exp(best) < ODD_GAIN else fit(best)
+
+    def _with_zero(self, j: int) -> Fault:
+        """The best zero of one joint."""
+
+        def fit(zero: float) -> Fault:
+            return self._fit(zero_fault(self.target.robot.joint_names, j, zero))
+
+        return fit(_best(lambda zero: fit(zero).size, _ZEROS, 0.14, maxiter=7))
 
     def _delayed(self, which: Index) -> Fault:
         """The torques of some joints late by the best delay."""
         names = self.target.robot.joint_names
         grid = np.unique(np.round(np.clip(_DELAYS, -self.longest, self.longest) / self.step).astype(int))
-        sizes = {0: np.inf}
 
+        @cache
         def size(steps: int) -> float:
-            if abs(steps) * self.step > self.longest:
+            if not steps or abs(steps) * self.step > self.longest:
                 return np.inf
-            if steps not in sizes:
-                sizes[steps] = self._fit(delay_fault(names, steps * which, self.step)).size
-            return sizes[steps]
+            return self._fit(delay_fault(names, steps * which, self.step)).size
 
         best, stride = min(grid.tolist(), key=size), max(1, round(0.01 / self.step))
         while stride:
@@ -243,22 +243,12 @@ class FaultSearch:
             stride //= 2
         return self._fit(delay_fault(names, best * which, self.step))
 
-    def _zeros(self) -> Iterator[Fault]:
-        """The zero of one joint."""
-        names = self.target.robot.joint_names
-        for j in range(len(names)):
 
-            def fit(zero: float, j: int = j) -> Fault:
-                return self._fit(zero_fault(names, j, zero))
-
-            best = _ZEROS[int(np.argmin([fit(z).size for z in _ZEROS]))]
-            refined = scipy.optimize.minimize_scalar(
-                lambda z, fit=fit: fit(z).size,
-                bounds=(best - 0.14, best + 0.14),
-                method="bounded",
-                options={"maxiter": 7},
-            )
-            yield fit(float(refined.x))
+def _best(size: Callable[[float], float], grid: Array, reach: float, **options: float) -> float:
+    """Argument of the least size: the best on a grid, refined within reach of it."""
+    best = grid[int(np.argmin([size(x) for x in grid.tolist()]))]
+    bounds = (best - reach, best + reach)
+    return float(scipy.optimize.minimize_scalar(size, bounds=bounds, method="bounded", options=options).x)
 
 
 def _chosen(part: PreparedLog, robot: Robot, most: int, least_speed: float) -> Index:

@@ -30,17 +30,13 @@ def motion_errors(replay: Replay, measured: Samples, units: dict[str, str]) -> t
     difference, time = (replay.q - measured.q)[rows], measured.time[rows]
     windows = [measured.q[a:b] for a, b in replay.bounds]
     travel = np.sqrt(np.mean([np.ptp(q, axis=0) ** 2 for q in windows], axis=0))
-    return tuple(
-        _motion_error(name, unit, float(travel[j]), difference[:, j], time)
-        for j, (name, unit) in enumerate(units.items())
-    )
-
-
-def _motion_error(name: str, unit: str, travel: float, difference: Array, time: Array) -> MotionError:
-    worst = int(np.argmax(np.abs(difference)))
-    error = float(np.sqrt(np.mean(difference**2)))
-    relative = error / travel if travel > 0 else np.inf
-    return MotionError(name, unit, travel, error, relative, float(np.abs(difference[worst])), float(time[worst]))
+    errors = []
+    for j, (name, unit) in enumerate(units.items()):
+        e, size = difference[:, j], float(travel[j])
+        worst, error = int(np.argmax(np.abs(e))), float(np.sqrt(np.mean(e**2)))
+        relative = error / size if size > 0 else np.inf
+        errors.append(MotionError(name, unit, size, error, relative, float(np.abs(e[worst])), float(time[worst])))
+    return tuple(errors)
 
 
 def failure(replay: Replay) -> str | None:
