@@ -301,12 +301,7 @@ _POINTS = 200  # in a period
 
 
 def other_motion(travelled: Samples, rng: np.random.Generator) -> Samples:
-    """A random band-limited motion within the ranges of positions, and the speeds and accelerations, of another.
-
-    Every joint is a Fourier series of five harmonics with random amplitudes, about the middle of its range. It is as
-    large as range, root mean square of the velocity and that of the acceleration allow; the period follows from their
-    ratio.
-    """
+    """A random Fourier series of five harmonics within the ranges of positions, speeds and accelerations of another."""
     n = travelled.q.shape[1]
     low, high = travelled.q.min(axis=0), travelled.q.max(axis=0)
     speed, acceleration = _rms(travelled.dq), _rms(travelled.ddq)

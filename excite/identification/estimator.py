@@ -157,25 +157,15 @@ def hide_parameters(estimate: Estimate, hidden: NDArray[np.bool_]) -> Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """Data that some estimators need besides the observations.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    prepared : tuple of PreparedLog
-        One per log.
-    recipe : Recipe
-    described : mapping of str to float
-        Standard parameters as the robot's description states them.
-    commanded : Trajectory, optional
-        The motion that was played.
-    """
+    """Data that some estimators need besides the observations."""
 
     target: IdentificationTarget
-    prepared: tuple[PreparedLog, ...]
+    prepared: tuple[PreparedLog, ...]  # one per log
     recipe: Recipe
-    described: Mapping[str, float] = field(default_factory=dict)
-    commanded: Trajectory | None = None
+    described: Mapping[str, float] = field(
+        default_factory=dict
+    )  # standard parameters as the robot's description states
+    commanded: Trajectory | None = None  # the motion that was played
 
 
 class Estimator(ABC):

@@ -160,11 +160,8 @@ _CORNERS = 128
 
 
 def allowed_poses(robot: Robot, travelled: Array, seed: int = 0) -> Array:
-    """Poses within the limits of the joints: quasi-random ones, the middle, and corners.
-
-    A revolute joint is tried over at most one turn about the middle of its range. One without a limit is tried over a
-    whole turn about the poses of the log, a prismatic one as far as it travelled.
-    """  # travelled (N, n)
+    """Poses within the limits of the joints, or about those of a log: quasi-random ones, the middle, and corners."""
+    # travelled (N, n)
     low, high = robot.limits.lower.copy(), robot.limits.upper.copy()
     bounded = np.isfinite(low) & np.isfinite(high)
     low, high = np.where(bounded, low, travelled.min(axis=0)), np.where(bounded, high, travelled.max(axis=0))

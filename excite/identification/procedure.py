@@ -125,11 +125,7 @@ def measured_logs(
     commanded: Trajectory | None,
     progress: Callable[[str], None],
 ) -> tuple[Task, Context, FrictionCurves | None, frozenset[str]]:
-    """What equations are built from: task and recipe completed from the motion of each log, and known friction.
-
-    The task is without friction columns of drives whose friction is known; the logs are as measured. The last are the
-    settings of the recipe that were found from the same logs, see `excite.identification.allowances`.
-    """
+    """Task and recipe completed from the motion of each log, known friction, and which settings were found there."""
     own, friction = friction is None, task.known_friction if friction is None else friction
     if friction is not None and (recipe.friction_scale or not own):
         task = beside_curves(task, robot, friction)

@@ -262,20 +262,12 @@ def check_played(design: Design | None, mapping: LogMapping | str | Path | None)
 
 @dataclass(frozen=True, eq=False)
 class ReferenceValues:
-    """Values that an estimate is compared with.
-
-    Parameters
-    ----------
-    kind : {"truth", "description"}
-        Of a simulated log, or as the robot's description states them.
-    values : ndarray, shape (p,)
-        NaN where unknown.
-    """
+    """Values that an estimate is compared with."""
 
     listed: ClassVar[bool] = True
 
-    kind: str
-    values: Array
+    kind: str  # "truth" of a simulated log, or as in the robot's "description"
+    values: Array  # (p,) NaN where unknown
 
 
 def reference_of(target: IdentificationTarget, logs: Sequence[Log]) -> ReferenceValues:

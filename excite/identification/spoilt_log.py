@@ -76,8 +76,7 @@ def spoilt_log(
 ) -> Doubt | None:
     """Doubt that names the fault of a log, if one explains clearly more than none and than any other.
 
-    All faults are tried where the result is doubtful already or the residual is more than the noise; a delay of all
-    torques that left-out torques have decided on (``timed``) is not judged again.
+    A delay of all torques that left-out torques have decided on (``timed``) is not judged again.
     """
     if not every_joint_moves(target):
         return None
@@ -137,10 +136,7 @@ class FaultSearch:
         friction: FrictionCurves | None,
         least_speed: float = 0.0,
     ) -> FaultSearch:
-        """The search of some logs, at instants evenly spread over the rows that make equations.
-
-        All drives move at these instants, with ``least_speed`` times their root mean square speed.
-        """
+        """The search at instants evenly spread over the rows that make equations, with all drives moving."""
         chosen = [_chosen(part, target.robot, INSTANTS // len(parts), least_speed) for part in parts]
         samples = [part.samples.rows(rows) for part, rows in zip(parts, chosen, strict=True)]
         joined = Samples.joined(samples)
@@ -182,10 +178,7 @@ class FaultSearch:
         return [*fits, *map(self._with_zero, range(len(names)))]
 
     def late_joints(self, none: Fault) -> list[Fault]:
-        """The torques of one joint late, beside the fit ``none`` at other instants.
-
-        Friction that reverses late looks like them, so that the instants should be those in motion.
-        """
+        """The torques of one joint late, in motion (friction that reverses late looks like them), beside ``none``."""
         own = np.maximum(self.plain.fit(NO_FAULT).errors, LEAST_ERROR)
         fits = (self._delayed(which) for which in np.eye(len(own), dtype=int))
         return [replace(fit, errors=np.maximum(fit.errors, LEAST_ERROR) / own * none.errors) for fit in fits]

@@ -48,16 +48,12 @@ def failure(replay: Replay) -> str | None:
 
 WHOLE = 60.0  # logs of up to this are simulated as a whole [s]
 SAMPLE = 30.0  # of longer ones at most so much, in windows [s]
-_MOST, _FEWEST = 60, 10  # windows, however short or long they are
+_MOST, _FEWEST = 60, 10  # windows, however short or long: of 60, chance changes the error by about a tenth
 _ROUNDING = 1e-9
 
 
 def most_windows(duration: float, horizon: float) -> int | None:
-    """Windows of a motion that are simulated at most; None for all of them.
-
-    The error of a joint's simulated motion is a root mean square over windows. Of 60 of them, chance changes it by
-    about a tenth, while it is judged against a tolerance of about a quarter of the travel.
-    """
+    """Windows of a motion that are simulated at most; None for all of them."""
     if duration <= WHOLE * (1 + _ROUNDING):
         return None
     return min(_MOST, max(_FEWEST, round(SAMPLE / horizon)))
