@@ -12,7 +12,7 @@ import numpy as np
 from excite.identification.preparation import PreparedLog
 from excite.logs.event import Spans
 from excite.simulation.replay import Replay
-from excite.storage.codec import INLINE, named
+from excite.storage.codec import INLINE
 from excite.storage.records import check_replaceable, chosen, every, read_record, short, write_record
 from excite.storage.result_folder import result_folder
 from excite.verification.simulated_motion import MotionError
@@ -47,6 +47,15 @@ class VerifiedLog:
         return cls(log.source, log.sha256, log.count, start, end, tuple(part.notes), tuple(part.left_out))
 
 
+@dataclass(frozen=True, eq=False)
+class MeasuredMotion:
+    """Measured positions of the n moving joints."""
+
+    joints: tuple[str, ...] = ()
+    time: Array = field(default_factory=lambda: np.zeros(0))  # (K,) [s]; where a motion is simulated, its instants
+    q: Array = field(default_factory=lambda: np.zeros((0, 0)))  # (K, n) [rad or m]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Verification:
     """Verification of a result on one log: the same when it is loaded, at the instants that its file has.
@@ -78,13 +87,9 @@ class Verification:
         Instants at which the log has measurements [s]; none where the file of curves is gone.
     measured, predicted : ndarray, shape (N, r)
         At those instants; measured ones as recorded, not filtered [units of the equations].
-    joints : tuple of str, length n
-    motion_time : ndarray, shape (K,)
-        Instants of the motion, those of the simulated one where there is one [s].
-    motion_q : ndarray, shape (K, n)
-        Measured positions of the moving joints [rad or m].
+    motion : MeasuredMotion
     replay : Replay or None
-        The simulated motion, at the instants of the motion; None where the model has none.
+        The simulated motion, at the instants of `motion`; None where the model has none.
     step : int
         k where a file has only every k-th instant of `time`; the errors are of all of them.
     """
@@ -112,9 +117,7 @@ class Verification:
     time: Array = field(default_factory=lambda: np.zeros(0))
     measured: Array = field(default_factory=lambda: np.zeros((0, 0)))
     predicted: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    joints: tuple[str, ...] = field(default=(), metadata=named("motion.joints"))
-    motion_time: Array = field(default_factory=lambda: np.zeros(0), metadata=named("motion.time"))
-    motion_q: Array = field(default_factory=lambda: np.zeros((0, 0)), metadata=named("motion.q"))
+    motion: MeasuredMotion = field(default_factory=MeasuredMotion)
     replay: Replay | None = None
     step: int = 1
 
@@ -123,9 +126,9 @@ class Verification:
         shape = (len(self.time), len(self.torques))
         if len(self.time) and not self.measured.shape == self.predicted.shape == shape:
             raise InputError(f"expected measured and predicted torques of {shape[1]} equations at {shape[0]} instants")
-        if self.motion_q.shape != (len(self.motion_time), len(self.joints)):
+        if self.motion.q.shape != (len(self.motion.time), len(self.motion.joints)):
             raise InputError("expected positions of every joint at every instant of the motion")
-        if self.replay is not None and self.replay.q.shape != self.motion_q.shape:
+        if self.replay is not None and self.replay.q.shape != self.motion.q.shape:
             raise InputError("expected a simulated position for every measured one")
 
     @property
@@ -155,7 +158,7 @@ class Verification:
         """What a file keeps: seven digits of the curves, and of long ones a part of their instants."""
         step = every(2 * self.measured.size)
         kept = self._kept_instants()
-        replay = self.replay
+        motion, replay = self.motion, self.replay
         if replay is not None:
             replay = replace(
                 replay,
@@ -170,8 +173,7 @@ class Verification:
             time=self.time[::step],
             measured=short(self.measured[::step]),
             predicted=short(self.predicted[::step]),
-            motion_time=self.motion_time[kept],
-            motion_q=short(self.motion_q[kept]),
+            motion=replace(motion, time=motion.time[kept], q=short(motion.q[kept])),
             replay=replay,
             step=self.step * step,
         )
@@ -179,7 +181,7 @@ class Verification:
     def _kept_instants(self) -> Any:
         """Indices of the motion: of a simulated one, the first and last of every window are among them."""
         if self.replay is None:
-            return chosen(self.motion_time.size)
+            return chosen(self.motion.time.size)
         bounds = np.array(self.replay.bounds)
         step = every(2 * self.replay.q.size, _REPLAYED)
         return np.unique(np.concatenate([np.arange(0, self.replay.time.size, step), bounds[:, 0], bounds[:, 1] - 1]))

@@ -50,7 +50,7 @@ from excite.verification.verdict import (
     torque_errors,
     verdict,
 )
-from excite.verification.verification import Verification, VerifiedLog
+from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
 from regressors.arguments import checked
 from regressors.errors import InputError, cut, percent
 from regressors.numerical import numerical_work
@@ -153,9 +153,7 @@ def verify(
         time=predicted.time,
         measured=measured,
         predicted=torques,
-        joints=tuple(part.log.joints),
-        motion_time=part.samples.time,
-        motion_q=part.samples.q,
+        motion=MeasuredMotion(tuple(part.log.joints), part.samples.time, part.samples.q),
         torques=errors,
         relative_error=total,
         training_error=result.training_error,

@@ -204,8 +204,8 @@ def _of_verification(v: Verification, prefix: str, looks: Appearance, path: Path
     if len(v.time) and v.robot is not None:
         section = _drawn(view, prefix, missing=_thinned(v.step))
         rows = tuple((_first(v.time), v.time, v.measured[:, j], v.predicted[:, j]) for j in range(len(v.equations)))
-        at = v.motion_time
-        logged = LoggedMotion(v.joints, (v.log.file,), at, _first(at), v.motion_q, v.equations, rows)
+        at = v.motion.time
+        logged = LoggedMotion(v.motion.joints, (v.log.file,), at, _first(at), v.motion.q, v.equations, rows)
         motion, unseen = played(logged, v.robot, Task(StoredRobot(v.robot.name, v.robot)), looks)
         section = replace(section, motion=motion, missing=(*section.missing, *unseen))
     elif path is None:

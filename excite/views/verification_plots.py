@@ -72,17 +72,17 @@ def predicted_torques_figure(verification: Verification) -> Figure:
 
 def simulated_motion_figure(verification: Verification) -> Figure:
     """Draw positions simulated from the measured torques, and measured ones [KD96] Fig. 17."""
-    replay, time, q = verification.replay, verification.motion_time, verification.motion_q
+    replay, samples = verification.replay, verification.motion
     if replay is None:
         raise InputError("no motion was simulated: the model has no torque equation for every moving joint")
-    joints, errors = verification.joints, verification.motions
+    joints, errors = samples.joints, verification.motions
     title = f"{_name(verification)}: motion simulated from the measured torques"
     figure, rows = panels(len(joints), Panel((6.8, 3.8), 1.4 if len(joints) > 1 else 3.0, left=0.95), title)
-    difference, whole = replay.q - q, ((0, time.size),)
+    difference, whole = replay.q - samples.q, ((0, samples.time.size),)
     failed = "" if replay.failed_at is None else f"failed at {replay.failed_at:.3f} s: {replay.outcome.value}"
     for j, (name, (over, beside)) in enumerate(zip(joints, rows, strict=True)):
         bottom, unit = j == len(joints) - 1, "rad or m" if errors is None else errors[j].unit
-        _draw(over, time, q[:, j], whole, bottom, **MEASURED)
+        _draw(over, samples.time, samples.q[:, j], whole, bottom, **MEASURED)
         _draw(over, replay.time, replay.q[:, j], replay.bounds, bottom, **PREDICTED)
         beside.axhline(0.0, color=DARK, linewidth=0.6)
         _draw(beside, replay.time, difference[:, j], replay.bounds, bottom, color=VERMILLION, linewidth=0.9)

@@ -27,7 +27,7 @@ from excite.views.friction_views import friction_plan_view
 from regressors.errors import InputError
 
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"
-CURVES = ("time", "measured", "predicted", "joints", "motion_time", "motion_q", "replay", "step", "robot")
+CURVES = ("time", "measured", "predicted", "motion", "replay", "step", "robot")
 
 
 def same_entries(one: Verification, other: Verification) -> None:
@@ -49,7 +49,7 @@ def test_a_verification_is_read_as_written(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read.time, new.time)
     np.testing.assert_allclose(read.measured, new.measured, rtol=1e-6)
     np.testing.assert_allclose(read.predicted, new.predicted, rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(read.motion_q, new.motion_q, rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(read.motion.q, new.motion.q, rtol=1e-6, atol=1e-7)
     assert read.replay.bounds == new.replay.bounds
     np.testing.assert_allclose(read.replay.q, new.replay.q, rtol=1e-6, atol=1e-7)
     assert json_of(read) == json_of(new)
@@ -84,7 +84,7 @@ def test_without_its_curves_everything_else_is_read(tmp_path: Path) -> None:
     (tmp_path / "verification-run_curves.npz").unlink()
     read = load_verification(tmp_path / "verification-run.json")
     same_entries(read, new)
-    assert (read.time.size, read.joints, read.replay) == (0, (), None)
+    assert (read.time.size, read.motion.joints, read.replay) == (0, (), None)
 
 
 def test_a_study_is_read_as_written(tmp_path: Path) -> None:
@@ -221,7 +221,7 @@ def test_a_file_of_schema_1_is_the_same_verification(older: Path) -> None:
     np.testing.assert_array_equal(read.measured, curves["measured"])
     assert read.replay is not None
     np.testing.assert_array_equal(read.replay.q, curves["replay_q"])
-    np.testing.assert_array_equal(read.motion_q, curves["replay_measured"])
+    np.testing.assert_array_equal(read.motion.q, curves["replay_measured"])
     assert np.all(np.isnan(read.replay.dq))
     read.save(older.parent / "new", name="verification-run")  # in the schema of today
     again = older.parent / "new" / "verification-run.json"

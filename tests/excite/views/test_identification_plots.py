@@ -23,7 +23,7 @@ from excite.tasks.task import Task
 from excite.verification.simulated_motion import motion_errors
 from excite.verification.tolerances import Tolerances
 from excite.verification.verdict import TorqueError, Verdict
-from excite.verification.verification import Verification, VerifiedLog
+from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
 from excite.views.figures import drawn_figures, write_view_figures
 from excite.views.identification_plots import (
     DENSE,
@@ -464,9 +464,7 @@ def made_verification(outcome: Outcome = Outcome.DONE) -> Verification:
         torques=torques,
         relative_error=0.07,
         training_error=0.05,
-        joints=("q1", "q2", "slide"),
-        motion_time=time,
-        motion_q=q,
+        motion=MeasuredMotion(("q1", "q2", "slide"), time, q),
         replay=replay,
         motions=motions,
         verdict=Verdict(),
@@ -496,7 +494,7 @@ def test_simulated_motion_breaks_where_it_starts_anew(verification: Verification
     assert len(figure.axes) == 6
     for j in range(3):
         over, beside = figure.axes[2 * j : 2 * j + 2]
-        np.testing.assert_array_equal(curve(over, MEASURED_COLOUR), verification.motion_q[:, j])
+        np.testing.assert_array_equal(curve(over, MEASURED_COLOUR), verification.motion.q[:, j])
         np.testing.assert_array_equal(curve(over, PREDICTED_COLOUR), replay.q[:, j])
         (line,) = [line for line in beside.lines if line.get_color() == VERMILLION]
         broken = np.flatnonzero(np.isnan(np.asarray(line.get_ydata())))
@@ -518,7 +516,7 @@ def test_windows_that_are_not_simulated_stay_empty(verification: Verification) -
     figure = simulated_motion_figure(dataclasses.replace(verification, replay=some))
     over = figure.axes[0]
     np.testing.assert_array_equal(curve(over, PREDICTED_COLOUR), every.q[rows, 0])
-    np.testing.assert_array_equal(curve(over, MEASURED_COLOUR), verification.motion_q[:, 0])
+    np.testing.assert_array_equal(curve(over, MEASURED_COLOUR), verification.motion.q[:, 0])
     assert "starts at the measured state, every 0.50 s where it is simulated" in legend_texts(figure)
 
 

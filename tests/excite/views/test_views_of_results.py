@@ -25,6 +25,7 @@ from excite.design.friction_runs.schedule import Schedule
 from excite.design.sweeps.sweep_table import BROKEN, DESIGNED, CellFacts, SweepRow, SweepTable
 from excite.study.repetitions import Repetitions
 from excite.study.time_study import TimeCourse, TimeStudy
+from excite.verification.verification import MeasuredMotion
 from excite.views.campaign_view import campaign_view, cells_view, leading_cells
 from excite.views.experiment_views import study_view
 from excite.views.friction_plots import friction_plan_figure
@@ -122,9 +123,7 @@ def test_the_summary_has_the_brief_columns_with_units() -> None:
 
 def test_without_curves_nothing_is_drawn() -> None:
     v = verification("old")
-    without = dataclasses.replace(
-        v, time=np.zeros(0), joints=(), motion_time=np.zeros(0), motion_q=np.zeros((0, 0)), replay=None
-    )
+    without = dataclasses.replace(v, time=np.zeros(0), motion=MeasuredMotion(), replay=None)
     assert verification_view(without).figures == ()
     assert len(verification_view(v).figures) == 3
 
