@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,20 +14,20 @@ from excite.identification.impossible_parameters import (
     described_coefficients,
     heavier_than_described,
     impossible_parameters,
-    least_inertia,
+    inertial_columns,
     mass_matrix_check,
 )
 from excite.identification.large_residual import (
     LARGEST,
+    UNEXPLAINED,
     Doubt,
-    NoisyDerivatives,
-    ResidualCauses,
+    cause_of_residual,
     large_residual,
     left_out_rows,
     missing_terms,
     noisy_derivatives,
 )
-from excite.identification.log_faults import load_that_explains
+from excite.identification.log_faults import every_joint_moves, load_that_explains
 from excite.identification.noise import residual_diagnostics
 from excite.identification.observations import GroupFactors, Observations
 from excite.identification.prediction import LogPrediction, instantaneous_target, prediction, relative_error
@@ -51,14 +50,17 @@ def doubts_of(result: Identification) -> tuple[Doubt, ...]:
         cause = "they are too short, or what moves in them is as small as their noise"
         return (Doubt(what, cause, "record a designed motion (`design_trajectory`)", about="torques"),)
     target = instantaneous_target(result.robot, result.task, result.recipe)
-    noise = _derivatives(result)
-    residual = _residual(result, target, noise)
+    above = max(motion_ends(part.log.q, mean_rate(part.log.time)) for part in result.prepared)
+    noisy = noisy_derivatives(result.observations, result.estimate.predicted(result.observations), above)
+    residual = _residual(result, target, noisy, above)
     checks = [residual]
     if residual is None:  # else the others follow from it
         if target.base.names == result.names:
-            checks += [_mass_matrix(result, target, noise), _gravity(result, target)]
+            poses = allowed_poses(target.robot, _motions(result).q)
+            checks.append(mass_matrix_check(target, result.estimate, poses, _tried(result), noisy))
+            checks.append(_gravity(result, target, poses))
         checks.append(
-            impossible_parameters(result.estimate, result.target.base, _shares(result), noise, _tried(result))
+            impossible_parameters(result.estimate, result.target.base, _shares(result), noisy, _tried(result))
         )
     found = tuple(doubt for doubt in checks if doubt is not None)
     timed = any(choice.name == "delay" for choice in result.choices)
@@ -71,28 +73,28 @@ def warnings_of(result: Identification) -> tuple[Doubt, ...]:
     target = instantaneous_target(result.robot, result.task, result.recipe)
     checks = [left_out_rows(part.log.source, part.left_out_share) for part in result.prepared]
     if target.base.names == result.names and _residual_size(result) <= LARGEST:  # a larger one is no noise
-        expected = expected_error(target, result.observations, result.estimate, _motions(result))
+        errors = expected_error(target, result.observations, result.estimate, _motions(result))
         method, tried = result.estimate.method, _tried(result)
-        checks.append(few_data(len(result.prepared), expected, method, _excess(result), tried=tried))
+        checks.append(few_data(len(result.prepared), *errors, method, _excess(result), tried=tried))
         checks.append(_untold_load(result, target))
     return tuple(warning for warning in checks if warning is not None)
 
 
 def _untold_load(result: Identification, target: IdentificationTarget) -> Doubt | None:
     """Warning where the bodies depart from the described ones as with a load at the last link."""
-    known, equations = _believed_bodies(target), target.model.torque_equations()
-    if known is None or equations is None or not (equations.every_joint and target.motion.complete):
+    known = _believed_bodies(target)
+    if known is None or not every_joint_moves(target):
         return None
     motion = _motions(result)
     some = motion.rows(np.unique(np.linspace(0, motion.time.size - 1, _INSTANTS).astype(int)))
     Y = target.model.instants(some)[:, target.base.index].reshape(some.time.size, -1, target.base.rank)
-    inertial = np.array([target.base.columns[j].group == "inertial" for j in target.base.index])
+    inertial = inertial_columns(target.base)
     difference = Y[:, :, inertial] @ (result.coefficients - known)[inertial]
-    load = load_that_explains(target.robot, some, difference, Y @ result.coefficients)
-    if load is None or load.mass < 0:
+    load = load_that_explains(target, some, difference, Y @ result.coefficients)
+    if load is None or load[0] < 0:
         return None
     return Doubt(
-        f"the bodies depart from the described ones as if the robot carried something: {load.text}",
+        f"the bodies depart from the described ones as if the robot carried something: {load[1]}",
         "what was identified is the robot with that load, if it had one",
         "identify again from a log without it, or say with `identify_payload` what it is",
     )
@@ -143,9 +145,8 @@ def _tried(result: Identification) -> str:
 
 def _excess(result: Identification) -> float:
     """Relative error of least squares in left-out blocks beyond that of the estimate's own rows; 0 where not known."""
-    scored = [
-        c.error for one in result.choices if one.name == "estimator" for c in one.candidates if c.value == "weighted"
-    ]
+    of_estimator = [c for one in result.choices if one.name == "estimator" for c in one.candidates]
+    scored = [c.error for c in of_estimator if c.value == "weighted"]
     return float(np.sqrt(max(0.0, scored[0] ** 2 - _residual_size(result) ** 2))) if scored else 0.0
 
 
@@ -167,27 +168,16 @@ def _residual_size(result: Identification) -> float:
     return relative_error(result.observations.y, result.estimate.predicted(result.observations))
 
 
-def _derivatives(result: Identification) -> NoisyDerivatives:
-    above = max(motion_ends(part.log.q, mean_rate(part.log.time)) for part in result.prepared)
-    return noisy_derivatives(result.observations, result.estimate.predicted(result.observations), above)
-
-
-def _mass_matrix(result: Identification, target: IdentificationTarget, noise: NoisyDerivatives) -> Doubt | None:
-    poses = allowed_poses(target.robot, _motions(result).q)
-    least = least_inertia(target, result.coefficients, result.estimate.covariance, poses)
-    return mass_matrix_check(least, _tried(result), noise)
-
-
-def _gravity(result: Identification, target: IdentificationTarget) -> Doubt | None:
-    """Torques of gravity over the allowed poses, against those of the description where that is to be believed."""
+def _gravity(result: Identification, target: IdentificationTarget, poses: Array) -> Doubt | None:
+    """Torques of gravity in some poses, against those of the description where that is to be believed."""
     known = _believed_bodies(target)
     if known is None:
         return None
-    q = allowed_poses(target.robot, _motions(result).q)
-    still = np.zeros_like(q)
-    Y = target.model.instants(Samples(np.arange(len(q), dtype=float), q, still, still, still))[:, target.base.index]
-    inertial = np.array([target.base.columns[j].group == "inertial" for j in target.base.index])
-    return heavier_than_described(Y[:, inertial] @ result.coefficients[inertial], Y[:, inertial] @ known[inertial])
+    still = np.zeros_like(poses)
+    states = Samples(np.arange(len(poses), dtype=float), poses, still, still, still)
+    inertial = inertial_columns(target.base)
+    Y = target.model.instants(states)[:, target.base.index][:, inertial]
+    return heavier_than_described(Y @ result.coefficients[inertial], Y @ known[inertial])
 
 
 def _believed_bodies(target: IdentificationTarget) -> Array | None:
@@ -197,86 +187,69 @@ def _believed_bodies(target: IdentificationTarget) -> Array | None:
     return described_coefficients(target)
 
 
-def _residual(result: Identification, target: IdentificationTarget, noise: NoisyDerivatives) -> Doubt | None:
+def _residual(
+    result: Identification, target: IdentificationTarget, noisy: tuple[str, str] | None, above: float
+) -> Doubt | None:
     relative = _residual_size(result)
     if not relative > LARGEST or target.base.names != result.names:
         return None
     parts = [prediction(target, part, result.recipe, result.coefficients, result.friction) for part in result.prepared]
-    return large_residual(relative, _noise(parts, noise.above), _causes(result, target, parts, noise))
+    return large_residual(relative, _noise(parts, above), noisy or _missing(result, target, parts))
 
 
 def _noise(parts: list[LogPrediction], above: float) -> float:
     """Norm of the noise of the measurements over that of the measurements."""
-    square = sum(
-        p.time.size
-        * float(np.sum(measurement_noise(p.measured, p.measured - p.predicted, mean_rate(p.time), above).square))
-        for p in parts
-        if p.time.size > 1
-    )
+    square = 0.0
+    for p in parts:
+        if p.time.size > 1:
+            noise = measurement_noise(p.measured, p.measured - p.predicted, mean_rate(p.time), above)
+            square += p.time.size * float(np.sum(noise.square))
     size = sum(float(np.sum(p.measured**2)) for p in parts)
     return float(np.sqrt(square / size)) if size > 0 else 0.0
 
 
-def _causes(
-    result: Identification, target: IdentificationTarget, parts: list[LogPrediction], noise: NoisyDerivatives
-) -> ResidualCauses:
+def _missing(result: Identification, target: IdentificationTarget, parts: list[LogPrediction]) -> tuple[str, str]:
+    """What the model lacks, as the cause of a large residual."""
     equations = target.model.torque_equations()
-    residual = np.concatenate([p.measured - p.predicted for p in parts])
-    terms, per_joint = dict.fromkeys(("friction", "rotor", "offset"), 0.0), np.zeros(residual.shape[1])
-    if equations is not None:
-        speed = np.concatenate([p.speed for p in parts])
-        along = [equations.speeds(part.samples.ddq) for part in result.prepared]
-        acceleration = np.concatenate(
-            [
-                np.column_stack([np.interp(p.time, part.samples.time, column) for column in a.T])
-                for p, part, a in zip(parts, result.prepared, along, strict=True)
-            ]
-        )
-        terms, per_joint = missing_terms(residual, speed, acceleration)
-    return ResidualCauses(
-        tuple(name for name, _ in target.model.row_labels),
-        noise,
-        terms,
-        tuple(per_joint.tolist()),
-        _without_curve(result, target),
+    if equations is None:
+        return UNEXPLAINED
+    residual, speed = (
+        np.concatenate([p.measured - p.predicted for p in parts]),
+        np.concatenate([p.speed for p in parts]),
     )
+    along = [(part.samples.time, equations.speeds(part.samples.ddq)) for part in result.prepared]
+    acceleration = [
+        np.column_stack([np.interp(p.time, time, column) for column in a.T])
+        for p, (time, a) in zip(parts, along, strict=True)
+    ]
+    terms = missing_terms(residual, speed, np.concatenate(acceleration))
+    return cause_of_residual(*terms, [name for name, _ in target.model.row_labels], _without_curve(result, target))
 
 
-def _without_curve(result: Identification, target: IdentificationTarget) -> tuple[str, ...]:
+def _without_curve(result: Identification, target: IdentificationTarget) -> list[str]:
     """Drives that move and have no friction curve, where friction is known."""
     if result.friction is None:
-        return ()
+        return []
     speeds = np.concatenate([part.samples.dq for part in result.prepared])
-    moving = [
-        name for name, row in drives_with_friction(target.robot) if np.ptp(speeds @ np.asarray(row, dtype=float)) > 0
-    ]
-    return tuple(name for name in moving if name not in result.friction.curves)
+    drives = [(name, row) for name, row in drives_with_friction(target.robot) if name not in result.friction.curves]
+    return [name for name, row in drives if np.ptp(speeds @ np.asarray(row, dtype=float)) > 0]
 
 
 _MOTIONS = 12
 _INSTANTS = 1500
-_CHUNK = 16384  # rows
 _LEAST = 1e-12  # of the largest eigenvalue
-
-
-@dataclass(frozen=True)
-class ExpectedError:
-    """Expected error of predictions on other motions, as part of the torque."""
-
-    logs: float  # with what these logs determine
-    # with one motion of their length that was chosen among some for it; None where it cannot be told
-    designed: float | None
 
 
 def expected_error(
     target: IdentificationTarget, observations: Observations, estimate: Estimate, travelled: Samples, seed: int = 0
-) -> ExpectedError:
+) -> tuple[float, float | None]:
     """``sqrt(sum_j tr(C W_j' W_j) / sum_j |tau_j|^2)`` over random motions of the size of the logs'.
 
     ``C = (sum_j W_j' W_j / s_j^2)^-1`` is the covariance of least squares from these equations, with ``s_j^2`` the mean
     square of the residuals of equation j times rows over effective rows, since they are correlated. It has no part
     from errors of the model, nor from what the estimator knows beyond the data: it says what the data determine. The
-    designed motion is the one with the least error among the random ones, as long as the logs and as noisy.
+    second error is with one motion as long as the logs and as noisy, the one with the least among the random ones; None
+    where it cannot be told.
     """
     rng = np.random.default_rng(seed)
     r = len(target.model.row_labels)
@@ -288,16 +261,16 @@ def expected_error(
     weighted = factors.stacked(noise)[:, :-1]
     determined = _inverse(weighted.T @ weighted)
     if observations.equations != target.model.row_labels:  # of windows, whose noise is not that of torques
-        return ExpectedError(_ratio(determined, gram, torque), None)
+        return _ratio(determined, gram, torque), None
     counts = factors.count.reshape(-1, r)
     log_rows = counts.sum(axis=0)
     squares = np.where(counts > 0, noise.reshape(-1, r), 0.0) ** 2
     per_equation = np.sqrt((counts * squares).sum(axis=0) / np.maximum(log_rows, 1))
     share = np.sqrt(log_rows * r / motions[0].shape[0])  # none of an equation without rows
     share = np.divide(share, per_equation, out=np.zeros(r), where=per_equation > 0)
-    weight = np.tile(share, motions[0].shape[0] // r)
-    designed = min(_ratio(_inverse(_information(W, weight)), gram, torque) for W in motions)
-    return ExpectedError(_ratio(determined, gram, torque), designed)
+    alone = (W * np.tile(share, len(W) // r)[:, None] for W in motions)
+    designed = min(_ratio(_inverse(A.T @ A), gram, torque) for A in alone)
+    return _ratio(determined, gram, torque), designed
 
 
 def _effective_noise(estimate: Estimate, observations: Observations) -> Array:
@@ -307,13 +280,6 @@ def _effective_noise(estimate: Estimate, observations: Observations) -> Array:
         noise[g] = one.rms * np.sqrt(one.rows / one.effective)
     least = 1e-9 * noise[np.isfinite(noise)].max(initial=0.0) or 1.0
     return np.asarray(np.maximum(noise, least))
-
-
-def _information(W: Array, weight: Array) -> Array:
-    """``W' diag(weight^2) W``, by parts, so that no second W is held."""
-    parts = (slice(start, start + _CHUNK) for start in range(0, len(W), _CHUNK))
-    weighted = (W[part] * weight[part, None] for part in parts)
-    return np.asarray(sum((A.T @ A for A in weighted), np.zeros((W.shape[1], W.shape[1]))))
 
 
 def _inverse(M: Array) -> Array:
@@ -334,12 +300,7 @@ _POINTS = 200  # in a period
 
 
 def other_motion(travelled: Samples, rng: np.random.Generator) -> Samples:
-    """A random band-limited motion within the ranges of positions, and the speeds and accelerations, of another.
-
-    Every joint is a Fourier series of five harmonics with random amplitudes, about the middle of its range. It is as
-    large as range, root mean square of the velocity and that of the acceleration allow; the period follows from their
-    ratio.
-    """
+    """A random Fourier series of five harmonics within the ranges of positions, speeds and accelerations of another."""
     n = travelled.q.shape[1]
     low, high = travelled.q.min(axis=0), travelled.q.max(axis=0)
     speed, acceleration = _rms(travelled.dq), _rms(travelled.ddq)
@@ -369,10 +330,16 @@ _USEFUL = 0.8  # of the error: a designed motion that does not gain more is not 
 
 
 def few_data(
-    logs: int, expected: ExpectedError, method: str, excess: float = 0.0, *, tried: str | None = None
+    logs: int,
+    expected: float,
+    designed: float | None,
+    method: str,
+    excess: float = 0.0,
+    *,
+    tried: str | None = None,
 ) -> Doubt | None:
     """Warning where predictions on other motions are expected to fail by the noise of the logs alone, or did fail."""
-    if not max(expected.logs, excess) > _TOLERATED:
+    if not max(expected, excess) > _TOLERATED:
         return None
     what, noise = ("this log is", "its noise") if logs == 1 else (f"these {logs} logs are", "their noise")
     kept = (
@@ -380,27 +347,21 @@ def few_data(
         if method == "physical"
         else "errors of the model come on top"
     )
-    if excess > expected.logs:
-        return Doubt(
-            f"{what} too little",
-            f"blocks of time that were left out are predicted by least squares with errors of {percent(excess)} of "
-            f"the torque beyond those of the rows identified from, and {kept}",
-            _cure(expected, tried or method),
-        )
-    return Doubt(
-        f"{what} too little",
-        f"{noise} alone leaves errors of {percent(expected.logs)} of the torque on other motions of the same "
-        f"ranges and speeds, and {kept}",
-        _cure(expected, tried or method),
+    cause = (
+        f"blocks of time that were left out are predicted by least squares with errors of {percent(excess)} of "
+        "the torque beyond those of the rows identified from"
+        if excess > expected
+        else f"{noise} alone leaves errors of {percent(expected)} of the torque on other motions of the same ranges "
+        "and speeds"
     )
+    return Doubt(f"{what} too little", f"{cause}, and {kept}", _cure(expected, designed, tried or method))
 
 
-def _cure(expected: ExpectedError, method: str) -> str:
+def _cure(expected: float, designed: float | None, method: str) -> str:
     physical = "" if method == "physical" else ", or admit only parameters of real bodies with `estimator='physical'`"
-    gain = expected.designed
-    if gain is None or gain > _USEFUL * expected.logs:
+    if designed is None or designed > _USEFUL * expected:
         return f"add a log of another motion{physical}"
     return (
-        f"the noise of a designed motion of the same length, ranges and speeds leaves {percent(gain)}, that "
-        f"of this one {percent(expected.logs)} (`design_trajectory`); or add a log of another motion{physical}"
+        f"the noise of a designed motion of the same length, ranges and speeds leaves {percent(designed)}, that "
+        f"of this one {percent(expected)} (`design_trajectory`); or add a log of another motion{physical}"
     )

@@ -23,33 +23,23 @@ from regressors.samples import Array, Index
 _ROUNDS = 30
 
 
-@dataclass(frozen=True, eq=False)
-class DriveGains:
-    """Factors by which stated drive gains are to be multiplied."""
-
-    equations: tuple[str, ...]
-    factor: Array  # (r,)
-    deviation: Array  # (r,) standard deviation of each factor, for residuals that are independent from row to row
-    load: Array  # (10,) parameters of the load with these factors, the first of them the known mass [kg, kg m, kg m^2]
-    beta: Array  # (p,) parameters of the robot with these factors
-    stated_mass: float  # of the load with the gains as stated [kg]
-
-
-def drive_gains(observations: Observations, load: Array, mass: float, *, common: bool) -> DriveGains:
+def drive_gains(observations: Observations, load: Array, mass: float, *, common: bool) -> tuple[Array, Array, float]:
     """Drive gains that make the identified mass of a load the known one.
 
     Least squares of ``y_j - h_j (W_j beta + K_j phi)`` over ``h = 1 / g``, beta and the rest of phi, each equation
-    weighted by its residual; by the Gauss-Newton method on the equations' triangular factors.
+    weighted by its residual; by the Gauss-Newton method on the equations' triangular factors. Factors on the stated
+    gains, their standard deviations, shape (r,), and the mass of the load with the gains as stated [kg].
     """  # load (m, 10)
     if not (np.isfinite(mass) and mass > 0):
         raise InputError(f"mass of the load must be a positive number of kilograms, given {mass}")
     if not np.any(load):
         raise InputError("no row is of a motion with the load")
     p = observations.W.shape[1]
-    equations = tuple(name for name, _ in observations.equations)
-    rows = _condensed(_rows_of(observations, load), len(equations))
-    counts = np.bincount(observations.equation, minlength=len(equations))
-    h, x, weight = np.ones(len(equations)), np.zeros(p + 10), np.ones(len(equations))
+    r = len(observations.equations)
+    every = _Rows(np.hstack([observations.matrix, load]), observations.y, observations.equation)
+    rows = _condensed(every, r)
+    counts = np.bincount(observations.equation, minlength=r)
+    h, x, weight = np.ones(r), np.zeros(p + 10), np.ones(r)
     for _ in range(4):
         A, y = (weight * h)[rows.equation, None] * rows.A, weight[rows.equation] * rows.y
         x = np.asarray(np.linalg.lstsq(A, y, rcond=None)[0])
@@ -57,12 +47,13 @@ def drive_gains(observations: Observations, load: Array, mass: float, *, common:
     stated_mass = float(x[p])
     h, x = h * stated_mass / mass, x * mass / stated_mass
     for _ in range(_ROUNDS):
-        step, spread = _step(rows, h, x, weight, p, common)
+        step = _step(rows, h, x, weight, p, common)
         h, x = h + step[: h.size], x + step[h.size :]
         weight = rows.weights(h, x, counts)
         if np.all(np.abs(step[: h.size]) < 1e-10 * np.abs(h)):
             break
-    return DriveGains(equations, 1.0 / h, spread / h**2, x[p:], x[:p], stated_mass)
+    factor = 1.0 / h
+    return factor, _block_deviation(every, factor, x, p, _blocks(observations), common), stated_mass
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,10 +79,6 @@ class _Rows:
         return np.hstack([of_gains, h[self.equation, None] * self.A])
 
 
-def _rows_of(observations: Observations, load: Array) -> _Rows:
-    return _Rows(np.hstack([observations.matrix, load]), observations.y, observations.equation)
-
-
 def _condensed(rows: _Rows, count: int) -> _Rows:
     """Triangular factors of each equation's rows."""
     both = np.column_stack([rows.A, rows.y])
@@ -100,29 +87,18 @@ def _condensed(rows: _Rows, count: int) -> _Rows:
     return _Rows(stacked[:, :-1], stacked[:, -1], np.repeat(np.arange(count), [len(R) for R in factors]))
 
 
-def _step(rows: _Rows, h: Array, x: Array, weight: Array, p: int, common: bool) -> tuple[Array, Array]:
-    """Gauss-Newton step of (h, x) with the mass held, and the standard deviation of each h."""
+def _step(rows: _Rows, h: Array, x: Array, weight: Array, p: int, common: bool) -> Array:
+    """Gauss-Newton step of (h, x) with the mass held."""
     of_rows, count = weight[rows.equation], 1 if common else h.size
     free = np.delete(np.arange(count + x.size), count + p)
     A = (of_rows[:, None] * rows.jacobian(h, x, common))[:, free]
     scale = np.linalg.norm(A, axis=0)
-    _, sigma, V = np.linalg.svd(A / np.where(scale > 0, scale, 1.0), full_matrices=False)
+    sigma = np.linalg.svd(A / np.where(scale > 0, scale, 1.0), compute_uv=False)
     if sigma[-1] < 1e-9 * sigma[0]:
         raise InputError("the drive gains are not identifiable from the motion: the load must act on every joint")
-    inverse = (V.T / sigma) / scale[:, None]
-    step, spread = np.zeros(count + x.size), np.zeros(count + x.size)
+    step = np.zeros(count + x.size)
     step[free] = np.linalg.lstsq(A / scale, of_rows * rows.errors(h, x), rcond=None)[0] / scale
-    spread[free] = np.linalg.norm(inverse, axis=1)
-    each = np.zeros(h.size, dtype=np.intp) if common else np.arange(h.size)
-    return np.concatenate([step[each], step[count:]]), spread[each]
-
-
-@dataclass(frozen=True)
-class LogFile:
-    """A log, named by its file and the hash of its content."""
-
-    file: str
-    sha256: str
+    return np.concatenate([np.broadcast_to(step[:count], h.shape), step[count:]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +114,7 @@ class GainCalibration:
     half_width: Array  # (k,) half of the 99 % interval
     known_mass: float  # mass of the load, and the one that is identified with the gains as stated [kg]
     stated_mass: float
-    logs: tuple[LogFile, ...]  # with the load
+    logs: tuple[Mapping[str, str], ...]  # with the load: file and hash
 
     @property
     def factors(self) -> dict[str, float]:
@@ -171,26 +147,25 @@ class GainCalibration:
                 }
                 for name, factor, deviation, half in rows
             },
-            "logs": [dict(vars(log)) for log in self.logs],
+            "logs": list(map(dict, self.logs)),
         }
 
 
 BLOCKS = 40  # of all logs together; long against the correlation of residuals, short against the motion
 
 
-def block_deviation(observations: Observations, load: Array, gains: DriveGains, *, common: bool) -> Array:
-    """Standard deviation of each gain, from estimates that leave out one block of time each.
+def _block_deviation(every: _Rows, factor: Array, x: Array, p: int, blocks: list[Index], common: bool) -> Array:
+    """Standard deviation of each factor, from estimates that leave out one block of time each.
 
     ``sum_b (B - 1)/B d_b d_b'`` with the step ``d_b = (A - A_b)^-1 s_b`` of the Gauss-Newton method without block b
     [Efron, Tibshirani 1993, ch. 11].
-    """  # load (m, 10)
-    h, x, count = 1.0 / gains.factor, np.concatenate([gains.beta, gains.load]), 1 if common else gains.factor.size
-    whole = _rows_of(observations, load)
-    weight = whole.weights(h, x, np.bincount(whole.equation, minlength=h.size)) ** 2
-    free = np.delete(np.arange(count + x.size), count + gains.beta.size)  # all but the known mass
+    """
+    h, count = 1.0 / factor, 1 if common else factor.size
+    weight = every.weights(h, x, np.bincount(every.equation, minlength=h.size)) ** 2
+    free = np.delete(np.arange(count + x.size), count + p)  # all but the known mass
     normals, scores = [], []
-    for index in _blocks(observations):
-        rows = _Rows(whole.A[index], whole.y[index], whole.equation[index])
+    for index in blocks:
+        rows = _Rows(every.A[index], every.y[index], every.equation[index])
         J, of_rows = rows.jacobian(h, x, common)[:, free], weight[rows.equation]
         normals.append(J.T @ (of_rows[:, None] * J))
         scores.append(J.T @ (of_rows * rows.errors(h, x)))

@@ -157,25 +157,15 @@ def hide_parameters(estimate: Estimate, hidden: NDArray[np.bool_]) -> Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """Data that some estimators need besides the observations.
-
-    Parameters
-    ----------
-    target : IdentificationTarget
-    prepared : tuple of PreparedLog
-        One per log.
-    recipe : Recipe
-    described : mapping of str to float
-        Standard parameters as the robot's description states them.
-    commanded : Trajectory, optional
-        The motion that was played.
-    """
+    """Data that some estimators need besides the observations."""
 
     target: IdentificationTarget
-    prepared: tuple[PreparedLog, ...]
+    prepared: tuple[PreparedLog, ...]  # one per log
     recipe: Recipe
-    described: Mapping[str, float] = field(default_factory=dict)
-    commanded: Trajectory | None = None
+    described: Mapping[str, float] = field(
+        default_factory=dict
+    )  # standard parameters as the robot's description states
+    commanded: Trajectory | None = None  # the motion that was played
 
 
 class Estimator(ABC):
@@ -267,44 +257,23 @@ _MOST_OTHERS = 6  # in a combination that is written out
 _VISIBLE = 1e-3  # smaller coefficients, of columns scaled to length one, are left out of a combination
 
 
-@dataclass(frozen=True, eq=False)
-class Estimability:
-    """Identifiability of each parameter from the data.
+def estimability(
+    solution: LinearSolution, names: tuple[str, ...], variance: float, freedom: int
+) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    """Which parameters are identifiable, shape (p,), and the identifiable combinations of the others.
 
     A parameter is identifiable if its column is independent of the others, and if half of its 99 % confidence interval,
     as a contribution to y, is smaller than y itself: ``t sqrt(C_jj) ||W_j|| <= ||y||``. Neither side depends on units.
     """
-
-    names: tuple[str, ...]
-    seen: NDArray[np.bool_]  # (p,)
-    # (p,) ``t sqrt(C_jj) ||W_j|| / ||y||``; infinite where the columns depend on each other, NaN where the noise is
-    # not known
-    resolution: Array
-    singular_values: Array  # (p,) of the columns scaled to length one
-    combinations: tuple[str, ...]  # identifiable combinations of the parameters that are not identifiable on their own
-
-    @property
-    def unseen(self) -> tuple[str, ...]:
-        """Names of the parameters that are not identifiable on their own."""
-        return tuple(name for name, seen in zip(self.names, self.seen, strict=True) if not seen)
-
-
-def estimability(solution: LinearSolution, names: tuple[str, ...], variance: float, freedom: int) -> Estimability:
-    """Identifiability of the parameters of a least-squares problem."""
     hidden = solution.directions[solution.rank :].T  # (p, p - rank), of the scaled columns
-    dependent = np.linalg.norm(hidden, axis=1) > _NOTHING
-    quantile = float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, max(freedom, 1)))
-    deviation = np.sqrt(variance) * np.linalg.norm(solution.half, axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        resolution = quantile * deviation * solution.sizes / solution.size
-        weak = quantile * np.sqrt(variance) > solution.size * solution.singular_values
-    if solution.size == 0.0 or not np.isfinite(variance):  # nothing to compare with
-        resolution, weak = np.full(len(names), np.nan), np.zeros(len(names), dtype=bool)
+    seen = np.linalg.norm(hidden, axis=1) <= _NOTHING
+    weak = np.zeros(len(names), dtype=bool)
+    if solution.size > 0.0 and np.isfinite(variance):  # else there is nothing to compare with
+        reach = float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, max(freedom, 1))) * np.sqrt(variance)
+        seen &= reach * np.linalg.norm(solution.half, axis=1) * solution.sizes <= solution.size
+        weak = reach > solution.size * solution.singular_values
     weak[solution.rank :] = True
-    resolution = np.where(dependent, np.inf, resolution)
-    seen = ~dependent & ~(resolution > 1.0)
-    combinations = _combinations(solution, names, seen, solution.directions[weak].T)
-    return Estimability(names, seen, resolution, solution.singular_values, combinations)
+    return seen, _combinations(solution, names, seen, solution.directions[weak].T)
 
 
 def _combinations(
@@ -360,16 +329,16 @@ def stated_estimate(
     """Estimate of the identifiable parameters: NaN and infinite variance for the others, which the notes name."""
     # values (p,); covariance (p, p); noise (groups,)
     freedom = observations.y.size - solution.rank
-    shown = estimability(solution, observations.names, variance, freedom)
+    seen, combinations = estimability(solution, observations.names, variance, freedom)
     return Estimate(
         method,
         observations.names,
         observations.units,
-        np.where(shown.seen, values, np.nan),
-        of_seen(covariance, shown.seen),
+        np.where(seen, values, np.nan),
+        of_seen(covariance, seen),
         np.asarray(noise, dtype=float).reshape(len(observations.logs), len(observations.equations)),
         freedom,
-        shown.unseen,
-        (*notes, *shown.combinations),
+        tuple(name for name, one in zip(observations.names, seen, strict=True) if not one),
+        (*notes, *combinations),
         fit=np.asarray(values, dtype=float),
     )

@@ -313,8 +313,7 @@ class Identification:
         """
         from excite.identification.result_json import save_result
 
-        files = save_result(self, folder, replace=replace)
-        return files
+        return save_result(self, folder, replace=replace)
 
 
 def _parameter(result: Identification, k: int, reference: float) -> dict[str, Any]:
@@ -322,10 +321,17 @@ def _parameter(result: Identification, k: int, reference: float) -> dict[str, An
     name = estimate.names[k]
     value, deviation = float(estimate.values[k]), float(estimate.deviation[k])
     interval = estimate.interval[k].tolist()
-    side = facts.motor_sides.get(name)
+    side, free = facts.motor_sides.get(name), estimate.unconstrained
+    at_motor = side and {
+        **vars(side),
+        "value": _finite(value / side.factor),
+        "standard_deviation": _finite(deviation / side.factor),
+        "interval": [_finite(x / side.factor) for x in interval],
+        "reference": _finite(reference / side.factor),
+    }
     return {
         "name": name,
-        "expression": facts.base.expressions[k],
+        "expression": facts.expressions[k],
         "unit": estimate.units[k],
         "value": _finite(value),
         "standard_deviation": _finite(deviation),
@@ -333,21 +339,9 @@ def _parameter(result: Identification, k: int, reference: float) -> dict[str, An
         "relative_deviation": _finite(estimate.relative_deviation[k]),
         "seen": name not in estimate.unseen,
         "fit": float(estimate.coefficients[k]),
-        **({} if estimate.unconstrained is None else {"unconstrained": float(estimate.unconstrained[k])}),
+        **({} if free is None else {"unconstrained": float(free[k])}),
         "reference": _finite(reference),
-        **(
-            {}
-            if side is None
-            else {
-                "motor_side": {
-                    **vars(side),
-                    "value": _finite(value / side.factor),
-                    "standard_deviation": _finite(deviation / side.factor),
-                    "interval": [_finite(x / side.factor) for x in interval],
-                    "reference": _finite(reference / side.factor),
-                }
-            }
-        ),
+        **({"motor_side": at_motor} if at_motor else {}),
     }
 
 

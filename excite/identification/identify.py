@@ -236,18 +236,15 @@ def _installation(model: object, design: Design | None, options: dict[str, Any])
 
 def check_design(robot: Robot, design: Design) -> None:
     """Raise `InputError` where a design is of another robot."""
-    if design.robot.sha256() != robot.sha256():
-        raise InputError(
-            f"{design.name} is a design for {design.robot.name} (description {design.robot.sha256()[:12]}), "
-            f"not for {robot.name} ({robot.sha256()[:12]}){_other_joints(robot, design.robot)}"
-        )
-
-
-def _other_joints(robot: Robot, designed: Robot) -> str:
-    if robot.joint_names == designed.joint_names:
-        return ""
-    theirs, ours = ", ".join(designed.joint_names), ", ".join(robot.joint_names)
-    return f"; its joints are {theirs}, here they are {ours}: choose the chain with `base_link` and `tip`"
+    other = design.robot
+    if other.sha256() == robot.sha256():
+        return
+    theirs, ours = ", ".join(other.joint_names), ", ".join(robot.joint_names)
+    joints = f"; its joints are {theirs}, here they are {ours}: choose the chain with `base_link` and `tip`"
+    raise InputError(
+        f"{design.name} is a design for {other.name} (description {other.sha256()[:12]}), "
+        f"not for {robot.name} ({robot.sha256()[:12]}){joints if theirs != ours else ''}"
+    )
 
 
 def _as_designed(model: object, task: Task, design: Design) -> Task:
@@ -277,18 +274,16 @@ def _known_friction(
     if given is not None:
         curves, file = (given, None) if isinstance(given, FrictionCurves) else (_read(given, robot), Path(given))
         return friction_of_moving(curves, robot, moving_robot(robot, task)), file
-    made_for = None if design is None else design.task.known_friction
-    if design is None or made_for is None or task.model.channel != "effort":
+    if design is None or design.task.known_friction is None or task.model.channel != "effort":
         return None, None
     file = None if design.folder is None else design.folder / "design.json"
-    return friction_of_moving(made_for, robot, moving_robot(robot, task)), file
+    return friction_of_moving(design.task.known_friction, robot, moving_robot(robot, task)), file
 
 
 def _friction_as_designed(model: object, task: Task, options: Mapping[str, Any]) -> bool:
     """Whether the curves of a design are subtracted: unless friction is to be identified, in the model or by option."""
-    if isinstance(model, Task | RegressorModel) or "friction" in options:
-        return task.model.friction is False
-    return True
+    said = isinstance(model, Task | RegressorModel) or "friction" in options
+    return not said or task.model.friction is False
 
 
 def _read(path: str | Path, robot: Robot) -> FrictionCurves:

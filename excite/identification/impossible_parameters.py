@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -10,7 +10,7 @@ import scipy.stats
 from numpy.typing import NDArray
 
 from excite.identification.estimator import CONFIDENCE, Estimate
-from excite.identification.large_residual import Doubt, NoisyDerivatives
+from excite.identification.large_residual import Doubt
 from excite.information.target import IdentificationTarget
 from regressors.models.base import Base
 from regressors.models.nominal import parameter_values, standard_values
@@ -57,7 +57,7 @@ def _dual(c: Array) -> Array:
 
 
 def impossible_parameters(
-    estimate: Estimate, base: Base, shares: Array, noise: NoisyDerivatives, tried: str = ""
+    estimate: Estimate, base: Base, shares: Array, noisy: tuple[str, str] | None, tried: str = ""
 ) -> Doubt | None:
     """Doubt where the sign of base parameters is beyond their intervals that of no body and no drive.
 
@@ -79,14 +79,10 @@ def impossible_parameters(
     more = f" and {len(order) - _NAMED} more" if len(order) > _NAMED else ""
     kinds = {base.columns[base.index[j]].kind for j in order}
     what = f"no body and no drive has {', '.join(shown)}{more}, whose sign is wrong beyond the 99 % interval"
-    if noise.cause is not None:
-        return Doubt(what, *noise.cause)
-    return Doubt(
-        what,
-        _cause(kinds),
-        "check the signs and units in the mapping"
-        + ", or admit only possible parameters with `estimator='physical'`" * (tried != "physical"),
-    )
+    cure = "check the signs and units in the mapping"
+    if tried != "physical":
+        cure += ", or admit only possible parameters with `estimator='physical'`"
+    return Doubt(what, *(noisy or (_cause(kinds), cure)))
 
 
 def _cause(kinds: set[str]) -> str:
@@ -153,30 +149,18 @@ def _as_fast_as_the_fastest(x: Array, units: NDArray[np.str_]) -> Array:
     return np.asarray(np.divide(largest, size, out=np.zeros_like(size), where=size > 0))
 
 
+def inertial_columns(base: Base) -> NDArray[np.bool_]:
+    """Which base parameters are those of bodies, shape (b,)."""
+    return np.array([base.columns[j].group == "inertial" for j in base.index])
+
+
 POSES = 256  # a power of two, for Sobol's sequence
 _CORNERS = 128
-_CONFIDENCE = 0.99
-
-
-@dataclass(frozen=True, eq=False)
-class LeastInertia:
-    """The direction and pose in which an estimated robot has the least inertia."""
-
-    value: float  # ``v' M(q) v`` [kg m^2, or with kg m and kg]
-    # half of its 99 % interval [the same unit]; infinite where it is not known. Since direction and pose are the
-    # worst of all, it is that of all linear functions of the parameters at once, ``sqrt(chi2(b)) s`` [Scheffe 1953]
-    half_width: float
-    joint: str  # the coordinate that takes the largest part in v
-    pose: Array  # (n,) [rad or m]
-    positive: bool  # M is positive definite in every pose that was tried
 
 
 def allowed_poses(robot: Robot, travelled: Array, seed: int = 0) -> Array:
-    """Poses within the limits of the joints: quasi-random ones, the middle, and corners.
-
-    A revolute joint is tried over at most one turn about the middle of its range. One without a limit is tried over a
-    whole turn about the poses of the log, a prismatic one as far as it travelled.
-    """  # travelled (N, n)
+    """Poses within the limits of the joints, or about those of a log: quasi-random ones, the middle, and corners."""
+    # travelled (N, n)
     low, high = robot.limits.lower.copy(), robot.limits.upper.copy()
     bounded = np.isfinite(low) & np.isfinite(high)
     low, high = np.where(bounded, low, travelled.min(axis=0)), np.where(bounded, high, travelled.max(axis=0))
@@ -189,64 +173,54 @@ def allowed_poses(robot: Robot, travelled: Array, seed: int = 0) -> Array:
     return np.asarray(middle + half * np.vstack([spread, corners, np.zeros(robot.n)]))
 
 
-def least_inertia(
-    target: IdentificationTarget, coefficients: Array, covariance: Array, poses: Array
-) -> LeastInertia | None:
-    """The least inertia of an estimated robot over some poses.
+def mass_matrix_check(
+    target: IdentificationTarget, estimate: Estimate, poses: Array, method: str, noisy: tuple[str, str] | None
+) -> Doubt | None:
+    """Doubt where the mass matrix is not positive definite in some poses, which no real robot has.
 
-    Coordinates are scaled by their own mean inertia, so that radians and metres, shoulder and wrist, compare.
-    """  # coefficients (b,); covariance (b, b); poses (N, n)
+    It names the direction v and the pose of the least inertia ``v' M(q) v``. Coordinates are scaled by their own mean
+    inertia, so that radians and metres, shoulder and wrist, compare. Since direction and pose are the worst of all, the
+    99 % interval is that of all linear functions of the parameters at once, ``sqrt(chi2(b)) s`` [Scheffe 1953].
+    """  # poses (N, n)
     K = mass_matrix_regressor(target, poses)
     if K is None:
         return None
-    M = K @ coefficients
-    scale = np.sqrt(np.abs(M[:, np.arange(M.shape[1]), np.arange(M.shape[1])]).mean(axis=0))
+    M, covariance = K @ estimate.coefficients, estimate.covariance
+    scale = np.sqrt(np.abs(np.diagonal(M, axis1=1, axis2=2)).mean(axis=0))
     scale = np.where(scale > 0, scale, 1.0)
     values, vectors = np.linalg.eigh((M + M.swapaxes(1, 2)) / 2 / np.outer(scale, scale))
+    if values[:, 0].min() > _ROUNDING * np.abs(values).max():
+        return None
     worst = int(np.argmin(values[:, 0]))
     v = vectors[worst, :, 0]
     joint = int(np.argmax(np.abs(v)))
     direction = v / scale / np.abs(v[joint] / scale[joint])  # of unit size in the coordinate that it is named after
     k = np.einsum("i,ijb,j->b", direction, K[worst], direction)
-    variance = float(k @ np.where(np.isfinite(covariance), covariance, 0.0) @ k)
-    known = np.all(np.isfinite(np.diag(covariance)[k != 0]))
-    return LeastInertia(
-        float(k @ coefficients),
-        float(np.sqrt(max(variance, 0.0) * scipy.stats.chi2.ppf(_CONFIDENCE, len(k)))) if known else np.inf,
-        target.motion.labels[joint] if not target.motion.complete else target.robot.joint_names[joint],
-        poses[worst],
-        bool(values[:, 0].min() > _ROUNDING * np.abs(values).max()),
-    )
-
-
-def mass_matrix_check(least: LeastInertia | None, method: str, noise: NoisyDerivatives) -> Doubt | None:
-    """Doubt where the mass matrix is not positive definite, which no real robot has."""
-    if least is None or least.positive:
-        return None
+    least, half = float(k @ estimate.coefficients), np.inf
+    if np.all(np.isfinite(np.diag(covariance)[k != 0])):
+        variance = float(k @ np.where(np.isfinite(covariance), covariance, 0.0) @ k)
+        half = float(np.sqrt(max(variance, 0.0) * scipy.stats.chi2.ppf(CONFIDENCE, len(k))))
+    names = target.robot.joint_names if target.motion.complete else target.motion.labels
     what = (
         "the mass matrix is not positive definite, which no robot has: in the pose "
-        f"({', '.join(f'{x:.2f}' for x in least.pose)}) the inertia along {least.joint} is {least.value:.3g}"
+        f"({', '.join(f'{x:.2f}' for x in poses[worst])}) the inertia along {names[joint]} is {least:.3g}"
     )
-    half = least.half_width
-    if not np.isfinite(half):
-        return Doubt(what, "the data do not determine it", _more_data(method))
-    if least.value + half > 0:
-        return Doubt(what, f"the data determine it only to +- {half:.2g}", _more_data(method))
-    if noise.cause is not None:
-        return Doubt(what, *noise.cause)
-    return Doubt(
-        what,
+    return Doubt(what, *cause_of_negative_inertia(least, half, method, noisy))
+
+
+def cause_of_negative_inertia(least: float, half: float, method: str, noisy: tuple[str, str] | None) -> tuple[str, str]:
+    """Cause and cure, by half of the 99 % interval of the least inertia, infinite where it is not known."""
+    if least + half > 0:
+        more = "add a second log or play a designed motion"
+        if method != "physical":
+            more = f"admit only parameters of real bodies with `estimator='physical'`, or {more}"
+        known = f"the data determine it only to +- {half:.2g}" if np.isfinite(half) else "the data do not determine it"
+        return known, more
+    return noisy or (
         f"that is beyond its 99 % interval of +- {half:.2g}, so the equations are not those of this robot",
         "check the units, the signs and the order of the joints in the mapping, whether the positions are filtered "
         "enough (`cutoff`), and whether the drives have rotors that the model leaves out (`joint_rotors=True`)",
     )
-
-
-def _more_data(method: str) -> str:
-    more = "add a second log or play a designed motion"
-    if method == "physical":
-        return more
-    return f"admit only parameters of real bodies with `estimator='physical'`, or {more}"
 
 
 def mass_matrix_regressor(target: IdentificationTarget, q: Array) -> Array | None:

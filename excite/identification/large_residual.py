@@ -46,60 +46,52 @@ def left_out_rows(source: str, share: float) -> Doubt | None:
 LARGEST = 0.30  # residual over measurement
 
 
-@dataclass(frozen=True)
-class ResidualCauses:
-    """What is known of a large residual."""
-
-    names: tuple[str, ...]  # of the equations
-    noisy: NoisyDerivatives
-    # share that ``friction``, ``rotor`` and ``offset`` explain, which the model may have or not
-    terms: dict[str, float]
-    per_joint: tuple[float, ...]  # share that all of these terms explain in each equation
-    without_curve: tuple[str, ...]  # drives that move and have no friction curve, where friction is known
-
-
-def large_residual(relative: float, noise: float, causes: ResidualCauses) -> Doubt | None:
+def large_residual(relative: float, noise: float, cause: tuple[str, str]) -> Doubt | None:
     """Doubt where the residual, less the noise of the measurement, is above 30 % of what was measured."""
     unexplained = float(np.sqrt(max(relative**2 - noise**2, 0.0)))
     if not unexplained > LARGEST:
         return None
     of_noise = f", of which {percent(noise)} may be noise of the measurement" if noise > 0.1 * relative else ""
     what = f"the residual is {percent(relative, 3)} of what was measured{of_noise}, more than {100 * LARGEST:g} %"
-    return Doubt(what, *_cause(causes), about="torques")
+    return Doubt(what, *cause, about="torques")
 
 
-def _cause(causes: ResidualCauses) -> tuple[str, str]:
-    """Cause and cure: the first that explains more than half."""
-    term = max(causes.terms, key=lambda name: causes.terms[name])
-    if causes.noisy.cause is not None:
-        return causes.noisy.cause
-    if causes.terms[term] > MOST:
-        return _term(causes, term)
-    return (
-        "no single cause explains it",
-        "check in the mapping the units, the signs and the order of the joints, that positions and torques belong to "
-        "the same instants, and lower the cutoff (`cutoff`)",
-    )
+UNEXPLAINED = (
+    "no single cause explains it",
+    "check in the mapping the units, the signs and the order of the joints, that positions and torques belong to "
+    "the same instants, and lower the cutoff (`cutoff`)",
+)
+_TERMS = {  # and the option that identifies it
+    "friction": ("friction", "friction=True"),
+    "rotor": ("an inertia of its own", "joint_rotors=True"),
+    "offset": ("a constant torque", "offset=True"),
+}
 
 
-def _term(causes: ResidualCauses, term: str) -> tuple[str, str]:
-    largest = [causes.names[j] for j in np.flatnonzero(np.array(causes.per_joint) > 0.2 * max(causes.per_joint))]
-    share = f"{100 * causes.terms[term]:.0f} % of it (squared)"
-    if term == "friction" and causes.without_curve:
+def cause_of_residual(
+    shares: dict[str, float], per_joint: Array, names: list[str], without_curve: list[str]
+) -> tuple[str, str]:
+    """The term that explains more than half of a residual, of `missing_terms`, as cause and cure.
+
+    ``without_curve`` are the drives that move and have no friction curve, where friction is known.
+    """
+    term = max(shares, key=shares.__getitem__)
+    if not shares[term] > MOST:
+        return UNEXPLAINED
+    share = f"{100 * shares[term]:.0f} % of it (squared)"
+    if term == "friction" and without_curve:
         return (
-            f"there is no friction curve for {', '.join(causes.without_curve)}, so that it counts as zero and "
+            f"there is no friction curve for {', '.join(without_curve)}, so that it counts as zero and "
             f"friction explains {share}",
             "fit curves for these drives too, or identify friction with the other parameters (`friction=True` "
             "without `friction_curves`)",
         )
-    option = {"friction": "friction=True", "rotor": "joint_rotors=True", "offset": "offset=True"}[term]
+    what, option = _TERMS[term]
+    largest = [name for name, part in zip(names, per_joint, strict=True) if part > 0.2 * per_joint.max()]
     return (
-        f"{_TERMS[term]} of {', '.join(largest)} explains {share} and is not in the model",
+        f"{what} of {', '.join(largest)} explains {share} and is not in the model",
         f"identify it too (`{option}`)",
     )
-
-
-_TERMS = {"friction": "friction", "rotor": "an inertia of its own", "offset": "a constant torque"}
 
 
 MOST = 0.5  # share of the squared residual that makes a cause the cause
@@ -107,30 +99,12 @@ _FEWEST = 50  # rows of a spectrum
 _STRETCH = 2**16  # rows of a long one
 
 
-@dataclass(frozen=True)
-class NoisyDerivatives:
-    """Noise in the predictions, which comes from differentiated positions."""
+def noisy_derivatives(observations: Observations, predicted: Array, above: float) -> tuple[str, str] | None:
+    """Cause and cure where most of the squared residual is power above the motion's frequencies, in predictions alone.
 
-    share: float  # its power over the squared residual
-    above: float  # frequency above which the motion has no content [Hz]
-
-    @property
-    def cause(self) -> tuple[str, str] | None:
-        """Cause and cure in words, if it is more than half of the squared residual."""
-        if not self.share > MOST:
-            return None
-        return (
-            f"the torques that the model predicts are mostly noise above {self.above:.3g} Hz, where the motion has "
-            "no content: the positions are noisy, or their time stamps are",
-            f"filter the positions with a lower cutoff, such as `cutoff={self.above:.2g}`",
-        )
-
-
-def noisy_derivatives(observations: Observations, predicted: Array, above: float) -> NoisyDerivatives:
-    """Power above the motion's frequencies that the residual has and the measurements have not, over all of its power.
-
-    What the measurements have too is noise of theirs, or jumps of friction, which the predictions share.
-    """  # predicted (m,)
+    It comes from differentiated positions. What the measurements have too is noise of theirs, or jumps of friction,
+    which the predictions share.
+    """  # predicted (m,); above [Hz]
     residual = observations.y - predicted
     fast, total = 0.0, float(np.sum(residual**2))
     for _, rows in rows_of_groups(observations.group):
@@ -140,7 +114,13 @@ def noisy_derivatives(observations: Observations, predicted: Array, above: float
         rate = (time.size - 1) / float(time[-1] - time[0])
         in_residual, in_measured = (_fast(x[rows], rate, above) for x in (residual, observations.y))
         fast += time.size * max(in_residual - in_measured, 0.0)
-    return NoisyDerivatives(fast / total if total > 0 else 0.0, above)
+    if not (total > 0 and fast / total > MOST):
+        return None
+    return (
+        f"the torques that the model predicts are mostly noise above {above:.3g} Hz, where the motion has "
+        "no content: the positions are noisy, or their time stamps are",
+        f"filter the positions with a lower cutoff, such as `cutoff={above:.2g}`",
+    )
 
 
 def _fast(x: Array, rate: float, above: float) -> float:

@@ -8,22 +8,23 @@ than nothing does, with a mass and a centre as loads have them, are named as its
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from excite.identification.preparation import PreparedLog
+from excite.information.target import IdentificationTarget
 from regressors.errors import percent
 from regressors.models.load import PayloadModel
-from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
 
+LEAST_ERROR = 2e-3  # of the torques: a smaller one is no further evidence
 ODD_GAIN = 1.25  # a gain nearer to one is not a fault
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fault:
     """A fault of a log, which is undone by ``torques`` or by ``positions``."""
 
@@ -35,11 +36,22 @@ class Fault:
     late: Index | None = None  # (n,) steps
     longest: float = 0.0  # of them [s]
     positions: tuple[Array, Array] | None = None  # ``A (n, n), b (n,)``: true positions ``A q + b``
+    errors: Array = field(default_factory=lambda: np.zeros(0))  # (n,) of each equation, over its torque, without it
 
     @property
     def label(self) -> tuple[str, tuple[str, ...]]:
         """What tells it from other faults."""
         return self.kind, self.joints
+
+    @property
+    def size(self) -> float:
+        """Sum of the logarithms of the errors, which is the likelihood with the noise of each equation unknown."""
+        return float(np.sum(np.log(np.maximum(self.errors, LEAST_ERROR))))
+
+    @property
+    def error(self) -> float:
+        """Root mean square of the errors over the joints."""
+        return float(np.sqrt(np.mean(self.errors**2)))
 
 
 NO_FAULT = Fault("none", (), "", "")
@@ -178,6 +190,12 @@ def _order(names: tuple[str, ...], order: list[int]) -> str:
     return f": the columns that now stand for {', '.join(names[k] for k in order)}, in this order"
 
 
+def every_joint_moves(target: IdentificationTarget) -> bool:
+    """Whether the equations are the torques of every joint, and all of them move."""
+    equations = target.model.torque_equations()
+    return equations is not None and equations.every_joint and target.motion.complete
+
+
 _LOAD_INSTANTS = 1500
 _LOAD_ROUNDS = 3  # of weights by the residuals
 _LEAST_LOAD = 0.02  # of the torque: less is not searched for a load
@@ -186,35 +204,23 @@ _FARTHEST = 1.0  # from the last link's frame to the centre of mass [m]
 _LIGHTEST = 0.05  # [kg]
 
 
-@dataclass(frozen=True)
-class UntoldLoad:
-    """A load at the last link that explains a difference of torques."""
+def load_that_explains(
+    target: IdentificationTarget, motion: Samples, difference: Array, measured: Array
+) -> tuple[float, str] | None:
+    """The load at the last link that explains most of a difference of joint torques, if one does.
 
-    mass: float  # [kg]; negative where the load is missing
-    centre: tuple[float, float, float]  # of mass, in the last link's frame [m]
-    before: float  # size of the differences over the torques
-    after: float  # of what it leaves
-
-    @property
-    def text(self) -> str:
-        """Its mass and place, and what it explains."""
-        place = ", ".join(f"{x:.3f}" for x in self.centre)
-        return (
-            f"a load of {abs(self.mass):.3g} kg at the last link, its centre at ({place}) m, would lower the "
-            f"difference from {percent(self.before)} to {percent(self.after)} of the torque"
-        )
-
-
-def load_that_explains(robot: Robot, motion: Samples, difference: Array, measured: Array) -> UntoldLoad | None:
-    """The load that explains most of a difference of joint torques, if one explains most of it."""
+    Its mass [kg], negative where the load is missing, and a sentence on its mass and place, and what it explains.
+    """
     # difference, measured (N, n)
+    if not every_joint_moves(target):
+        return None
     size = float(np.linalg.norm(measured))
     before = float(np.linalg.norm(difference)) / size if size > 0 else 0.0
     if not _LEAST_LOAD < before < np.inf:
         return None
     some = np.unique(np.linspace(0, len(difference) - 1, _LOAD_INSTANTS).astype(int))
-    K = PayloadModel(robot).instants(motion.rows(some)).reshape(some.size, robot.n, -1)
     y = difference[some]
+    K = PayloadModel(target.robot).instants(motion.rows(some)).reshape(*y.shape, -1)
     deviation = np.sqrt(np.mean(y**2, axis=0))
     phi = np.zeros(K.shape[2])
     for _ in range(_LOAD_ROUNDS):
@@ -223,7 +229,11 @@ def load_that_explains(robot: Robot, motion: Samples, difference: Array, measure
         deviation = np.sqrt(np.mean((y - K @ phi) ** 2, axis=0))
     after = float(np.linalg.norm(y - K @ phi) / np.linalg.norm(measured[some]))
     mass, *moment = phi[:4].tolist()
-    centre = (moment[0] / mass, moment[1] / mass, moment[2] / mass) if mass else (np.inf,) * 3
+    centre = [x / mass if mass else np.inf for x in moment]
     if not (after < _EXPLAINED * before and abs(mass) > _LIGHTEST and np.linalg.norm(centre) < _FARTHEST):
         return None
-    return UntoldLoad(mass, centre, before, after)
+    place = ", ".join(f"{x:.3f}" for x in centre)
+    return mass, (
+        f"a load of {abs(mass):.3g} kg at the last link, its centre at ({place}) m, would lower the "
+        f"difference from {percent(before)} to {percent(after)} of the torque"
+    )

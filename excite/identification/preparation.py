@@ -43,36 +43,16 @@ HELD = 0.01  # largest motion of a joint that the model holds [rad or m]
 
 @dataclass(frozen=True, eq=False)
 class PreparedLog:
-    """One log, ready for the model.
+    """One log, ready for the model."""
 
-    Parameters
-    ----------
-    log : Log
-        The stretch that is used, moving joints only, as recorded.
-    samples : Samples
-        Its motion at uniform instants.
-    measured : ndarray, shape (N, n) or (N, 6)
-        Joint torques [Nm or N], or the wrench [N, Nm], at those instants.
-    notes : tuple of str
-        What was cut, repaired and assumed.
-    temperature : ndarray, shape (N, n), optional
-        Of the joints at those instants, where it is known [deg C].
-    left_out : tuple of (float, float)
-        First and last instant of the stretches that make no equations [s].
-    events : tuple of Event
-        What happened in it, and why these are left out.
-    standing : tuple of Spans
-        Stretches that make no rows of each equation, where friction may hold a drive, see
-        `excite.identification.biases`.
-    """
-
-    log: Log
-    samples: Samples
-    measured: Array
-    notes: tuple[str, ...]
-    temperature: Array | None = None
-    left_out: Spans = ()
-    events: tuple[Event, ...] = ()
+    log: Log  # the stretch that is used, moving joints only, as recorded
+    samples: Samples  # its motion at N uniform instants
+    measured: Array  # (N, n) joint torques [Nm or N], or (N, 6) the wrench [N, Nm], at those instants
+    notes: tuple[str, ...]  # what was cut, repaired and assumed
+    temperature: Array | None = None  # (N, n) of the joints at those instants, where it is known [deg C]
+    left_out: Spans = ()  # first and last instant of the stretches that make no equations [s]
+    events: tuple[Event, ...] = ()  # what happened in it, and why these are left out
+    # stretches that make no rows of each equation, where friction may hold a drive, see `excite.identification.biases`
     standing: tuple[Spans, ...] = ()
 
     @property
@@ -119,7 +99,12 @@ def _usable_rows(log: Log, robot: Robot, target: IdentificationTarget, recipe: R
     # a copy: what is kept for a log must not hold it
     log, found = cleaned(replace(_rows_asked_for(log, recipe)), robot)
     notes = []
-    moving = log.of(_present(log, target.robot.joint_names))
+    names = target.robot.joint_names
+    if absent := [name for name in names if name not in log.joints]:
+        raise InputError(
+            f"{log.source} has the joints {', '.join(log.joints)}, but not {', '.join(absent)}, which the model moves"
+        )
+    moving = log.of(names)
     if recipe.rows == AUTO:
         stretch, reason = exciting_rows(moving)
         notes.append(reason)
@@ -215,14 +200,6 @@ def _errors_naming(log: Log) -> Iterator[None]:
         raise InputError(text if text.startswith(log.source) else f"{log.source}: {text}") from error
 
 
-def _present(log: Log, names: Sequence[str]) -> Sequence[str]:
-    if absent := [name for name in names if name not in log.joints]:
-        raise InputError(
-            f"{log.source} has the joints {', '.join(log.joints)}, but not {', '.join(absent)}, which the model moves"
-        )
-    return names
-
-
 def _on_the_motion(samples: Samples, log: Log, target: IdentificationTarget) -> Samples:
     """Project the measured motion onto a partial motion, whose held coordinates may only show noise."""
     if target.motion.complete:
@@ -288,12 +265,7 @@ _MOST_SATURATED = 0.5  # of the rows: a motion whose larger part is missing is n
 def saturated_stretches(
     log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
 ) -> tuple[tuple[Event, ...], list[str]]:
-    """Stretches of a log that are left out, and the notes on them.
-
-    They are those in which the log is known to have had torques at their limits, or, where nothing is known, in which
-    a torque is held at the limit of its joint. Rows that are asked for by number, or all of them, are kept. A model of
-    another channel than torques is not concerned.
-    """
+    """Stretches in which the log has torques at their limits, known or as they look, and the notes on them."""
     if target.model.channel != "effort":
         return (), []
     saturated = log.saturated or measured_saturation(log.of(joints_of(log, robot)[0]), robot)
@@ -350,24 +322,17 @@ _LEAST_SMEAR = 0.03  # [s]
 
 
 def without_impacts(used: Log, robot: Robot, recipe: Recipe) -> tuple[Log, tuple[Event, ...]]:
-    """The log without the rows about impacts, which would spread over the filtered motion, and these impacts.
-
-    Where all rows are asked for, the rows stay.
-    """
+    """The log without the rows about impacts, which would spread over the filtered motion, and these impacts."""
     units = [robot.joints[robot.joint_index(name)].unit for name in used.joints]
     hits = impact_events(resample(used).log, used, units)
-    if recipe.rows == ALL:
+    if recipe.rows == ALL:  # they stay
         return used, tuple(replace(event, left_out=False) for event in hits)
     about = within(used.time, tuple((event.begin, event.end) for event in hits))
     return (used.without(IMPACT, about) if hits else used), hits
 
 
 def stretches_left_out(smooth: Log, cut: float, hits: Sequence[Event]) -> tuple[Event, ...]:
-    """Where rows are missing, and impacts, with the stretches over which filters spread them.
-
-    Where there are no rows for longer than 20 ms, what the filter of the positions makes of it is left out too: half a
-    period of its cutoff on either side.
-    """
+    """Where rows are missing, and impacts, with half a period of the filter's cutoff on either side of long ones."""
     smear = max(_LEAST_SMEAR, _SMEAR * cut)
     lost = [event for event in missing_rows(smooth) if event.kind != IMPACT]
     return tuple(

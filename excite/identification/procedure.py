@@ -31,8 +31,6 @@ from excite.identification.covariance import condition_number
 from excite.identification.drive_gains import (
     BLOCKS,
     GainCalibration,
-    LogFile,
-    block_deviation,
     corrections,
     drive_gains,
 )
@@ -127,11 +125,7 @@ def measured_logs(
     commanded: Trajectory | None,
     progress: Callable[[str], None],
 ) -> tuple[Task, Context, FrictionCurves | None, frozenset[str]]:
-    """What equations are built from: task and recipe completed from the motion of each log, and known friction.
-
-    The task is without friction columns of drives whose friction is known; the logs are as measured. The last are the
-    settings of the recipe that were found from the same logs, see `excite.identification.allowances`.
-    """
+    """Task and recipe completed from the motion of each log, known friction, and which settings were found there."""
     own, friction = friction is None, task.known_friction if friction is None else friction
     if friction is not None and (recipe.friction_scale or not own):
         task = beside_curves(task, robot, friction)
@@ -270,17 +264,16 @@ def calibrate(bare: Identification, loaded: Sequence[Log], known_mass: float, ki
     observations = join_observations([at_drives(equations_of(target, part, recipe), D, names) for part in parts])
     carries = [float(k >= len(bare.prepared)) for k in range(len(parts))]
     load = np.concatenate([c * load_rows(part, target, recipe, D) for c, part in zip(carries, parts, strict=True)])
-    gains = drive_gains(observations, load, known_mass, common=kind == "common")
-    deviation = block_deviation(observations, load, gains, common=kind == "common")
+    factor, deviation, stated_mass = drive_gains(observations, load, known_mass, common=kind == "common")
     half = deviation * float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, BLOCKS - 1))
-    if np.any(blind := half > _LEAST_KNOWN * gains.factor):
+    if np.any(blind := half > _LEAST_KNOWN * factor):
         raise InputError(
             f"the load hardly acts on {', '.join(np.array(names)[blind])}: the gain would be known to "
-            f"{percent(float(np.max(half / gains.factor)))} only; move these joints more in the `loaded` logs, or "
+            f"{percent(float(np.max(half / factor)))} only; move these joints more in the `loaded` logs, or "
             "give `gains='common'`"
         )
-    files = tuple(LogFile(log.source, log.sha256) for log in loaded)
-    return GainCalibration(kind, names, gains.factor, deviation, half, float(known_mass), gains.stated_mass, files)
+    files = tuple({"file": log.source, "sha256": log.sha256} for log in loaded)
+    return GainCalibration(kind, names, factor, deviation, half, float(known_mass), stated_mass, files)
 
 
 def at_drives(observations: Observations, D: Array, names: tuple[str, ...]) -> Observations:

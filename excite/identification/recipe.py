@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
@@ -25,7 +25,6 @@ _CHECKED = (
     "described_within", "delay", "bias",
 )  # fmt: skip
 _OF_WRENCH = 6
-_SINGLE = ("cutoff", "period", "harmonics", "low_pass", "every", "standstill", "described_within", "delay")
 
 
 @checked
@@ -177,15 +176,10 @@ class Recipe:
             if getattr(self, what) not in known:
                 raise UnknownName(what, str(getattr(self, what)), known)
         check_options(self, _CHECKED)
-        for what in _SINGLE:
-            if hasattr(value := getattr(self, what), "__iter__") and not isinstance(value, str):
-                raise InputError(f"`{what}` must be one number, given {shown(value)}")
         if self.described_within is not None and self.estimator != "physical":
             raise InputError(f"`described_within` is for the estimator physical, not for {name_of(self.estimator)}")
         if self.bias is not None and any(self.bias) and len(self.bias) != _OF_WRENCH:
             raise InputError("`bias` must be six numbers, three forces and three torques, or 0 for none")
-        for what in ("sign_width", "breakaway"):
-            object.__setattr__(self, what, _sizes(what, getattr(self, what)))
         if self.torque_factors is not None:
             object.__setattr__(self, "torque_factors", _factors_of(self.torque_factors))
         if self.sign_width and self.breakaway:
@@ -270,16 +264,6 @@ class Recipe:
         """Settings as plain values."""
         plain = {field.name: getattr(self, field.name) for field in fields(self)}
         return {**plain, "estimator": name_of(self.estimator)}
-
-
-def _sizes(what: str, given: float | Sequence[float] | None) -> Sizes | None:
-    """One size or several, as plain numbers, or `InputError` for one that is not zero or positive."""
-    if given is None:
-        return None
-    several = isinstance(given, list | tuple)
-    values = tuple(given) if isinstance(given, list | tuple) else (given,)
-    check(what, values)
-    return values if several else values[0]
 
 
 def _factors_of(given: Mapping[str, float] | Factors) -> Factors:

@@ -24,6 +24,7 @@ from excite.information.target import IdentificationTarget
 from excite.logs.event import Event
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping, read_mapping
+from excite.storage.codec import named
 from excite.storage.records import chosen, every, short
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
@@ -68,16 +69,6 @@ class IdentifiedLog:
         ends, rate = (float(log.time[0]), float(log.time[-1])), float((time.size - 1) / (time[-1] - time[0]))
         notes, events = tuple(part.notes), tuple(part.events)
         return cls(log.source, log.sha256, log.count, *ends, time.size, rate, notes, events, part.left_out_share)
-
-
-@dataclass(frozen=True)
-class BaseColumns:
-    """The columns of the base parameters, with each parameter as a combination of standard ones."""
-
-    rank: int
-    columns: tuple[str, ...]
-    gap: float
-    expressions: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +137,10 @@ class FitFacts:
     logs: tuple[IdentifiedLog, ...]
     equations: tuple[tuple[str, str], ...]  # names and units
     rows: int
-    base: BaseColumns
+    rank: int = field(metadata=named("base.rank"))  # of the columns of the base parameters
+    columns: tuple[str, ...] = field(metadata=named("base.columns"))
+    gap: float = field(metadata=named("base.gap"))
+    expressions: tuple[str, ...] = field(metadata=named("base.expressions"))  # of each in standard parameters
     motor_sides: Mapping[str, MotorSide]  # rotor inertias behind base parameters, by the parameters' names
     relative_error: float  # of the equations
     # of the predictions on the logs, at every instant, unfiltered; None if it is not finite
@@ -173,7 +167,10 @@ class FitFacts:
             logs=tuple(map(IdentifiedLog.of, result.prepared)),
             equations=observations.equations,
             rows=len(observations.y),
-            base=BaseColumns(base.rank, base.names, base.gap, base.expressions),
+            rank=base.rank,
+            columns=base.names,
+            gap=base.gap,
+            expressions=base.expressions,
             motor_sides=motor_sides(result.target.model, base),
             relative_error=relative_error(observations.y, result.curves.predicted),
             prediction_error=result.training_error,
@@ -265,20 +262,12 @@ def check_played(design: Design | None, mapping: LogMapping | str | Path | None)
 
 @dataclass(frozen=True, eq=False)
 class ReferenceValues:
-    """Values that an estimate is compared with.
-
-    Parameters
-    ----------
-    kind : {"truth", "description"}
-        Of a simulated log, or as the robot's description states them.
-    values : ndarray, shape (p,)
-        NaN where unknown.
-    """
+    """Values that an estimate is compared with."""
 
     listed: ClassVar[bool] = True
 
-    kind: str
-    values: Array
+    kind: str  # "truth" of a simulated log, or as in the robot's "description"
+    values: Array  # (p,) NaN where unknown
 
 
 def reference_of(target: IdentificationTarget, logs: Sequence[Log]) -> ReferenceValues:

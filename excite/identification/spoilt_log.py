@@ -9,24 +9,26 @@ robot is believed a little, so that a fault that the parameters of one joint cou
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
 from excite.identification.choices.cutoff_and_timing import LONGEST
-from excite.identification.impossible_parameters import signs_of_bodies
+from excite.identification.impossible_parameters import inertial_columns, signs_of_bodies
 from excite.identification.large_residual import Doubt
 from excite.identification.log_faults import (
+    LEAST_ERROR,
     NO_FAULT,
     ODD_GAIN,
     UNTOLD_LOAD,
     Fault,
     column_faults,
     delay_fault,
+    every_joint_moves,
     gain_fault,
     obvious_faults,
     zero_fault,
@@ -49,7 +51,6 @@ Flags = NDArray[np.bool_]
 INSTANTS = 600  # more name no other fault
 _BELIEF = 0.01  # weight of the described torques beside the measured ones: off by 100 % counts as an error of 10 %
 _ROUNDS = 4  # of weights by the residuals
-_LEAST_ERROR = 2e-3  # of the torques: a smaller one is no further evidence
 _RIDGE, _NOTHING = 1e-9, 1e-9  # of the scaled normal equations; of the largest
 GAIN = 0.4  # in the logarithm of the errors of all joints together that a fault must win on none, and for each joint
 _GAIN_EACH = 0.15  # that it concerns: what a model lacks of friction gains up to a third of it by a delay
@@ -62,24 +63,7 @@ _DELAYS = np.array([-0.03, -0.01, 0.01, 0.03, 0.06, 0.1])  # [s]
 _IN_MOTION = 0.1  # of the root mean square speed of each drive
 _OF_LOG = 0.1  # of the shortest log: longer delays are not searched
 _ZEROS = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0])
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """How well the equations hold with a fault undone."""
-
-    fault: Fault
-    errors: Array  # (n,) of each equation, over its torque
-
-    @property
-    def size(self) -> float:
-        """Sum of the logarithms of the errors, which is the likelihood with the noise of each equation unknown."""
-        return float(np.sum(np.log(np.maximum(self.errors, _LEAST_ERROR))))
-
-    @property
-    def error(self) -> float:
-        """Root mean square of the errors over the joints."""
-        return float(np.sqrt(np.mean(self.errors**2)))
+_GAINS = np.log([1e-3, 1e-2, 0.05, 0.1, 0.2, 0.35, 0.6, 0.8, 1.25, 1.6, 2.8, 5.0, 10.0, 20.0, 100.0, 1e3])
 
 
 def spoilt_log(
@@ -92,11 +76,9 @@ def spoilt_log(
 ) -> Doubt | None:
     """Doubt that names the fault of a log, if one explains clearly more than none and than any other.
 
-    All faults are tried where the result is doubtful already or the residual is more than the noise; a delay of all
-    torques that left-out torques have decided on (``timed``) is not judged again.
+    A delay of all torques that left-out torques have decided on (``timed``) is not judged again.
     """
-    equations = target.model.torque_equations()
-    if equations is None or not equations.every_joint or not target.motion.complete:
+    if not every_joint_moves(target):
         return None
     for fault in obvious_faults(target.robot.joint_names, parts):
         return Doubt(f"{_SPOILT} {fault.what}", "no robot measures such torques", fault.cure, about="torques")
@@ -105,20 +87,20 @@ def spoilt_log(
     if not doubtful and not np.any(none.errors > np.maximum(_NOISY * search.noise, _SMALL)):
         return None
     fits = [search.with_load(), *search.fits(), *FaultSearch.of(target, parts, friction, _IN_MOTION).late_joints(none)]
-    return named(none, [fit for fit in fits if not timed or fit.fault.kind != "late" or fit.fault.longest > LONGEST])
+    return named(none, [fit for fit in fits if not timed or fit.kind != "late" or fit.longest > LONGEST])
 
 
-def named(none: Fit, fits: list[Fit]) -> Doubt | None:
+def named(none: Fault, fits: list[Fault]) -> Doubt | None:
     """Doubt of the best fault, or of the best two if they concern the same joint and explain the same."""
     ranked = sorted(fits, key=lambda fit: fit.size)
     best = ranked[0]
-    if best.fault is UNTOLD_LOAD:  # no fault of the log
+    if best.kind == UNTOLD_LOAD.kind:  # no fault of the log
         return None
-    close = [fit for fit in ranked if fit.size - best.size <= MARGIN and fit.fault.label != best.fault.label]
-    alike = [best.fault, *(fit.fault for fit in close if fit.fault.joints == best.fault.joints)]
-    alike += [fit.fault for fit in close if fit.fault.kind == best.fault.kind == "torque gain"]  # only a ratio shows
-    falls = float(np.max(none.errors / np.maximum(best.errors, _LEAST_ERROR)))
-    needed = max(GAIN, _GAIN_EACH * len(best.fault.joints))
+    close = [fit for fit in ranked if fit.size - best.size <= MARGIN and fit.label != best.label]
+    alike = [best, *(fit for fit in close if fit.joints == best.joints)]
+    alike += [fit for fit in close if fit.kind == best.kind == "torque gain"]  # only a ratio shows
+    falls = float(np.max(none.errors / np.maximum(best.errors, LEAST_ERROR)))
+    needed = max(GAIN, _GAIN_EACH * len(best.joints))
     if not (none.size - best.size > needed and falls > _ONE_JOINT and best.error < _EXPLAINED):
         return None
     if not len(close) < len(alike) <= 2:
@@ -154,10 +136,7 @@ class FaultSearch:
         friction: FrictionCurves | None,
         least_speed: float = 0.0,
     ) -> FaultSearch:
-        """The search of some logs, at instants evenly spread over the rows that make equations.
-
-        All drives move at these instants, with ``least_speed`` times their root mean square speed.
-        """
+        """The search at instants evenly spread over the rows that make equations, with all drives moving."""
         chosen = [_chosen(part, target.robot, INSTANTS // len(parts), least_speed) for part in parts]
         samples = [part.samples.rows(rows) for part, rows in zip(parts, chosen, strict=True)]
         joined = Samples.joined(samples)
@@ -190,30 +169,28 @@ class FaultSearch:
         base, n = self.target.base, samples.q.shape[1]
         return self.target.model.selected(samples, base.index).reshape(-1, n, base.rank)
 
-    def fits(self) -> list[Fit]:
+    def fits(self) -> list[Fault]:
         """Fits with each fault undone."""
         names = self.target.robot.joint_names
         fits = [self._fit(fault) for fault in column_faults(names)]
         fits += [fit for j in range(len(names)) if (fit := self._with_gain(j)) is not None]
-        return [*fits, self._delayed(np.ones(len(names), dtype=int)), *self._zeros()]
+        fits.append(self._delayed(np.ones(len(names), dtype=int)))
+        return [*fits, *map(self._with_zero, range(len(names)))]
 
-    def late_joints(self, none: Fit) -> list[Fit]:
-        """The torques of one joint late, beside the fit ``none`` at other instants.
-
-        Friction that reverses late looks like them, so that the instants should be those in motion.
-        """
-        own = np.maximum(self.plain.fit(NO_FAULT).errors, _LEAST_ERROR)
+    def late_joints(self, none: Fault) -> list[Fault]:
+        """The torques of one joint late, in motion (friction that reverses late looks like them), beside ``none``."""
+        own = np.maximum(self.plain.fit(NO_FAULT).errors, LEAST_ERROR)
         fits = (self._delayed(which) for which in np.eye(len(own), dtype=int))
-        return [replace(fit, errors=np.maximum(fit.errors, _LEAST_ERROR) / own * none.errors) for fit in fits]
+        return [replace(fit, errors=np.maximum(fit.errors, LEAST_ERROR) / own * none.errors) for fit in fits]
 
-    def with_load(self) -> Fit:
+    def with_load(self) -> Fault:
         """Fit where the robot may carry a load that is not described."""
         n = self.samples.q.shape[1]
         K = PayloadModel(self.target.robot).instants(self.samples).reshape(-1, n, 10)
         measured = self.torques(np.zeros(n, dtype=int))
         return Equations.of(self, self.samples, self.columns, measured, K).fit(UNTOLD_LOAD)
 
-    def _fit(self, fault: Fault) -> Fit:
+    def _fit(self, fault: Fault) -> Fault:
         """Fit with a fault undone."""
         if fault.positions is None and fault.late is None:
             return self.plain.fit(fault)
@@ -225,35 +202,33 @@ class FaultSearch:
         samples = replace(s, q=s.q @ A.T + b, dq=s.dq @ A.T, ddq=s.ddq @ A.T)
         return Equations.of(self, samples, self.columns_of(samples), self.torques(late)).fit(fault)
 
-    def _with_gain(self, j: int) -> Fit | None:
+    def _with_gain(self, j: int) -> Fault | None:
         """The best gain of one joint."""
-        names = self.target.robot.joint_names
 
-        def fit(log_gain: float) -> Fit:
-            return self.plain.fit(gain_fault(names, j, float(np.exp(log_gain))))
+        def fit(log_gain: float) -> Fault:
+            return self.plain.fit(gain_fault(self.target.robot.joint_names, j, float(np.exp(log_gain))))
 
-        trials = np.log([1e-3, 1e-2, 0.05, 0.1, 0.2, 0.35, 0.6, 0.8, 1.25, 1.6, 2.8, 5.0, 10.0, 20.0, 100.0, 1e3])
-        best = trials[int(np.argmin([fit(x).size for x in trials]))]
-        refined = scipy.optimize.minimize_scalar(
-            lambda x: fit(x).size, bounds=(best - 0.6, best + 0.6), method="bounded", options={"xatol": 0.01}
-        )
-        gain = float(np.exp(refined.x))
-        if 1 / ODD_GAIN < gain < ODD_GAIN:
-            return None
-        return self.plain.fit(gain_fault(names, j, gain))
+        best = _best(lambda log_gain: fit(log_gain).size, _GAINS, 0.6, xatol=0.01)
+        return None if 1 / ODD_GAIN < np.exp(best) < ODD_GAIN else fit(best)
 
-    def _delayed(self, which: Index) -> Fit:
+    def _with_zero(self, j: int) -> Fault:
+        """The best zero of one joint."""
+
+        def fit(zero: float) -> Fault:
+            return self._fit(zero_fault(self.target.robot.joint_names, j, zero))
+
+        return fit(_best(lambda zero: fit(zero).size, _ZEROS, 0.14, maxiter=7))
+
+    def _delayed(self, which: Index) -> Fault:
         """The torques of some joints late by the best delay."""
         names = self.target.robot.joint_names
         grid = np.unique(np.round(np.clip(_DELAYS, -self.longest, self.longest) / self.step).astype(int))
-        sizes = {0: np.inf}
 
+        @cache
         def size(steps: int) -> float:
-            if abs(steps) * self.step > self.longest:
+            if not steps or abs(steps) * self.step > self.longest:
                 return np.inf
-            if steps not in sizes:
-                sizes[steps] = self._fit(delay_fault(names, steps * which, self.step)).size
-            return sizes[steps]
+            return self._fit(delay_fault(names, steps * which, self.step)).size
 
         best, stride = min(grid.tolist(), key=size), max(1, round(0.01 / self.step))
         while stride:
@@ -261,22 +236,12 @@ class FaultSearch:
             stride //= 2
         return self._fit(delay_fault(names, best * which, self.step))
 
-    def _zeros(self) -> Iterator[Fit]:
-        """The zero of one joint."""
-        names = self.target.robot.joint_names
-        for j in range(len(names)):
 
-            def fit(zero: float, j: int = j) -> Fit:
-                return self._fit(zero_fault(names, j, zero))
-
-            best = _ZEROS[int(np.argmin([fit(z).size for z in _ZEROS]))]
-            refined = scipy.optimize.minimize_scalar(
-                lambda z, fit=fit: fit(z).size,
-                bounds=(best - 0.14, best + 0.14),
-                method="bounded",
-                options={"maxiter": 7},
-            )
-            yield fit(float(refined.x))
+def _best(size: Callable[[float], float], grid: Array, reach: float, **options: float) -> float:
+    """Argument of the least size: the best on a grid, refined within reach of it."""
+    best = grid[int(np.argmin([size(x) for x in grid.tolist()]))]
+    bounds = (best - reach, best + reach)
+    return float(scipy.optimize.minimize_scalar(size, bounds=bounds, method="bounded", options=options).x)
 
 
 def _chosen(part: PreparedLog, robot: Robot, most: int, least_speed: float) -> Index:
@@ -327,7 +292,7 @@ class Equations:
     def of(search: FaultSearch, samples: Samples, W: Array, measured: Array, further: Array | None = None) -> Equations:
         """The equations along a motion, with further columns of any sign, shape (N, n, k)."""
         base, n = search.target.base, measured.shape[1]
-        inertial = np.array([base.columns[j].group == "inertial" for j in base.index])
+        inertial = inertial_columns(base)
         added, added_signs = _added_columns(search.target, search.friction, samples)
         if further is not None:
             added = np.concatenate([added, further], axis=2)
@@ -345,7 +310,7 @@ class Equations:
             np.concatenate([believed, np.zeros(added.shape[2])]),
         )
 
-    def fit(self, fault: Fault) -> Fit:
+    def fit(self, fault: Fault) -> Fault:
         """Fit by least squares that weights each equation by its own residual."""
         n = len(self.products)
         b = self.signs.size
@@ -359,11 +324,11 @@ class Equations:
         right_all = right + belief * Wd
         square, bound = size, np.zeros(b, dtype=bool)
         for _ in range(_ROUNDS):
-            weight = 1 / np.maximum(square, _LEAST_ERROR**2 * size)
+            weight = 1 / np.maximum(square, LEAST_ERROR**2 * size)
             x = _of_one_sign(np.tensordot(weight, normal, 1), weight @ right_all, self.signs, bound)
             square = np.einsum("b,jbc,c->j", x, normal, x) - 2 * right_all @ x + size
             square = np.maximum(square + _BELIEF * dd * np.any(self.believed), 0.0)
-        return Fit(fault, np.sqrt(square / size))
+        return replace(fault, errors=np.sqrt(square / size))
 
 
 _EXCHANGES, _AT_ONCE = 60, 6

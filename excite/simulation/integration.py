@@ -15,7 +15,6 @@ import numpy as np
 from excite.design.interruption import deferred_interruption
 from excite.errors import LostMotionError
 from excite.simulation.control import ControlledRobot, Sticking, friction_rows, leads, unloaded
-from excite.simulation.settings import Impacts
 from excite.tasks.reference import GivenTorque, Reference
 from regressors.errors import InputError
 from regressors.samples import Array, Samples
@@ -146,7 +145,7 @@ def simulated_run(
     steps: Steps,
     progress: Progress | None = None,
     ramps: GivenTorque | None = None,
-    impacts: Impacts | None = None,
+    impacts: Callable[[Array], Array] | None = None,
 ) -> SimulatedRun:
     """Motion of a controlled robot that starts as the reference does.
 
@@ -208,14 +207,20 @@ def _step(robot: ControlledRobot, steps: Steps, h: float) -> ca.Function:
 
 
 def _wanted(
-    reference: Reference, ramps: GivenTorque | None, impacts: Impacts | None, begin: int, length: int, h: float, s: int
+    reference: Reference,
+    ramps: GivenTorque | None,
+    impacts: Callable[[Array], Array] | None,
+    begin: int,
+    length: int,
+    h: float,
+    s: int,
 ) -> Array:
     """Inputs of a chunk: 2 s + 1 columns per sample, at its steps and half steps."""
     half = np.arange(2 * s * length + 1) + 2 * s * begin
     time = np.minimum(half * (h / 2), reference.duration)
     samples = reference.samples(time)
     pushed = np.zeros((time.size, 2)) if ramps is None else ramps.at(time)
-    struck = np.zeros((time.size, 0)) if impacts is None else impacts.at(np.asarray(half * (h / 2)))
+    struck = np.zeros((time.size, 0)) if impacts is None else impacts(np.asarray(half * (h / 2)))
     table = np.hstack([samples.q, samples.dq, samples.ddq, struck, pushed])
     columns = np.arange(length)[:, None] * 2 * s + np.arange(2 * s + 1)
     return np.asarray(table[columns.reshape(-1)].T)
@@ -236,14 +241,16 @@ def _check_progress(part: Array, start: float, rate: float) -> None:
         )
 
 
-def _course(robot: ControlledRobot, table: Array, rate: float, impacts: Impacts | None) -> SimulatedRun:
+def _course(
+    robot: ControlledRobot, table: Array, rate: float, impacts: Callable[[Array], Array] | None
+) -> SimulatedRun:
     n, count = robot.plant.robot.n, table.shape[0]
     q, dq, energies, effort, command, ddq, _ = np.split(table, np.cumsum([n, n, 2, n, n, n]), axis=1)
     symbols = ca.SX.sym("q", n), ca.SX.sym("dq", n)
     energy = ca.Function("energy", list(symbols), [robot.plant.energy(*symbols)])
     stored = np.array(energy.map(count)(q.T, dq.T)).reshape(-1)
     samples = Samples(np.arange(count) / rate, q, dq, ddq, np.full_like(q, np.nan))
-    acting = effort if impacts is None else effort + impacts.at(samples.time)
+    acting = effort if impacts is None else effort + impacts(samples.time)
     friction = acting - _rigid(robot, samples)
     return SimulatedRun(samples, effort, command, friction, energies[:, 0], energies[:, 1], stored)
 

@@ -30,17 +30,13 @@ def motion_errors(replay: Replay, measured: Samples, units: dict[str, str]) -> t
     difference, time = (replay.q - measured.q)[rows], measured.time[rows]
     windows = [measured.q[a:b] for a, b in replay.bounds]
     travel = np.sqrt(np.mean([np.ptp(q, axis=0) ** 2 for q in windows], axis=0))
-    return tuple(
-        _motion_error(name, unit, float(travel[j]), difference[:, j], time)
-        for j, (name, unit) in enumerate(units.items())
-    )
-
-
-def _motion_error(name: str, unit: str, travel: float, difference: Array, time: Array) -> MotionError:
-    worst = int(np.argmax(np.abs(difference)))
-    error = float(np.sqrt(np.mean(difference**2)))
-    relative = error / travel if travel > 0 else np.inf
-    return MotionError(name, unit, travel, error, relative, float(np.abs(difference[worst])), float(time[worst]))
+    errors = []
+    for j, (name, unit) in enumerate(units.items()):
+        e, size = difference[:, j], float(travel[j])
+        worst, error = int(np.argmax(np.abs(e))), float(np.sqrt(np.mean(e**2)))
+        relative = error / size if size > 0 else np.inf
+        errors.append(MotionError(name, unit, size, error, relative, float(np.abs(e[worst])), float(time[worst])))
+    return tuple(errors)
 
 
 def failure(replay: Replay) -> str | None:
@@ -52,31 +48,15 @@ def failure(replay: Replay) -> str | None:
 
 WHOLE = 60.0  # logs of up to this are simulated as a whole [s]
 SAMPLE = 30.0  # of longer ones at most so much, in windows [s]
-_MOST, _FEWEST = 60, 10  # windows, however short or long they are
+_MOST, _FEWEST = 60, 10  # windows, however short or long: of 60, chance changes the error by about a tenth
 _ROUNDING = 1e-9
 
 
 def most_windows(duration: float, horizon: float) -> int | None:
-    """Windows of a motion that are simulated at most; None for all of them.
-
-    The error of a joint's simulated motion is a root mean square over windows. Of 60 of them, chance changes it by
-    about a tenth, while it is judged against a tolerance of about a quarter of the travel.
-    """
+    """Windows of a motion that are simulated at most; None for all of them."""
     if duration <= WHOLE * (1 + _ROUNDING):
         return None
     return min(_MOST, max(_FEWEST, round(SAMPLE / horizon)))
-
-
-def sampling_remark(replay: Replay, horizon: float) -> str | None:
-    """Which windows were simulated, in words; None where all of them were."""
-    if not replay.left_out:
-        return None
-    count = len(replay.starts)
-    total = count + replay.left_out
-    return (
-        f"simulated motion: {count} of {total} windows of {horizon:.3g} s, spread evenly over the log; "
-        "torques are predicted in all of its rows"
-    )
 
 
 _SHORTEST = 4  # samples
@@ -102,10 +82,19 @@ def shortest_horizon(time: Array) -> float:
     return _SHORTEST * float(time[-1] - time[0]) / (time.size - 1)
 
 
-def horizon_remark(replay: Replay, horizon: float, asked: float) -> str | None:
-    """What became of the simulated motion over the time that was asked for; None where nothing is to be said."""
+def motion_remarks(replay: Replay | None, horizon: float | None, asked: float) -> tuple[str, ...]:
+    """What became of the simulated motion over the time that was asked for, and which windows were simulated."""
+    if replay is None or horizon is None:
+        return ()
+    remarks = []
     if not replay.ok:
-        return f"the simulated motion says nothing: {failure(replay)}, over shorter times too"
-    if horizon < asked:
-        return f"the motion is simulated over {horizon:.3g} s at a time: it diverges within {asked:g} s"
-    return None
+        remarks.append(f"the simulated motion says nothing: {failure(replay)}, over shorter times too")
+    elif horizon < asked:
+        remarks.append(f"the motion is simulated over {horizon:.3g} s at a time: it diverges within {asked:g} s")
+    if replay.left_out:
+        count = len(replay.starts)
+        remarks.append(
+            f"simulated motion: {count} of {count + replay.left_out} windows of {horizon:.3g} s, spread evenly over "
+            "the log; torques are predicted in all of its rows"
+        )
+    return tuple(remarks)

@@ -182,10 +182,30 @@ def torque_errors(
     """Errors of every equation over a motion."""  # time (N,); measured, predicted (N, r); speed (N, r)
     difference = measured - predicted
     slow = _slow(time, difference)
-    return tuple(
-        _torque_error(name, unit, time, measured[:, j], difference[:, j], slow[:, j], speed[:, j])
-        for j, (name, unit) in enumerate(equations)
-    )
+    with np.errstate(invalid="ignore"):
+        still = np.abs(speed) < STANDSTILL * np.abs(speed).max(axis=0, initial=0.0)
+    errors = []
+    for j, (name, unit) in enumerate(equations):
+        e, s = difference[:, j], slow[:, j]
+        total, size = float(np.mean(e**2)), float(np.sqrt(np.mean(measured[:, j] ** 2)))
+        worst = int(np.argmax(np.abs(e)))
+        noise = min(float(np.mean((e - s) ** 2)), total) / total if total > 0 else 0.0
+        resting = float(np.sum(s[still[:, j]] ** 2)) / float(np.sum(s**2)) if np.any(s) else 0.0
+        errors.append(
+            TorqueError(
+                name=name,
+                unit=unit,
+                measured=size,
+                error=float(np.sqrt(total)),
+                relative=float(np.sqrt(total)) / size if size > 0 else np.inf,
+                worst=float(np.abs(e[worst])),
+                worst_time=float(time[worst]),
+                noise=noise,
+                standstill=(1 - noise) * resting,
+                systematic=(1 - noise) * (1 - resting),
+            )
+        )
+    return tuple(errors)
 
 
 def _slow(time: Array, values: Array) -> Array:
@@ -194,31 +214,6 @@ def _slow(time: Array, values: Array) -> Array:
         return values
     sos = scipy.signal.butter(4, NOISE_ABOVE, output="sos", fs=rate)
     return np.asarray(scipy.signal.sosfiltfilt(sos, values, axis=0))
-
-
-def _torque_error(
-    name: str, unit: str, time: Array, measured: Array, difference: Array, slow: Array, speed: Array
-) -> TorqueError:
-    total = float(np.mean(difference**2))
-    worst = int(np.argmax(np.abs(difference)))
-    size = float(np.sqrt(np.mean(measured**2)))
-    fast = min(float(np.mean((difference - slow) ** 2)), total)
-    with np.errstate(invalid="ignore"):
-        still = np.abs(speed) < STANDSTILL * np.abs(speed).max(initial=0.0)
-    resting = float(np.sum(slow[still] ** 2)) / float(np.sum(slow**2)) if np.any(slow) else 0.0
-    noise = fast / total if total > 0 else 0.0
-    return TorqueError(
-        name=name,
-        unit=unit,
-        measured=size,
-        error=float(np.sqrt(total)),
-        relative=float(np.sqrt(total)) / size if size > 0 else np.inf,
-        worst=float(np.abs(difference[worst])),
-        worst_time=float(time[worst]),
-        noise=noise,
-        standstill=(1 - noise) * resting,
-        systematic=(1 - noise) * (1 - resting),
-    )
 
 
 _QUANTILE = 2.326  # one-sided, 99 %

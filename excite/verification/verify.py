@@ -35,11 +35,10 @@ from excite.storage.work_prediction import announce
 from excite.verification.simulated_motion import (
     SAMPLE,
     WHOLE,
-    horizon_remark,
     longest_replay,
     most_windows,
     motion_errors,
-    sampling_remark,
+    motion_remarks,
     shortest_horizon,
 )
 from excite.verification.tolerances import Tolerances
@@ -142,7 +141,7 @@ def verify(
     judged = verdict(errors, corrected, total, whole, result.training_error, motions or (), doubted, tolerances)
     remarks = (
         *judged.remarks,
-        *_motion_remarks(replay, length, horizon),
+        *motion_remarks(replay, length, horizon),
         *_friction_remarks(result, target, part, recipe),
         *_event_remarks(part, predicted, event_free),
         *([f"positions are low-passed at {recipe.cutoff:.3g} Hz, since this log has fewer rows"] if slower else []),
@@ -185,19 +184,19 @@ def _other_load(
     target: IdentificationTarget, part: PreparedLog, predicted: LogPrediction, judged: Verdict
 ) -> tuple[str, ...]:
     """The load that the log has and the result lacks, or the reverse, where that explains what contradicts."""
-    equations = target.model.torque_equations()
-    if judged.holds or equations is None or not (equations.every_joint and target.motion.complete):
+    if judged.holds:
         return ()
     time, motion = predicted.time, part.samples
     measured, torques = (
         np.column_stack([np.interp(motion.time, time, column) for column in rows.T])
         for rows in (predicted.measured, predicted.predicted)
     )
-    load = load_that_explains(target.robot, motion, measured - torques, measured)
+    load = load_that_explains(target, motion, measured - torques, measured)
     if load is None:
         return ()
-    whose = "this log has it, and the result lacks it" if load.mass > 0 else "the result has it, and this log lacks it"
-    return (f"{load.text}; {whose}: verify with a log of the same load, or identify again",)
+    mass, text = load
+    whose = "this log has it, and the result lacks it" if mass > 0 else "the result has it, and this log lacks it"
+    return (f"{text}; {whose}: verify with a log of the same load, or identify again",)
 
 
 def _torques_answer(judged: Verdict, whole: CorrectedError) -> str:
@@ -208,13 +207,6 @@ def _torques_answer(judged: Verdict, whole: CorrectedError) -> str:
     verbs = ("confirmed for", "contradicted for", "not to be judged for")
     named = zip(verbs, (judged.confirmed, judged.contradicted, judged.undecided), strict=True)
     return "; ".join([within, *(f"{verb} {', '.join(names)}" for verb, names in named if names)])
-
-
-def _motion_remarks(replay: Replay | None, length: float | None, asked: float) -> tuple[str, ...]:
-    """What shortened the horizon, and which windows were simulated."""
-    if replay is None or length is None:
-        return ()
-    return tuple(filter(None, (horizon_remark(replay, length, asked), sampling_remark(replay, length))))
 
 
 def _friction_remarks(
@@ -231,10 +223,10 @@ def _event_remarks(part: PreparedLog, predicted: LogPrediction, event_free: floa
     """Which rows events leave out, and the error without them."""
     if not part.left_out:
         return ()
-    found = tuple(note for note in part.notes if note.startswith(LEFT_OUT))
-    if not np.any(predicted.left_out):
-        return found
-    return (*found, f"without these rows predictions differ by {percent(event_free, 3)}")
+    found = [note for note in part.notes if note.startswith(LEFT_OUT)]
+    if np.any(predicted.left_out):
+        found.append(f"without these rows predictions differ by {percent(event_free, 3)}")
+    return tuple(found)
 
 
 def judging_target(result: Identification) -> IdentificationTarget:

@@ -154,7 +154,7 @@ def _parameters(result: Identification) -> ViewTable:
     low, high = estimate.interval.T.tolist()
     rows = zip(
         estimate.names, estimate.values.tolist(), low, high, estimate.units, estimate.deviation.tolist(),
-        estimate.relative_deviation.tolist(), *known, *motors, facts.base.expressions, strict=True,
+        estimate.relative_deviation.tolist(), *known, *motors, facts.expressions, strict=True,
     )  # fmt: skip
     around_zero = [a <= 0 <= b and math.isfinite(b - a) for a, b in zip(low, high, strict=True)]
     marked = {(k, column): "bad" for k, holds in enumerate(around_zero) if holds for column in (2, 3)}

@@ -14,7 +14,7 @@ from excite.identification.estimator import Estimate
 from excite.identification.identification import Identification, torque_target
 from excite.identification.prediction import instantaneous_target
 from excite.identification.recipe import Recipe
-from excite.identification.result import BaseColumns, FitFacts
+from excite.identification.result import FitFacts
 from excite.information.target import IdentificationTarget
 from excite.tasks.task import Task
 from regressors.models.base import Base
@@ -90,8 +90,8 @@ def identified(
     robot: Robot, task: Task, recipe: Recipe, estimate: Estimate, folder: Path, *, base: Base | None = None
 ) -> Identification:
     """A result as if it had been loaded, of no logs."""
-    columns = BaseColumns(0, (), 1.0, ()) if base is None else BaseColumns(base.rank, base.names, 1.0, base.expressions)
-    facts = FitFacts((), (), 0, columns, {}, 0.0123, 0.0123, (), None)
+    columns = (0, (), 1.0, ()) if base is None else (base.rank, base.names, 1.0, base.expressions)
+    facts = FitFacts((), (), 0, *columns, {}, 0.0123, 0.0123, (), None)
     return Identification(robot, task, recipe, estimate, 1.0, kept=facts, folder=folder)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from observed import noise_of, observations_of
 
-from excite.identification.estimator import Estimability, estimability
+from excite.identification.estimator import estimability
 from excite.identification.estimators.least_squares import least_squares, recursive, weighted, weighting
 from excite.identification.estimators.robust import huber, instrumental
 from excite.identification.observations import Observations
@@ -25,24 +25,29 @@ def observed(W: Array, beta: Array, noise: float = 0.01) -> Observations:
     return observations_of(W, y)
 
 
-def shown_by(observations: Observations) -> Estimability:
+def combinations_in(observations: Observations) -> tuple[str, ...]:
     problem = weighting(observations)
-    return estimability(problem.solution, observations.names, problem.variance, problem.freedom)
+    return estimability(problem.solution, observations.names, problem.variance, problem.freedom)[1]
 
 
-def test_resolution_falls_with_the_noise_and_neither_it_nor_combinations_depend_on_units() -> None:
-    W, beta = columns(), np.array([1.0, 2.0, 3.0])
-    quiet, loud = (shown_by(observed(W, beta, noise)) for noise in (0.01, 0.1))
-    np.testing.assert_allclose(loud.resolution / quiet.resolution, 10.0, rtol=1e-2)
-    np.testing.assert_allclose(shown_by(observed(W * 1e4, beta / 1e4)).resolution, quiet.resolution, rtol=1e-7)
+@pytest.mark.parametrize("units", [1.0, 1e4])
+def test_what_is_seen_depends_on_the_noise_and_not_on_units(units: float) -> None:
+    W = columns()
+    W = np.column_stack([W, W[:, 0] + 1e-3 * np.random.default_rng(3).normal(size=len(W))]) * units
+    for noise, unseen in ((0.01, ()), (1.0, ("b1", "b4"))):
+        assert weighted(observed(W, np.ones(4) / units, noise)).unseen == unseen
+
+
+def test_combinations_are_in_units() -> None:
+    W = columns()
     W = np.column_stack([W, W[:, 0] - 0.5 * W[:, 2]]) * [1e-3, 1.0, 1e3, 1.0]
-    combinations = shown_by(observed(W, np.ones(4))).combinations
+    combinations = combinations_in(observed(W, np.ones(4)))
     assert combinations == ("b1 is identifiable only in b1 + 1000 b4", "b3 is identifiable only in b3 - 0.0005 b4")
 
 
 def test_combinations_are_written_out_up_to_six_others() -> None:
     W = np.ones((1, 8)) * columns(p=1)
-    texts = [shown_by(observed(W[:, :p], np.ones(p))).combinations for p in (7, 8)]
+    texts = [combinations_in(observed(W[:, :p], np.ones(p))) for p in (7, 8)]
     assert texts[0] == ("b1 is identifiable only in b1 + b2 + b3 + b4 + b5 + b6 + b7",)
     assert texts[1] == ("b1 is identifiable only in a combination with 7 others",)
 

@@ -16,7 +16,7 @@ from excite.identification.identification import Identification
 from excite.identification.prediction import instantaneous_target, prediction, relative_error
 from excite.identification.procedure import log_of
 from excite.identification.recipe import Recipe
-from excite.identification.result import BaseColumns, FitCurves, FitFacts, IdentifiedLog, ReferenceValues, reference_of
+from excite.identification.result import FitCurves, FitFacts, IdentifiedLog, ReferenceValues, reference_of
 from excite.identification.result_json import load_result, result_content
 from excite.information.target import target_of
 from excite.logs.log import Log
@@ -188,10 +188,10 @@ ROWS: dict[str, Any] = {
 
 
 def facts(**changes: Any) -> FitFacts:
-    log, base = IdentifiedLog("run.csv", "hash", 4, 0.0, 3.0, 4, 1.0), BaseColumns(0, (), np.inf, ())
+    log, base = IdentifiedLog("run.csv", "hash", 4, 0.0, 3.0, 4, 1.0), (0, (), np.inf, ())
     equations = (("q1", "Nm"), ("q2", "Nm"))
     curves = FitCurves(**{**ROWS, **changes})
-    return FitFacts((log,), equations, 4, base, {}, 0.1, 0.1, (), None, curves=curves)
+    return FitFacts((log,), equations, 4, *base, {}, 0.1, 0.1, (), None, curves=curves)
 
 
 def test_curves_that_do_not_fit_are_refused() -> None:

@@ -16,7 +16,7 @@ from excite.logs.signals.periods import measurement_noise
 from excite.simulation.replay import Outcome, Replay
 from excite.storage.records import json_of
 from excite.tasks.task import Task
-from excite.verification.simulated_motion import horizon_remark, longest_replay, shortest_horizon
+from excite.verification.simulated_motion import longest_replay, motion_remarks, shortest_horizon
 from excite.verification.tolerances import Tolerances
 from excite.verification.verdict import corrected_errors, corrected_total
 from excite.verification.verify import verify
@@ -139,10 +139,10 @@ def test_a_light_wrist_that_runs_away_is_simulated_over_less_time(wrist: float, 
     replay, horizon = longest_replay(simulate, 0.5, shortest_horizon(TIME))
     assert tried == [0.5 / 2**k for k in range(len(tried))]
     assert (tried[-1], horizon, replay.ok) == (longest, longest, True)
-    remark = horizon_remark(replay, horizon, 0.5)
-    assert remark is None if horizon == 0.5 else "diverges within 0.5 s" in remark
+    remarks = motion_remarks(replay, horizon, 0.5)
+    assert remarks == () if horizon == 0.5 else "diverges within 0.5 s" in remarks[0]
     lost = replace(replay, outcome=Outcome.RAN_AWAY, failed_at=0.1)
-    assert "says nothing: the motion diverges (at 0.100 s), over shorter" in horizon_remark(lost, horizon, 0.5)
+    assert "says nothing: the motion diverges (at 0.100 s), over shorter" in motion_remarks(lost, horizon, 0.5)[0]
 
 
 def test_a_simulated_motion_that_drifts_is_a_remark_where_the_torques_are_right(result: Identification) -> None:
