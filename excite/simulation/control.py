@@ -67,44 +67,36 @@ def controller_of(name: str, model: Plant, bandwidth: float, middle: Array) -> C
     return proportional_derivative
 
 
-@dataclass(frozen=True, eq=False)
-class TorqueLimits:
-    """Largest torques of joints and of drives."""
+def _limited_drives(robot: Robot) -> tuple[tuple[str, ...], Array, Array] | None:
+    """Names, rows of C and limits of the joints' own drives; None without limits or where q is not determined."""
+    transmission = robot.transmission
+    if transmission is None:
+        return None
+    own = [k - 1 for k in robot.link_numbers if k <= len(transmission.drives)]
+    C, bounds = transmission.coupling[own], transmission.limits.torque[own]
+    if C.shape[0] != robot.n or np.linalg.matrix_rank(C) < robot.n or not np.any(np.isfinite(bounds)):
+        return None
+    return tuple(transmission.drives[k].name for k in own), C, bounds
 
-    robot: Robot
 
-    @property
-    def drives(self) -> tuple[tuple[str, ...], Array, Array] | None:
-        """Names, rows of C and limits of the joints' own drives; None without limits or where q is not determined."""
-        transmission = self.robot.transmission
-        if transmission is None:
-            return None
-        own = [k - 1 for k in self.robot.link_numbers if k <= len(transmission.drives)]
-        C, bounds = transmission.coupling[own], transmission.limits.torque[own]
-        if C.shape[0] != self.robot.n or np.linalg.matrix_rank(C) < self.robot.n or not np.any(np.isfinite(bounds)):
-            return None
-        return tuple(transmission.drives[k].name for k in own), C, bounds
+def saturated(robot: Robot, tau: ca.SX) -> ca.SX:
+    """Joint torques after saturation of the commanded ones: drives first, ``tau = C' tau_z``, then joints."""
+    if (drives := _limited_drives(robot)) is not None:
+        _, C, bounds = drives
+        tau_z = ca.mtimes(sparse(np.linalg.inv(C).T), tau)
+        tau = ca.mtimes(sparse(C.T), _clipped(tau_z, bounds))
+    return ca.densify(_clipped(tau, robot.limits.torque))
 
-    def saturated(self, tau: ca.SX) -> ca.SX:
-        """Joint torques after saturation of the commanded ones: drives first, ``tau = C' tau_z``, then joints."""
-        if self.drives is not None:
-            _, C, bounds = self.drives
-            tau_z = ca.mtimes(sparse(np.linalg.inv(C).T), tau)
-            tau = ca.mtimes(sparse(C.T), _clipped(tau_z, bounds))
-        return ca.densify(_clipped(tau, self.robot.limits.torque))
 
-    def of(self, tau: Array) -> tuple[tuple[str, ...], Array, Array]:
-        """Names, limited torques, shape (N, k), and their limits, shape (k,), from joint torques, shape (N, n)."""
-        bounded = np.isfinite(self.robot.limits.torque)
-        names = tuple(f"joint {name}" for name, ok in zip(self.robot.joint_names, bounded, strict=True) if ok)
-        torques, bounds = tau[:, bounded], self.robot.limits.torque[bounded]
-        if self.drives is None:
-            return names, torques, bounds
-        drives, C, limits = self.drives
-        limited = np.isfinite(limits)
-        at_drives = (tau @ np.linalg.inv(C))[:, limited]
-        labels = tuple(f"drive {name}" for name, ok in zip(drives, limited, strict=True) if ok)
-        return (*labels, *names), np.hstack([at_drives, torques]), np.concatenate([limits[limited], bounds])
+def limited_torques(robot: Robot, tau: Array) -> tuple[tuple[str, ...], Array, Array]:
+    """Names, limited torques, shape (N, k), and their limits, shape (k,), from joint torques, shape (N, n)."""
+    labels, torques, bounds = [f"joint {name}" for name in robot.joint_names], tau, robot.limits.torque
+    if (drives := _limited_drives(robot)) is not None:
+        names, C, limits = drives
+        labels = [*(f"drive {name}" for name in names), *labels]
+        torques, bounds = np.hstack([tau @ np.linalg.inv(C), tau]), np.concatenate([limits, bounds])
+    limited = np.isfinite(bounds)
+    return tuple(np.array(labels)[limited].tolist()), torques[:, limited], bounds[limited]
 
 
 def _clipped(tau: ca.SX, bounds: Array) -> ca.SX:
@@ -114,11 +106,11 @@ def _clipped(tau: ca.SX, bounds: Array) -> ca.SX:
 
 @dataclass(frozen=True, eq=False)
 class ControlledRobot:
-    """A robot, its controller and its torque limits."""
+    """A robot and its controller."""
 
     plant: Plant
     controller: Controller
-    limits: TorqueLimits | None  # None for unlimited drives
+    limited: bool = False  # whether torques saturate at the limits of joints and drives
     ramped: RampedDrive | None = None  # drive with prescribed torque ramps while the others are controlled
     # True if torques from outside act on the joints besides; they follow the reference in the inputs
     struck: bool = False
@@ -143,7 +135,7 @@ class ControlledRobot:
         command = self.controller(q, dq, wanted, width)
         if self.ramped is not None:
             command = self.ramped.command(q, command, torque, is_open)
-        effort = command if self.limits is None else self.limits.saturated(command)
+        effort = saturated(robot, command) if self.limited else command
         outside = ca.SX.sym("outside", n if self.struck else 0)
         acting = effort + outside if self.struck else effort
         ddq, least = self.plant.acceleration(q, dq, acting, direction)

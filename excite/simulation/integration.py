@@ -215,7 +215,7 @@ def _wanted(
     time = np.minimum(half * (h / 2), reference.duration)
     samples = reference.samples(time)
     pushed = np.zeros((time.size, 2)) if ramps is None else ramps.at(time)
-    struck = np.zeros((time.size, 0)) if impacts is None else impacts.at(np.asarray(half * (h / 2)))
+    struck = np.zeros((time.size, 0)) if impacts is None else impacts(np.asarray(half * (h / 2)))
     table = np.hstack([samples.q, samples.dq, samples.ddq, struck, pushed])
     columns = np.arange(length)[:, None] * 2 * s + np.arange(2 * s + 1)
     return np.asarray(table[columns.reshape(-1)].T)
@@ -243,7 +243,7 @@ def _course(robot: ControlledRobot, table: Array, rate: float, impacts: Impacts 
     energy = ca.Function("energy", list(symbols), [robot.plant.energy(*symbols)])
     stored = np.array(energy.map(count)(q.T, dq.T)).reshape(-1)
     samples = Samples(np.arange(count) / rate, q, dq, ddq, np.full_like(q, np.nan))
-    acting = effort if impacts is None else effort + impacts.at(samples.time)
+    acting = effort if impacts is None else effort + impacts(samples.time)
     friction = acting - _rigid(robot, samples)
     return SimulatedRun(samples, effort, command, friction, energies[:, 0], energies[:, 1], stored)
 

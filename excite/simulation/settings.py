@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields
 from typing import Literal
 
 import numpy as np
@@ -54,34 +54,27 @@ class ImpactPulse:
         return np.where((s > 0) & (s < 1), self.torque * np.sin(np.pi * s), 0.0)
 
 
-@dataclass(frozen=True, eq=False)
-class Impacts:
-    """All impacts of a run."""
+Impacts = Callable[[Array], Array]  # joint torques over time
 
-    robot: Robot  # the moving robot
-    pulses: Sequence[ImpactPulse]
-    wait: float = 0.0  # time before the motion, by which all are later [s]
 
-    def __post_init__(self) -> None:
-        for pulse in self.pulses:
-            if pulse.joint not in self.robot.joint_names:
-                raise UnknownName("moving joint for an impact", pulse.joint, self.robot.joint_names)
+def impacts_on(robot: Robot, pulses: Sequence[ImpactPulse], wait: float = 0.0) -> Impacts:
+    """Joint torques of all impacts over time, ``wait`` after their own, shape (N, n) [Nm or N]."""
+    for pulse in pulses:
+        if pulse.joint not in robot.joint_names:
+            raise UnknownName("moving joint for an impact", pulse.joint, robot.joint_names)
 
-    def at(self, time: Array) -> Array:
-        """Joint torques at given instants [s], shape (N, n) [Nm or N]."""
-        torques = np.zeros((time.size, self.robot.n))
-        for pulse in self.pulses:
-            torques[:, self.robot.joint_names.index(pulse.joint)] += pulse.at(time - self.wait)
-        return torques
+    def torques(time: Array) -> Array:
+        tau = np.zeros((time.size, robot.n))
+        for pulse in pulses:
+            tau[:, robot.joint_names.index(pulse.joint)] += pulse.at(time - wait)
+        return tau
+
+    return torques
 
 
 CONTROLLERS = ("computed-torque", "pd")
 AUTO: Literal["auto"] = "auto"
-_CHECKED = (
-    "rate", "wrench_rate", "periods", "bandwidth", "model_error", "sign_width", "breakaway", "catch", "encoder",
-    "position_noise", "velocity_noise", "torque_noise", "wrench_noise", "temperature", "friction_drift", "torque_gain",
-    "coloured_noise", "noise_corner", "position_step", "seed",
-)  # fmt: skip
+_NO_NUMBERS = ("controller", "torque_limits", "impact")
 
 
 @checked
@@ -215,7 +208,7 @@ class SimulationSettings:
     def __post_init__(self) -> None:
         if self.controller not in CONTROLLERS:
             raise UnknownName("controller", self.controller, CONTROLLERS)
-        check_options(self, _CHECKED)
+        check_options(self, (field.name for field in fields(self) if field.name not in _NO_NUMBERS))
         if 0.0 in self.torque_gain:
             raise InputError("`torque_gain` must not be zero: measured torques would all be zero")
         if self.sign_width == 0:

@@ -12,11 +12,11 @@ import numpy as np
 
 from excite.design.design import Design
 from excite.information.target import friction_of_moving
-from excite.simulation.control import ControlledRobot, RampedDrive, TorqueLimits, broken_loose, controller_of
+from excite.simulation.control import ControlledRobot, RampedDrive, broken_loose, controller_of
 from excite.simulation.integration import Progress, Steps, simulated_run, steps_for
 from excite.simulation.plant import Plant, plant_of
 from excite.simulation.sensors import friction_at, joint_log, sensor_of, wrench_log_of
-from excite.simulation.settings import AUTO, Impacts, SimulationSettings, one_each
+from excite.simulation.settings import AUTO, SimulationSettings, impacts_on, one_each
 from excite.simulation.simulation import Simulation, simulation_outcome, torque_uses, true_parameters
 from excite.simulation.simulation_files import read_source
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
@@ -155,7 +155,7 @@ def simulate_motion(
     controlled = controlled_robot(plant, plant_of(bare, friction)[0], motion, settings, ramps)
     steps = steps_for(controlled, motion, settings.rate, settings.sign_width, settings.breakaway)
     delayed = None if ramps is None else ramps.delayed(wait)
-    impacts = Impacts(moving, settings.impact, wait) if settings.impact else None
+    impacts = impacts_on(moving, settings.impact, wait) if settings.impact else None
     simulated = simulated_run(controlled, reference, settings.rate, steps, progress, delayed, impacts).after(lead)
     rng = np.random.default_rng(settings.seed)
     log = joint_log(moving, simulated, settings, rng)
@@ -259,8 +259,7 @@ def controlled_robot(
     model = nominal.with_errors(settings.model_error, np.random.default_rng([settings.seed, 1]))
     controller = controller_of(settings.controller, model, settings.bandwidth, middle)
     ramped = None if ramps is None else RampedDrive(model, ramps.drive, settings.catch)
-    limits = TorqueLimits(plant.robot) if settings.torque_limits else None
-    return ControlledRobot(plant, controller, limits, ramped, struck=bool(settings.impact))
+    return ControlledRobot(plant, controller, settings.torque_limits, ramped, struck=bool(settings.impact))
 
 
 _OF_ANY, _OF_JOINT = 8.0, 24.0  # numbers of each sample, and of each of its joints

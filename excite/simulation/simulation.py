@@ -12,7 +12,7 @@ import numpy as np
 
 from excite.logs.event import Saturation, saturation_of
 from excite.logs.log import Log
-from excite.simulation.control import TorqueLimits
+from excite.simulation.control import limited_torques
 from excite.simulation.integration import SimulatedRun, Steps
 from excite.simulation.plant import Plant
 from excite.simulation.settings import SimulationSettings
@@ -265,61 +265,49 @@ class Tracking:
 class SimulationOutcome:
     """Whether the simulated robot did what was asked for."""
 
-    count: int  # number of samples
     saturated: tuple[Saturation, ...]  # torques that were cut off at a limit, where that happened
     # one per joint; none of a run in which a drive is pushed by ramps of torque and not held in position
     tracking: tuple[Tracking, ...]
-    exceeded: tuple[LimitExcess, ...]
+    failures: tuple[str, ...]  # what does not hold, in words
+    notes: tuple[str, ...]  # what is worth knowing although it holds
 
     @property
     def holds(self) -> bool:
         """True if no torque saturated, no joint lost its reference, and no limit was passed, within the tolerances."""
         return not self.failures
 
-    @property
-    def failures(self) -> tuple[str, ...]:
-        """What does not hold, in words."""
-        return (
-            *(self._saturation_text(one) for one in self.saturated if one.rows > SATURATED * self.count),
-            *(_tracking_text(one, LOST_TRACKING) for one in self.tracking if one.relative > LOST_TRACKING),
-            *(f"{one}" for one in self.exceeded if one.fails),
-        )
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What is worth knowing although it holds."""
-        astray = [one for one in self.tracking if NOTED_TRACKING < one.relative <= LOST_TRACKING]
-        return (
-            *(self._saturation_text(one) for one in self.saturated if one.rows <= SATURATED * self.count),
-            *(_tracking_text(one, NOTED_TRACKING) for one in astray),
-            *(f"{one}" for one in self.exceeded if not one.fails),
-        )
-
-    def _saturation_text(self, one: Saturation) -> str:
-        return (
-            f"the torque of {one.label} was at its limit of {one.limit:.4g} {one.unit} in "
-            f"{100 * one.rows / self.count:.2g} % of the samples ({one.rows} of {self.count}); design the motion with "
-            "`torque_margin`"
-        )
-
-
-def _tracking_text(one: Tracking, allowed: float) -> str:
-    return (
-        f"joint {one.joint} deviates from the reference by {one.error:.3g} {one.unit}, {100 * one.relative:.2g} % of "
-        f"its range of motion, more than {100 * allowed:g} %"
-    )
-
 
 def simulation_outcome(
     robot: Robot, reference: Samples, samples: Samples, command: Array, *, limited: bool = True, pushed: bool = False
 ) -> SimulationOutcome:
     """What is to be said of a simulated run."""  # command (N, n)
-    return SimulationOutcome(
-        count=samples.time.size,
-        saturated=cut_off_torques(robot, samples.time, command) if limited else (),
-        tracking=() if pushed else trackings(robot, reference, samples),
-        exceeded=(*exceeded_limits(robot, samples), *(() if limited else exceeded_torques(robot, command))),
+    saturated = cut_off_torques(robot, samples.time, command) if limited else ()
+    tracking = () if pushed else trackings(robot, reference, samples)
+    remarks = [
+        *(_saturation_remark(one, samples.time.size) for one in saturated),
+        *(_tracking_remark(one) for one in tracking if one.relative > NOTED_TRACKING),
+        *_passed_limits(robot, samples),
+        *(() if limited else _passed_torques(robot, command)),
+    ]
+    failures, notes = (tuple(text for text, fails in remarks if fails is asked) for asked in (True, False))
+    return SimulationOutcome(saturated, tracking, failures, notes)
+
+
+def _saturation_remark(one: Saturation, count: int) -> tuple[str, bool]:
+    text = (
+        f"the torque of {one.label} was at its limit of {one.limit:.4g} {one.unit} in {100 * one.rows / count:.2g} % "
+        f"of the samples ({one.rows} of {count}); design the motion with `torque_margin`"
     )
+    return text, one.rows > SATURATED * count
+
+
+def _tracking_remark(one: Tracking) -> tuple[str, bool]:
+    lost = one.relative > LOST_TRACKING
+    text = (
+        f"joint {one.joint} deviates from the reference by {one.error:.3g} {one.unit}, {100 * one.relative:.2g} % of "
+        f"its range of motion, more than {100 * (LOST_TRACKING if lost else NOTED_TRACKING):g} %"
+    )
+    return text, lost
 
 
 def trackings(robot: Robot, reference: Samples, samples: Samples) -> tuple[Tracking, ...]:
@@ -338,43 +326,26 @@ BEYOND_VELOCITY = 0.05  # of the limit: 0.021
 _ROUNDING = 1e-6  # of a limit that a motion may touch
 
 
-@dataclass(frozen=True)
-class LimitExcess:
-    """A limit that the simulated motion passed."""
-
-    quantity: str
-    label: str  # such as ``joint q2`` or ``drive z2``
-    unit: str
-    limit: float  # [unit]
-    excess: float  # by how much it was passed at most [unit]
-    relative: float  # the excess over the range that the limits allow a position, else over the limit
-
-    @property
-    def fails(self) -> bool:
-        """True beyond 1 % of a position's range, and 5 % of a velocity; torques count where they are limited."""
-        tolerance = {"position": BEYOND_POSITION, "velocity": BEYOND_VELOCITY}.get(self.quantity, np.inf)
-        return self.relative > tolerance
-
-    def __str__(self) -> str:
-        """One clause."""
-        return (
-            f"the {self.quantity} of {self.label} passes its limit of {self.limit:.4g} {self.unit} by "
-            f"{self.excess:.3g} {self.unit} ({100 * self.relative:.2g} %)"
-        )
+def _excess_remark(
+    quantity: str, label: str, unit: str, limit: float, excess: float, relative: float
+) -> tuple[str, bool]:
+    """A limit that is passed, and whether by too much; torques count where they are limited."""
+    text = (
+        f"the {quantity} of {label} passes its limit of {limit:.4g} {unit} by {excess:.3g} {unit} "
+        f"({100 * relative:.2g} %)"
+    )
+    return text, bool(relative > {"position": BEYOND_POSITION, "velocity": BEYOND_VELOCITY}.get(quantity, np.inf))
 
 
-def exceeded_limits(robot: Robot, samples: Samples) -> tuple[LimitExcess, ...]:
+def _passed_limits(robot: Robot, samples: Samples) -> Iterator[tuple[str, bool]]:
     """Limits of positions and velocities, of joints and of drives, that a motion passes."""
-    units = [joint.unit for joint in robot.joints]
-    joints = [f"joint {name}" for name in robot.joint_names]
-    found = [*_passed(robot.limits, joints, units, samples.q, samples.dq)]
-    transmission = robot.transmission
-    if transmission is not None:
-        drives = [f"drive {drive.name}" for drive in transmission.drives]
-        of_drives = ["m" if prismatic else "rad" for prismatic in _moves_straight(robot)]
+    labels, units = [f"joint {name}" for name in robot.joint_names], [joint.unit for joint in robot.joints]
+    yield from _passed(robot.limits, labels, units, samples.q, samples.dq)
+    if (transmission := robot.transmission) is not None:
+        labels = [f"drive {drive.name}" for drive in transmission.drives]
+        units = ["m" if prismatic else "rad" for prismatic in _moves_straight(robot)]
         z, dz = samples.q @ transmission.coupling.T + transmission.offset, samples.dq @ transmission.coupling.T
-        found += _passed(transmission.limits, drives, of_drives, z, dz)
-    return tuple(found)
+        yield from _passed(transmission.limits, labels, units, z, dz)
 
 
 def _moves_straight(robot: Robot) -> list[bool]:
@@ -393,13 +364,14 @@ def cut_off_torques(robot: Robot, time: Array, command: Array) -> tuple[Saturati
     )
 
 
-def exceeded_torques(robot: Robot, command: Array) -> tuple[LimitExcess, ...]:
+def _passed_torques(robot: Robot, command: Array) -> list[tuple[str, bool]]:
     """Limits that torques pass, where nothing cuts them off."""  # command (N, n)
-    return tuple(
-        LimitExcess("torque", label, unit, bound, float(size.max()) - bound, float(size.max()) / bound - 1)
-        for label, unit, size, bound in _limited(robot, command)
-        if np.any(size > bound)
-    )
+    largest = ((label, unit, float(size.max()), bound) for label, unit, size, bound in _limited(robot, command))
+    return [
+        _excess_remark("torque", label, unit, bound, most - bound, most / bound - 1)
+        for label, unit, most, bound in largest
+        if most > bound
+    ]
 
 
 def torque_uses(robot: Robot, command: Array) -> tuple[TorqueUse, ...]:
@@ -416,19 +388,19 @@ def _limited(robot: Robot, command: Array) -> Iterator[tuple[str, str, Array, fl
     if robot.transmission is not None:
         names = (f"drive {drive.name}" for drive in robot.transmission.drives)
         straight |= dict(zip(names, _moves_straight(robot), strict=True))
-    labels, torques, bounds = TorqueLimits(robot).of(command)
+    labels, torques, bounds = limited_torques(robot, command)
     units = ("N" if straight[label] else "Nm" for label in labels)
     yield from zip(labels, units, np.abs(torques).T, bounds.tolist(), strict=True)
 
 
-def _passed(limits: Limits, labels: list[str], units: list[str], q: Array, dq: Array) -> Iterator[LimitExcess]:
+def _passed(limits: Limits, labels: list[str], units: list[str], q: Array, dq: Array) -> Iterator[tuple[str, bool]]:
     """Limits of positions and velocities that columns of a motion pass."""
     for k, (label, unit) in enumerate(zip(labels, units, strict=True)):
         lower, upper = float(limits.lower[k]), float(limits.upper[k])
         span = upper - lower if np.isfinite(upper - lower) else float(np.ptp(q[:, k]))
         for limit, excess in ((upper, q[:, k].max() - upper), (lower, lower - q[:, k].min())):
             if excess > _ROUNDING * span:
-                yield LimitExcess("position", label, unit, limit, float(excess), float(excess / span))
+                yield _excess_remark("position", label, unit, limit, float(excess), float(excess / span))
         fastest, limit = float(np.abs(dq[:, k]).max()), float(limits.velocity[k])
         if fastest > (1 + _ROUNDING) * limit:
-            yield LimitExcess("velocity", label, f"{unit}/s", limit, fastest - limit, fastest / limit - 1)
+            yield _excess_remark("velocity", label, f"{unit}/s", limit, fastest - limit, fastest / limit - 1)

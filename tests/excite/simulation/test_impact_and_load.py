@@ -15,7 +15,7 @@ from excite.identification.procedure import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.simulation.plant import plant_of
 from excite.simulation.replay import windowed_motion
-from excite.simulation.settings import ImpactPulse, Impacts, SimulationSettings
+from excite.simulation.settings import ImpactPulse, SimulationSettings, impacts_on
 from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
 from excite.tasks.task import Task
@@ -86,8 +86,8 @@ def test_friction_is_what_the_torques_do_beyond_the_motion() -> None:
 def test_impacts_add_up_and_wait_for_the_motion() -> None:
     robot = built_in("panda")
     name = robot.joint_names[0]
-    impacts = Impacts(robot, (ImpactPulse(name, 1.0, 5.0, 0.2), ImpactPulse(name, 1.1, 5.0, 0.2)), wait=0.5)
-    torques = impacts.at(np.array([1.0, 1.5, 1.6, 1.65, 2.0]))
+    impacts = impacts_on(robot, (ImpactPulse(name, 1.0, 5.0, 0.2), ImpactPulse(name, 1.1, 5.0, 0.2)), wait=0.5)
+    torques = impacts(np.array([1.0, 1.5, 1.6, 1.65, 2.0]))
     s = np.sin(np.pi * np.array([0.5, 0.75, 0.25]))
     np.testing.assert_allclose(torques[:, 0], [0, 0, 5 * s[0], 5 * (s[1] + s[2]), 0], atol=1e-12)
     assert not np.any(torques[:, 1:])

@@ -192,7 +192,7 @@ def test_ctrl_c_inside_compiled_steps_ends_the_run(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(integration, "_wanted", lambda *given: wanted(*given).view(Ringing))
     with pytest.raises(KeyboardInterrupt), answered_signals():
         simulated_run(
-            ControlledRobot(plant, push(0.0), None), still, 1000.0, Steps(1, 1e-3), lambda some, _: done.append(some)
+            ControlledRobot(plant, push(0.0)), still, 1000.0, Steps(1, 1e-3), lambda some, _: done.append(some)
         )
     assert done == [1000]
 
@@ -207,7 +207,7 @@ def test_below_break_away_a_joint_only_creeps(most: float) -> None:
     still = SampledMotion(Samples(np.array([0.0, 1.0]), *(np.zeros((2, 1)) for _ in range(4))))
 
     def speed(torque: float) -> float:
-        pushed = ControlledRobot(plant, push(torque), None)
+        pushed = ControlledRobot(plant, push(torque))
         return float(simulated_run(pushed, still, 500.0, Steps(8, width)).samples.dq[-1, 0])
 
     assert 0 < speed(most) * np.sign(most) < 3 * width

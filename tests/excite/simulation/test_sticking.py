@@ -43,7 +43,7 @@ MIDDLE, HALF = (16.8 - 10.6) / 2, (16.8 + 10.6) / 2
 def pulling(plant: Plant) -> ControlledRobot:
     """Joint torques that the reference states in the place of accelerations, beside gravity's."""
     still = ca.SX.zeros(plant.robot.n, 1)
-    return ControlledRobot(plant, lambda q, _, wanted, __: plant.torque(q, still, still) + wanted.ddq, None)
+    return ControlledRobot(plant, lambda q, _, wanted, __: plant.torque(q, still, still) + wanted.ddq)
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def test_a_slow_motion_under_soft_control_sticks_and_slips() -> None:
     path, rates = np.array([[0.0], [speed * end]]), (np.full((2, 1), x) for x in (speed, 0.0, 0.0))
     reference = SampledMotion(Samples(np.array([0.0, end]), path, *rates))
     sticking = Sticking(1e-5, tuple(leads(plant, np.zeros(1)) * np.sqrt(1e-5)))
-    run = simulated_run(ControlledRobot(plant, controller, None), reference, 1000.0, Steps(2, 1e-3, sticking=sticking))
+    run = simulated_run(ControlledRobot(plant, controller), reference, 1000.0, Steps(2, 1e-3, sticking=sticking))
     dq, later = run.samples.dq[:, 0], run.samples.time > 1.0
     slips = int(np.count_nonzero((dq[:-1] < 3 * speed) & (dq[1:] >= 3 * speed)))
     assert slips >= 3
