@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.design.friction_runs.pose import Gravity
+from excite.design.friction_runs.pose import gravity_of
 from excite.friction.constant_speed_windows import ConstantWindow, Found, WindowSearch, constant_windows
 from excite.identification.identification import Identification
 from excite.information.target import target_of
@@ -307,7 +307,7 @@ def never_loaded(measured: DriveLog, drive: str) -> bool:
     line = np.linalg.pinv(measured.rows.T)[measured.names.index(drive)]
     rows = np.unique(np.linspace(0, measured.log.count - 1, _LOOKED_AT).astype(int))
     columns = [measured.log.joints.index(name) for name in measured.robot.joint_names]
-    torque = Gravity(measured.robot).along(line, measured.log.q[rows][:, columns])
+    torque = gravity_of(measured.robot)(line, measured.log.q[rows][:, columns])
     return bool(np.all(np.abs(torque) <= _NOTHING))  # False where it is unknown (NaN)
 
 
