@@ -36,7 +36,7 @@ from excite.tasks.friction_file import write_friction
 from regressors.errors import InputError, UnknownName
 from regressors.robot.friction.curve import FrictionCurve
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.robot import Robot
+from regressors.robot.robot import Robot, transmission_of
 
 KIND, FIT, FRICTION, FIGURE = "friction-fit", "fit.json", "friction.yaml", "friction"
 
@@ -293,9 +293,8 @@ def _speed_unit(unit: str) -> str:
 
 
 def _unit(robot: Robot, drive: str) -> str:
-    if robot.transmission is None:
-        return "Nm" if robot.joints[robot.joint_names.index(drive)].kind == "revolute" else "N"
-    row = robot.transmission.coupling[[d.name for d in robot.transmission.drives].index(drive)]
+    transmission = transmission_of(robot)
+    row = transmission.coupling[[d.name for d in transmission.drives].index(drive)]
     return "Nm" if robot.joints[int(np.flatnonzero(row)[-1])].kind == "revolute" else "N"
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.design.friction_runs.pose import gravity_of
-from excite.friction.constant_speed_windows import ConstantWindow, Found, WindowSearch, constant_windows
+from excite.friction.constant_speed_windows import ConstantWindow
 from excite.identification.identification import Identification
 from excite.information.target import target_of
 from excite.logs.log import Log
@@ -85,13 +85,6 @@ def drive_log(log: Log, robot: Robot) -> DriveLog:
     return DriveLog(part, log.of(joints), tuple(names), rows)
 
 
-def windows_of(measured: DriveLog, drive: str, search: WindowSearch, *, alone: bool = True) -> Found:
-    """Windows of constant speed of one drive."""
-    k = measured.names.index(drive)
-    others = np.delete(measured.z, k, axis=1) if alone else np.zeros((measured.log.count, 0))
-    return constant_windows(measured.log.time, measured.z[:, k], others, search)
-
-
 def points_of(
     measured: DriveLog,
     drive: str,
@@ -110,14 +103,11 @@ def points_of(
     """
     points = []
     for w in windows:
-        if rigid is None:
-            points.append(_point(measured, drive, w, _torque(measured, drive, w), number, folded=folded))
-            continue
-        carried = _carried(measured, drive, w, rigid)
+        carried = np.zeros(1) if rigid is None else _carried(measured, drive, w, rigid)
         point = _point(measured, drive, w, _torque(measured, drive, w) - carried, number, folded=folded)
-        if settling:
+        if rigid is not None and settling:
             point = _settled(point, measured, drive, w, rigid, carried)
-        points.append(replace(point, load=float(np.mean(np.abs(carried)))))
+        points.append(point if rigid is None else replace(point, load=float(np.mean(np.abs(carried)))))
     return tuple(points)
 
 

@@ -239,17 +239,11 @@ def _check_progress(part: Array, start: float, rate: float) -> None:
 def _course(robot: ControlledRobot, table: Array, rate: float, impacts: Impacts | None) -> SimulatedRun:
     n, count = robot.plant.robot.n, table.shape[0]
     q, dq, energies, effort, command, ddq, _ = np.split(table, np.cumsum([n, n, 2, n, n, n]), axis=1)
-    symbols = ca.SX.sym("q", n), ca.SX.sym("dq", n)
-    energy = ca.Function("energy", list(symbols), [robot.plant.energy(*symbols)])
+    symbols = [ca.SX.sym(name, n) for name in ("q", "dq", "ddq")]
+    energy = ca.Function("energy", symbols[:2], [robot.plant.energy(*symbols[:2])])
+    rigid = ca.Function("torque", symbols, [robot.plant.torque(*symbols)])
     stored = np.array(energy.map(count)(q.T, dq.T)).reshape(-1)
     samples = Samples(np.arange(count) / rate, q, dq, ddq, np.full_like(q, np.nan))
     acting = effort if impacts is None else effort + impacts(samples.time)
-    friction = acting - _rigid(robot, samples)
+    friction = acting - np.array(rigid.map(count)(q.T, dq.T, ddq.T)).T
     return SimulatedRun(samples, effort, command, friction, energies[:, 0], energies[:, 1], stored)
-
-
-def _rigid(robot: ControlledRobot, samples: Samples) -> Array:
-    """Joint torques of the motion without friction, shape (N, n)."""
-    symbols = [ca.SX.sym(name, robot.plant.robot.n) for name in ("q", "dq", "ddq")]
-    torque = ca.Function("torque", symbols, [robot.plant.torque(*symbols)])
-    return np.array(torque.map(samples.time.size)(samples.q.T, samples.dq.T, samples.ddq.T)).T

@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 
 from excite.logs.log import Log
+from excite.simulation.control import own_drives
 from excite.simulation.integration import SimulatedRun
 from excite.simulation.settings import SimulationSettings, one_each
 from excite.tasks.payload import Payload
@@ -50,9 +51,9 @@ def quantised(robot: Robot, q: Array, counts: tuple[float, ...]) -> Array:
     if transmission is None:
         sizes = 2 * np.pi / np.array(per_drive)
         return np.asarray(np.round(q / sizes) * sizes)
-    own = [k - 1 for k in robot.link_numbers if k <= len(transmission.drives)]
+    own = own_drives(robot)
     C, z0 = transmission.coupling[own], transmission.offset[own]
-    if C.shape[0] != robot.n or np.linalg.matrix_rank(C) < robot.n:
+    if not own:
         raise InputError(
             f"robot {robot.name!r}: its drives do not determine its joints, so encoders do not measure positions"
         )

@@ -23,7 +23,7 @@ from excite.tasks.option import essential, option
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.quantities import check_options
-from regressors.robot.robot import Robot
+from regressors.robot.robot import Robot, transmission_of
 from regressors.samples import Array, Samples
 
 PERCENT = (5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0)
@@ -317,16 +317,14 @@ def file_name(label: str, ending: str = "") -> str:
 
 def turning_drives(robot: Robot, line: Array) -> list[tuple[int, str, float]]:
     """Number, name and speed of the drives that turn where the joints move on a line."""
-    if robot.transmission is None:
-        named = zip(robot.joint_names, line, strict=True)
-    else:
-        named = zip((d.name for d in robot.transmission.drives), robot.transmission.coupling @ line, strict=True)
-    return [(k, name, float(v)) for k, (name, v) in enumerate(named) if abs(v) > 1e-12]
+    transmission = transmission_of(robot)
+    speeds = enumerate(zip(transmission.drives, transmission.coupling @ line, strict=True))
+    return [(k, drive.name, float(v)) for k, (drive, v) in speeds if abs(v) > 1e-12]
 
 
 def _largest(robot: Robot, number: int, limit: float, weight: float, unit: str) -> tuple[float | None, str]:
     """Largest torque and its source; None and the reason where there is none."""
-    stated = None if robot.transmission is None else robot.transmission.drives[number].coulomb
+    stated = transmission_of(robot).drives[number].coulomb
     if stated is None or not stated > 0.0:
         return None, "the robot's description states no friction; give `torque_ramp`, the largest torque"
     wanted, most = STATED * stated, min(CAP * limit, limit - weight)
