@@ -23,10 +23,7 @@ _CAUGHT = 5e-4  # [rad or m], less than a drive moves before the controller stop
 def broken_loose(
     drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None
 ) -> tuple[BreakAway, ...]:
-    """Find break-aways in all logs; with a plan, in its creeping runs and in the logs of its torque ramps.
-
-    Without a plan, and for ramps that are not those of the plan, all other drives must be at rest.
-    """
+    """Find break-aways in all logs; with a plan, in its creeping runs and torque ramps, else where others rest."""
     breaks: list[BreakAway] = []
     balance = gravity_about(drive, sources) if settings.gravity == "none" and runs is not None else None
     for source in sources:

@@ -189,10 +189,7 @@ def chosen_fit(
 
 
 def table_of(points: Sequence[Point]) -> TableFriction:
-    """Mean torque per speed; points within 5 % of each other are merged, weighted by their inverse variances.
-
-    Where their temperatures differ by 2 K or more, the weights are equal: their scatter is not noise.
-    """
+    """Mean torque per speed within 5 %, by inverse variances, or by equal weights where temperatures differ by 2 K."""
     rows: list[list[Point]] = []
     for point in sorted(points, key=lambda p: p.speed):
         near = rows and abs(point.speed - rows[-1][0].speed) <= (LEAST_SPAN - 1.0) * abs(point.speed)

@@ -34,10 +34,7 @@ _FEWEST = 3
 def data_set_of(
     drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None, unit: str = ""
 ) -> tuple[tuple[Point, ...], str, tuple[BreakAway, ...], list[str]]:
-    """Points of a drive's curve from all logs, how gravity was accounted for, break-aways, and notes.
-
-    Windows of changing speed count where these are asked for or needed.
-    """
+    """Points of a drive's curve from all logs, how gravity was accounted for, break-aways, and notes."""
     whole = runs is not None and settings.window is None and settings.speed != "averaged"
     gravity, of_gravity = _gravity(drive, sources, settings, runs, whole=whole)
     settings = replace(settings, gravity=gravity)

@@ -64,10 +64,7 @@ class DriveLog:
 
 
 def drive_log(log: Log, robot: Robot) -> DriveLog:
-    """A log in coordinates of the robot's drives.
-
-    Of drives that depend linearly on each other, for example where a joint is not in the log, the first is kept.
-    """
+    """A log in coordinates of the robot's drives; of drives that depend linearly on each other the first is kept."""
     joints = [name for name in robot.joint_names if name in log.joints]
     if not joints:
         raise InputError(
@@ -114,10 +111,7 @@ def points_of(
 def paired_points(
     measured: DriveLog, drive: str, windows: Sequence[ConstantWindow], number: int = 0
 ) -> tuple[Point, ...]:
-    """Half the difference of the torques in both directions over the same path, so that gravity cancels.
-
-    Only the part of friction that is the same in both directions is left, at positive speeds.
-    """
+    """Half the difference of torques there and back over the same path, without gravity, at positive speeds."""
     k = measured.names.index(drive)
     z, time = measured.z[:, k], measured.log.time
     points, left = [], [w for w in windows if w.speed < 0]
@@ -239,10 +233,8 @@ def _folded(x: Array) -> Array:
 
 
 def mean_deviation(x: Array) -> float:
-    """Standard deviation of the mean of a window, ``s^2 (1 + 2 sum rho_k) / n``, with a trend removed.
-
-    The sum ends before the first autocorrelation that white noise would explain.
-    """  # x (n,)
+    """Standard deviation of a window's mean, ``s^2 (1 + 2 sum rho_k) / n``, with a trend removed; rho as far as it shows."""
+    # x (n,)
     n = x.size
     s = np.linspace(-1.0, 1.0, n)
     r = x - np.mean(x) - s * (s @ x) / (s @ s)

@@ -203,11 +203,7 @@ class RampedDrive:
         return command + sparse(C[:1].T) * (is_open * (wanted - ca.mtimes(to_drive, command)))
 
     def latch(self) -> ca.Function:
-        """Update of the ramp's memory, from (q, previous memory, number of the ramp).
-
-        Three numbers: number of the ramp, the drive's coordinate at its start, and 1 once the controller has taken
-        over.
-        """
+        """Map (q, memory, number of the ramp) to memory: that number, the drive's z at its start, 1 once caught."""
         q, memory, number = ca.SX.sym("q", self.model.robot.n), ca.SX.sym("memory", 3), ca.SX.sym("number")
         z = ca.mtimes(sparse(self._coupling[:1]), q)
         begins = ca.ne(number, memory[0])

@@ -148,10 +148,7 @@ def simulated_run(
     ramps: GivenTorque | None = None,
     impacts: Impacts | None = None,
 ) -> SimulatedRun:
-    """Motion of a controlled robot that starts as the reference does.
-
-    In presliding, the direction of friction within a substep assumes no reversal since the substep's start.
-    """
+    """Motion of a controlled robot that starts as the reference does."""
     n, h = robot.plant.robot.n, 1.0 / (rate * steps.substeps)
     step = _step(robot, steps, h)
     count = round(reference.duration * rate)

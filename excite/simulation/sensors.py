@@ -118,10 +118,7 @@ SOURCE = "simulated"
 
 
 def joint_log(robot: Robot, run: SimulatedRun, settings: SimulationSettings, rng: np.random.Generator) -> Log:
-    """Positions by encoders, velocities by tachometers, and torques of the moving joints with noise; temperatures.
-
-    Drift, gain and slow noise of the torques come before their white noise, steps of positions after theirs.
-    """
+    """Positions by encoders, velocities by tachometers, torques with noise, and temperatures of the moving joints."""
     q = run.samples.q if settings.encoder is None else quantised(robot, run.samples.q, settings.encoder)
     temperature = joint_temperatures(settings, robot)
     effort = sensed_torques(run.samples.time, run.effort, run.friction, settings)
