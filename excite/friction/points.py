@@ -233,7 +233,7 @@ def _folded(x: Array) -> Array:
 
 
 def mean_deviation(x: Array) -> float:
-    """Standard deviation of a window's mean, ``s^2 (1 + 2 sum rho_k) / n``, with a trend removed; rho where it shows."""
+    """Deviation of a window's mean, ``s^2 (1 + 2 sum rho_k) / n``, with a trend removed; rho where it shows."""
     # x (n,)
     n = x.size
     s = np.linspace(-1.0, 1.0, n)
