@@ -116,13 +116,11 @@ def breakaway_notes(
     """How many of the plan's break-away tests end in a break-away, and why the others do not."""
     if runs is None:
         return []
-    starts: list[tuple[Source, tuple[float, float], float]] = []
-    ramps: list[tuple[Source, tuple[float, float], float]] = []
-    for source in sources:
-        if source.plan_match is not None:
-            starts += [(source, span, runs.creep * (span[1] - span[0]) * _PART) for span in _creeps(source, runs)]
-        elif source.ramped is not None:
-            ramps += [(source, span, _CAUGHT) for span in source.ramped]
+    followed = [source for source in sources if source.plan_match is not None]
+    others = [source for source in sources if source.plan_match is None]
+    creeps = [(source, span) for source in followed for span in _creeps(source, runs)]
+    starts = [(source, span, runs.creep * (span[1] - span[0]) * _PART) for source, span in creeps]
+    ramps = [(source, span, _CAUGHT) for source in others for span in source.ramped or ()]
     largest = max((ramp.torque for ramp in runs.ramps), default=0.0)
     cures = (
         "hardly moved the drive (give `plan_friction` a longer `creeping`, or take a stiffer controller)",

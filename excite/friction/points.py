@@ -129,13 +129,12 @@ def paired_points(
         parts = [_within(z, time, w, low, high) for w in (ahead, back)]
         pair = [_point(measured, drive, w, _torque(measured, drive, w), number) for w in parts]
         points.append(
-            Point(
+            replace(
+                pair[0],
                 speed=0.5 * (pair[0].speed - pair[1].speed),
                 torque=0.5 * (pair[0].torque - pair[1].torque),
                 deviation=0.5 * float(np.hypot(pair[0].deviation, pair[1].deviation)),
-                time=pair[0].time,
                 duration=pair[0].duration + pair[1].duration,
-                log=number,
                 temperature=_mean([p.temperature for p in pair]),
             )
         )

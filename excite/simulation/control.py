@@ -113,8 +113,7 @@ class ControlledRobot:
         """Symbols (state, reference, memory) and expressions (rate of the state, effort, command, ddq, least pivot).
 
         The state is (q, dq, work, loss), the reference (q, dq, ddq), torques from outside where there are any, and the
-        torque of a ramp. The memory is a position
-        of the joints, the directions of friction at that position, and 1 if the loop of the ramped drive is open.
+        torque of a ramp. The memory is a position, friction's directions there, and 1 where the ramped loop is open.
         """
         robot = self.plant.robot
         n = robot.n
