@@ -23,10 +23,7 @@ _CAUGHT = 5e-4  # [rad or m], less than a drive moves before the controller stop
 def broken_loose(
     drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None
 ) -> tuple[BreakAway, ...]:
-    """Find break-aways in all logs; with a plan, in its creeping runs and in the logs of its torque ramps.
-
-    Without a plan, and for ramps that are not those of the plan, all other drives must be at rest.
-    """
+    """Find break-aways in all logs; with a plan, in its creeping runs and torque ramps, else where others rest."""
     breaks: list[BreakAway] = []
     balance = gravity_about(drive, sources) if settings.gravity == "none" and runs is not None else None
     for source in sources:
@@ -119,13 +116,11 @@ def breakaway_notes(
     """How many of the plan's break-away tests end in a break-away, and why the others do not."""
     if runs is None:
         return []
-    starts: list[tuple[Source, tuple[float, float], float]] = []
-    ramps: list[tuple[Source, tuple[float, float], float]] = []
-    for source in sources:
-        if source.plan_match is not None:
-            starts += [(source, span, runs.creep * (span[1] - span[0]) * _PART) for span in _creeps(source, runs)]
-        elif source.ramped is not None:
-            ramps += [(source, span, _CAUGHT) for span in source.ramped]
+    followed = [source for source in sources if source.plan_match is not None]
+    others = [source for source in sources if source.plan_match is None]
+    creeps = [(source, span) for source in followed for span in _creeps(source, runs)]
+    starts = [(source, span, runs.creep * (span[1] - span[0]) * _PART) for source, span in creeps]
+    ramps = [(source, span, _CAUGHT) for source in others for span in source.ramped or ()]
     largest = max((ramp.torque for ramp in runs.ramps), default=0.0)
     cures = (
         "hardly moved the drive (give `plan_friction` a longer `creeping`, or take a stiffer controller)",

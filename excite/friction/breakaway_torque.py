@@ -60,10 +60,7 @@ def break_aways(
     balance: Callable[[Array], Array] | None = None,
     alone: bool = False,
 ) -> tuple[BreakAway, ...]:
-    """Find every slow ramp of torque at rest that ends in motion in its direction.
-
-    A ramp lasts 0.3 s or more at rest and is straight; where a controller just starts a motion, the torque jumps.
-    """
+    """Find every slow, straight ramp of torque, 0.3 s or more at rest, that ends in motion in its direction."""
     log, k = measured.log, measured.names.index(drive)
     assert log.effort is not None
     if log.count < 3 or log.duration < 2 * _SHORTEST:
@@ -105,10 +102,7 @@ def break_aways(
 
 
 def _onsets(time: Array, z: Array, spans: Sequence[tuple[float, float]] | None) -> list[int]:
-    """Rows at which a drive that hardly moved for a while begins to move: corners of its path.
-
-    A corner that is small compared with one soon after it is creep.
-    """
+    """Rows at which a drive that hardly moved begins to move: corners of its path, without those that are creep."""
     step = float(np.median(np.diff(time)))
     count = max(2, round(_SHORTEST / step))
     extremes = scipy.ndimage.maximum_filter1d, scipy.ndimage.minimum_filter1d
@@ -232,10 +226,7 @@ def _read(
 
 
 def _line(time: Array, tau: Array, rested: float, end: float) -> tuple[float, float, float] | None:
-    """Value at the end of a ramp, its deviation, and the slope, of the longest part of its end that is straight.
-
-    Only samples after the beginning of the rest are used.
-    """
+    """Value at the end of a ramp, its deviation, and the slope, of the longest straight part of its end."""
     last = int(np.searchsorted(time, end, side="right"))
     for length in _LENGTHS:
         first = int(np.searchsorted(time, end - length))

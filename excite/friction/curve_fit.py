@@ -82,14 +82,6 @@ class CurveFit:
         return f, np.asarray(self.quantile * np.sqrt(np.einsum("ij,jk,ik->i", J, self.covariance, J)))
 
 
-class NoCurve(InputError):
-    """No form can be fitted."""
-
-    def __init__(self, failed: Mapping[str, str]) -> None:
-        super().__init__("no curve can be fitted: " + "; ".join(f"{name}: {why}" for name, why in failed.items()))
-        self.failed = failed
-
-
 def fit(points: Sequence[Point], form: Form) -> CurveFit:
     """Parameters of a form by weighted least squares, with intervals from the Jacobian."""
     at, tau, sigma = _arrays(points, form.temperature)
@@ -182,8 +174,8 @@ def _with_covariance(
 
 def chosen_fit(
     points: Sequence[Point], candidates: Sequence[Form], criterion: str
-) -> tuple[CurveFit, tuple[CurveFit, ...], dict[str, str]]:
-    """The fit with the smallest criterion, all fits, and why other forms could not be fitted."""
+) -> tuple[CurveFit | None, tuple[CurveFit, ...], dict[str, str]]:
+    """The fit with the smallest criterion, all fits, best first, and why other forms could not be fitted."""
     fits, failed = [], {}
     for form in candidates:
         try:
@@ -192,17 +184,12 @@ def chosen_fit(
             fits.append(candidate)
         except InputError as error:
             failed[form.name] = str(error)
-    if not fits:
-        raise NoCurve(failed)
-    best_first = sorted(fits, key=attrgetter(criterion))
-    return best_first[0], tuple(best_first), failed
+    fits.sort(key=attrgetter(criterion))
+    return next(iter(fits), None), tuple(fits), failed
 
 
 def table_of(points: Sequence[Point]) -> TableFriction:
-    """Mean torque per speed; points within 5 % of each other are merged, weighted by their inverse variances.
-
-    Where their temperatures differ by 2 K or more, the weights are equal: their scatter is not noise.
-    """
+    """Mean torque per speed within 5 %, by inverse variances, or by equal weights where temperatures differ by 2 K."""
     rows: list[list[Point]] = []
     for point in sorted(points, key=lambda p: p.speed):
         near = rows and abs(point.speed - rows[-1][0].speed) <= (LEAST_SPAN - 1.0) * abs(point.speed)

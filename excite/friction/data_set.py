@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.friction.breakaway_tests import breakaway_notes, broken_loose, plausible_break_aways
 from excite.friction.breakaway_torque import BreakAway, break_aways
-from excite.friction.constant_speed_windows import FitSettings, Found, WindowSearch
+from excite.friction.constant_speed_windows import FitSettings, Found, WindowSearch, constant_windows
 from excite.friction.plan_match import PlanMatch, PlannedRuns, Source, match_plan, match_ramps, windows_of_plan
 from excite.friction.points import (
     DriveLog,
@@ -19,7 +19,6 @@ from excite.friction.points import (
     never_loaded,
     paired_points,
     points_of,
-    windows_of,
 )
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
@@ -35,10 +34,7 @@ _FEWEST = 3
 def data_set_of(
     drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None, unit: str = ""
 ) -> tuple[tuple[Point, ...], str, tuple[BreakAway, ...], list[str]]:
-    """Points of a drive's curve from all logs, how gravity was accounted for, break-aways, and notes.
-
-    Windows of changing speed count where these are asked for or needed.
-    """
+    """Points of a drive's curve from all logs, how gravity was accounted for, break-aways, and notes."""
     whole = runs is not None and settings.window is None and settings.speed != "averaged"
     gravity, of_gravity = _gravity(drive, sources, settings, runs, whole=whole)
     settings = replace(settings, gravity=gravity)
@@ -186,23 +182,20 @@ def _planned_windows_note(points: Sequence[Point], changing: int, settings: FitS
 def _windows(
     drive: str, source: Source, settings: FitSettings, slowest: float, *, whole: bool, alone: bool
 ) -> tuple[Found, list[str]]:
-    measured, plan_match = source.measured, source.plan_match
-    k = measured.names.index(drive)
+    plan_match, log, k = source.plan_match, source.measured.log, source.measured.names.index(drive)
+    z, others = source.measured.z[:, k], np.delete(source.measured.z, k, axis=1)
     spans = None if plan_match is None else tuple((w.start, w.end) for w in plan_match.windows)
     search = WindowSearch(settings.length, settings.tolerance, slowest, spans)
-    if plan_match is None:
-        return windows_of(measured, drive, search, alone=alone), []
-    name = measured.log.source
-    remarks = [f"{name}: {_begun(plan_match.seconds)}"]
-    if whole:
-        others = np.delete(measured.z, k, axis=1)
-        z, time = measured.z[:, k], measured.log.time
-        windows = windows_of_plan(time, z, others, plan_match.windows, plan_match.middle, search)
+    if plan_match is not None and whole:
+        windows = windows_of_plan(log.time, z, others, plan_match.windows, plan_match.middle, search)
     else:
-        windows = windows_of(measured, drive, search, alone=alone)
+        windows = constant_windows(log.time, z, others if alone else others[:, :0], search)
+    if plan_match is None:
+        return windows, []
+    remarks = [f"{log.source}: {_begun(plan_match.seconds)}"]
     if missing := plan_match.missing + windows.missing:
         gaps = f" or interrupted by a gap ({windows.missing})" if windows.missing else ""
-        remarks.append(f"{name}: {missing} of the plan's windows are missing{gaps}")
+        remarks.append(f"{log.source}: {missing} of the plan's windows are missing{gaps}")
     return windows, remarks
 
 
@@ -266,27 +259,25 @@ def sources_of(
     """Logs in which each drive moves; with a plan, those that contain its runs, or ramps until it breaks away."""
     sources: dict[str, list[Source]] = {}
     for number, part in enumerate(measured):
-        model, unknown = _model(rigid, part.robot, settings)
-        if plan is None:
-            for name in part.names:
-                sources.setdefault(name, []).append(Source(number, part, model, unknown))
-            continue
-        where = {name: match_plan(part, runs) for name, runs in plan.items() if name in part.names}
-        logs_of_plan = {name: source for name, source in where.items() if source.holds}
-        for name, source in logs_of_plan.items():
-            sources.setdefault(name, []).append(Source(number, part, model, unknown, source))
-        if logs_of_plan:
-            continue
-        ramps = match_ramps(part, plan)
-        if ramps is not None:
-            sources.setdefault(ramps[0], []).append(Source(number, part, model, unknown, None, ramps[1]))
-            continue
-        moved = [name for name in where if break_aways(part, name, None, controlled=False, alone=True)]
-        if not moved:
-            raise _no_log_of_plan(part, where, plan)
-        for name in moved:
-            sources.setdefault(name, []).append(Source(number, part, model, unknown))
+        for name, source in _sources(Source(number, part, *_model(rigid, part.robot, settings)), plan).items():
+            sources.setdefault(name, []).append(source)
     return sources
+
+
+def _sources(source: Source, plan: Mapping[str, PlannedRuns] | None) -> dict[str, Source]:
+    """One log, for each drive that is to be evaluated in it."""
+    part = source.measured
+    if plan is None:
+        return dict.fromkeys(part.names, source)
+    where = {name: match_plan(part, runs) for name, runs in plan.items() if name in part.names}
+    if matches := {name: replace(source, plan_match=match) for name, match in where.items() if match.holds}:
+        return matches
+    if (ramps := match_ramps(part, plan)) is not None:
+        return {ramps[0]: replace(source, ramped=ramps[1])}
+    moved = [name for name in where if break_aways(part, name, None, controlled=False, alone=True)]
+    if not moved:
+        raise _no_log_of_plan(part, where, plan)
+    return dict.fromkeys(moved, source)
 
 
 def _model(rigid: Rigid, robot: Robot, settings: FitSettings) -> tuple[RigidModel | None, InputError | None]:

@@ -27,7 +27,7 @@ from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.numerical import numerical_work
 from regressors.readers.library import load_robot
-from regressors.robot.robot import Robot
+from regressors.robot.robot import Robot, transmission_of
 
 
 class Played(Protocol):
@@ -154,8 +154,7 @@ def _wanted(
     """Names of the drives that were asked for, by name or number."""
     if drives is None:
         return None
-    known = robot.joint_names if robot.transmission is None else tuple(d.name for d in robot.transmission.drives)
-    numbers = {str(number): name for number, name in enumerate(known, 1)}
+    numbers = {str(number): drive.name for number, drive in enumerate(transmission_of(robot).drives, 1)}
     names = tuple(numbers.get(name, name) for name in drives)
     for name in names:
         if plan is not None and runs is not None and name not in runs:

@@ -16,7 +16,6 @@ from excite.friction.constant_speed_windows import FitSettings
 from excite.friction.curve_fit import (
     WARMER,
     CurveFit,
-    NoCurve,
     alike_remarks,
     chosen_fit,
     curve_uncertainty,
@@ -37,7 +36,7 @@ from excite.tasks.friction_file import write_friction
 from regressors.errors import InputError, UnknownName
 from regressors.robot.friction.curve import FrictionCurve
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.robot import Robot
+from regressors.robot.robot import Robot, transmission_of
 
 KIND, FIT, FRICTION, FIGURE = "friction-fit", "fit.json", "friction.yaml", "friction"
 
@@ -202,17 +201,14 @@ def _characteristic(
         if settings.stiction == "fit" and any(form.stribeck for form in candidates):
             trusted = repeated_break_aways(breaks) if runs is None else breaks
             rests = rest_points(trusted, paired=not offset)
-        try:
-            best, others, failed = chosen_fit((*points, *rests), candidates, settings.criterion)
-            if rests and not any(candidate.form.stribeck for candidate in others):
-                without = "; ".join(dict.fromkeys(failed.values()))
-                notes.append(
-                    f"break-away torques are not in the curve: no curve with stiction can be fitted: {without}"
-                )
-                rests = ()
-                best, others, _ = chosen_fit(points, candidates, settings.criterion)
-        except NoCurve as error:
-            raise InputError(f"{drive}: {why_no_curve(points, error.failed, unit, _speed_unit(unit))}") from error
+        best, others, failed = chosen_fit((*points, *rests), candidates, settings.criterion)
+        if rests and others and not any(candidate.form.stribeck for candidate in others):
+            without = "; ".join(dict.fromkeys(failed.values()))
+            notes.append(f"break-away torques are not in the curve: no curve with stiction can be fitted: {without}")
+            rests = ()
+            best, others, _ = chosen_fit(points, candidates, settings.criterion)
+        if best is None:
+            raise InputError(f"{drive}: {why_no_curve(points, failed, unit, _speed_unit(unit))}")
     notes += temperature_remarks(of_temperature, reference, best, settings, breaks)
     notes += load_remarks(loads, best, settings, unit)
     alone = runs is None and len(repeated_break_aways(breaks)) < len(breaks)
@@ -297,9 +293,8 @@ def _speed_unit(unit: str) -> str:
 
 
 def _unit(robot: Robot, drive: str) -> str:
-    if robot.transmission is None:
-        return "Nm" if robot.joints[robot.joint_names.index(drive)].kind == "revolute" else "N"
-    row = robot.transmission.coupling[[d.name for d in robot.transmission.drives].index(drive)]
+    transmission = transmission_of(robot)
+    row = transmission.coupling[[d.name for d in transmission.drives].index(drive)]
     return "Nm" if robot.joints[int(np.flatnonzero(row)[-1])].kind == "revolute" else "N"
 
 

@@ -178,10 +178,8 @@ _OTHER_SPEED = 0.1  # of the planned speed: the largest deviation from it
 def windows_of_plan(
     time: Array, z: Array, others: Array, planned: Sequence[PlannedWindow], middle: float, search: WindowSearch
 ) -> Found:
-    """Windows of a plan, each from end to end, or trimmed at both ends so that its speed changes least.
-
-    The trimmed path is the same on both sides of the middle, up to two fifths of the whole.
-    """  # time (N,); z (N,); others (N, k)
+    """Windows of a plan, whole or trimmed alike at both ends, by up to two fifths, so that the speed changes least."""
+    # time (N,); z (N,); others (N, k)
     columns = np.column_stack([z, others])
     noise = position_noise(time, columns)
     longest = longest_step(time)

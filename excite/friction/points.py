@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.design.friction_runs.pose import Gravity
-from excite.friction.constant_speed_windows import ConstantWindow, Found, WindowSearch, constant_windows
+from excite.design.friction_runs.pose import gravity_of
+from excite.friction.constant_speed_windows import ConstantWindow
 from excite.identification.identification import Identification
 from excite.information.target import target_of
 from excite.logs.log import Log
@@ -64,10 +64,7 @@ class DriveLog:
 
 
 def drive_log(log: Log, robot: Robot) -> DriveLog:
-    """A log in coordinates of the robot's drives.
-
-    Of drives that depend linearly on each other, for example where a joint is not in the log, the first is kept.
-    """
+    """A log in coordinates of the robot's drives; of drives that depend linearly on each other the first is kept."""
     joints = [name for name in robot.joint_names if name in log.joints]
     if not joints:
         raise InputError(
@@ -83,13 +80,6 @@ def drive_log(log: Log, robot: Robot) -> DriveLog:
             names.append(name)
             rows = np.vstack([rows, row])
     return DriveLog(part, log.of(joints), tuple(names), rows)
-
-
-def windows_of(measured: DriveLog, drive: str, search: WindowSearch, *, alone: bool = True) -> Found:
-    """Windows of constant speed of one drive."""
-    k = measured.names.index(drive)
-    others = np.delete(measured.z, k, axis=1) if alone else np.zeros((measured.log.count, 0))
-    return constant_windows(measured.log.time, measured.z[:, k], others, search)
 
 
 def points_of(
@@ -110,24 +100,18 @@ def points_of(
     """
     points = []
     for w in windows:
-        if rigid is None:
-            points.append(_point(measured, drive, w, _torque(measured, drive, w), number, folded=folded))
-            continue
-        carried = _carried(measured, drive, w, rigid)
+        carried = np.zeros(1) if rigid is None else _carried(measured, drive, w, rigid)
         point = _point(measured, drive, w, _torque(measured, drive, w) - carried, number, folded=folded)
-        if settling:
+        if rigid is not None and settling:
             point = _settled(point, measured, drive, w, rigid, carried)
-        points.append(replace(point, load=float(np.mean(np.abs(carried)))))
+        points.append(point if rigid is None else replace(point, load=float(np.mean(np.abs(carried)))))
     return tuple(points)
 
 
 def paired_points(
     measured: DriveLog, drive: str, windows: Sequence[ConstantWindow], number: int = 0
 ) -> tuple[Point, ...]:
-    """Half the difference of the torques in both directions over the same path, so that gravity cancels.
-
-    Only the part of friction that is the same in both directions is left, at positive speeds.
-    """
+    """Half the difference of torques there and back over the same path, without gravity, at positive speeds."""
     k = measured.names.index(drive)
     z, time = measured.z[:, k], measured.log.time
     points, left = [], [w for w in windows if w.speed < 0]
@@ -145,13 +129,12 @@ def paired_points(
         parts = [_within(z, time, w, low, high) for w in (ahead, back)]
         pair = [_point(measured, drive, w, _torque(measured, drive, w), number) for w in parts]
         points.append(
-            Point(
+            replace(
+                pair[0],
                 speed=0.5 * (pair[0].speed - pair[1].speed),
                 torque=0.5 * (pair[0].torque - pair[1].torque),
                 deviation=0.5 * float(np.hypot(pair[0].deviation, pair[1].deviation)),
-                time=pair[0].time,
                 duration=pair[0].duration + pair[1].duration,
-                log=number,
                 temperature=_mean([p.temperature for p in pair]),
             )
         )
@@ -249,10 +232,8 @@ def _folded(x: Array) -> Array:
 
 
 def mean_deviation(x: Array) -> float:
-    """Standard deviation of the mean of a window, ``s^2 (1 + 2 sum rho_k) / n``, with a trend removed.
-
-    The sum ends before the first autocorrelation that white noise would explain.
-    """  # x (n,)
+    """Deviation of a window's mean, ``s^2 (1 + 2 sum rho_k) / n``, with a trend removed; rho where it shows."""
+    # x (n,)
     n = x.size
     s = np.linspace(-1.0, 1.0, n)
     r = x - np.mean(x) - s * (s @ x) / (s @ s)
@@ -307,7 +288,7 @@ def never_loaded(measured: DriveLog, drive: str) -> bool:
     line = np.linalg.pinv(measured.rows.T)[measured.names.index(drive)]
     rows = np.unique(np.linspace(0, measured.log.count - 1, _LOOKED_AT).astype(int))
     columns = [measured.log.joints.index(name) for name in measured.robot.joint_names]
-    torque = Gravity(measured.robot).along(line, measured.log.q[rows][:, columns])
+    torque = gravity_of(measured.robot)(line, measured.log.q[rows][:, columns])
     return bool(np.all(np.abs(torque) <= _NOTHING))  # False where it is unknown (NaN)
 
 

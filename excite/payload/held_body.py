@@ -92,10 +92,7 @@ class HeldBody:
 
     @property
     def principal(self) -> tuple[Array, Array]:
-        """Moments about the principal axes [kg m^2], and these axes as columns of a rotation.
-
-        Of the axes and their opposites the ones nearest to those of the frame are taken.
-        """
+        """Principal moments [kg m^2], and the axes as columns of a rotation, those nearest to the axes of the frame."""
         moments, axes = np.linalg.eigh(self.inertia)
         orders = [list(order) for order in permutations(range(3))]
         order = max(orders, key=lambda order: np.prod(np.abs(np.diag(axes[:, order]))))

@@ -156,10 +156,7 @@ def described(
     snap_angles: bool,
     xacro: bool,
 ) -> tuple[Robot, Task]:
-    """The robot, and the task of its model: bodies, rotors of the joints, friction and its offsets.
-
-    Friction also grows with the carried torque, where the bodies' parameters are described.
-    """
+    """The robot, and the task of its model, with friction that grows with the load where bodies are described."""
     robot, task = robot_and_task(robot, base_link, tip, installation, snap_angles, xacro)
     known = all(link.theta is not None for link in robot.bodies)
     return robot, task.changed(joint_rotors=True, offset=True, load_share=known)

@@ -19,6 +19,7 @@ from excite.storage.atomic import replacing
 from excite.storage.records import NUMBERS, every, read_record, write_record
 from excite.storage.result_folder import check_not_taken, result_folder
 from regressors.errors import UnknownName
+from regressors.models.load import LOAD_PARAMETERS
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -31,30 +32,9 @@ EXPECTED = {
 }
 """In which frame a controller expects centre and inertia, in words."""
 CONTROLLERS = tuple(EXPECTED)
-FILES = {
-    "ur": "payload.script",
-    "franka": "payload.franka.cpp",
-    "kuka": "payload.dat",
-    "abb": "payload.mod",
-    "urdf": "payload.urdf",
-}
 _DIGITS = 9
 _MM = 1e3
 _LEAST_MASS, _LEAST_PLACE = 0.001, 0.001  # of a loaddata [kg, mm]
-
-
-def controller_text(name: str, body: HeldBody, frame: str) -> str:
-    """The payload in a controller's own words."""
-    texts: dict[str, Callable[[HeldBody, str], str]] = {
-        "ur": target_payload_text,
-        "franka": set_load_text,
-        "kuka": load_data_text,
-        "abb": loaddata_text,
-        "urdf": urdf_link_text,
-    }
-    if name not in texts:
-        raise UnknownName("controller", name, CONTROLLERS)
-    return texts[name](body, frame)
 
 
 def number_text(value: float, digits: int = _DIGITS) -> str:
@@ -184,8 +164,15 @@ def urdf_link_text(body: HeldBody, frame: str) -> str:
     )
 
 
+# name of the file, and its text from the body and the name of the frame
+_FILES: dict[str, tuple[str, Callable[[HeldBody, str], str]]] = {
+    "ur": ("payload.script", target_payload_text),
+    "franka": ("payload.franka.cpp", set_load_text),
+    "kuka": ("payload.dat", load_data_text),
+    "abb": ("payload.mod", loaddata_text),
+    "urdf": ("payload.urdf", urdf_link_text),
+}
 KIND, PAYLOAD = "payload", "payload.json"
-NAMES = ("mass", "x", "y", "z", "xx", "xy", "xz", "yy", "yz", "zz")
 _NOT_NEGATIVE = (0, 4, 7, 9)
 _FAR = 2.0  # half intervals
 
@@ -292,7 +279,7 @@ class PayloadResult:
                 "unit": "kg m^2",
                 "about": "the centre of mass, in the axes of the frame",
             },
-            "parameters": dict(zip(_PARAMETERS, body.parameters.tolist(), strict=True)),
+            "parameters": dict(zip(LOAD_PARAMETERS, body.parameters.tolist(), strict=True)),
             "confidence": 0.99,
             "possible": not self.constrained,
             "by_gains": float(self.estimate.quantile * np.sqrt(self.mass_variance_by_gains)),
@@ -321,7 +308,9 @@ class PayloadResult:
 
     def text_for(self, controller: str) -> str:
         """The payload in a controller's own words, see `excite.payload.payload_result`."""
-        return controller_text(controller, self.body, self.frame.name)
+        if controller not in _FILES:
+            raise UnknownName("controller", controller, CONTROLLERS)
+        return _FILES[controller][1](self.body, self.frame.name)
 
     def texts(self, controllers: Collection[str]) -> dict[str, dict[str, str]]:
         """What each controller wants to know, and in which frame it expects it; nothing without a mass."""
@@ -354,7 +343,7 @@ class PayloadResult:
         place, chosen = Path(folder), controllers if self.mass > 0 else ()
         with result_folder(place):
             check_no_payload(place, chosen, replace=replace)
-            further = {FILES[name]: partial(self._write_text, name) for name in chosen}
+            further = {_FILES[name][0]: partial(self._write_text, name) for name in chosen}
             return write_record(self, KIND, place, KIND, further=further)
 
     def _write_text(self, controller: str, path: Path) -> None:
@@ -369,12 +358,9 @@ class PayloadResult:
 
 def check_no_payload(folder: Path, controllers: Collection[str] = (), *, replace: bool) -> None:
     """Raise `TakenError` where a folder holds a payload, or files for controllers, that may not be replaced."""
-    check_not_taken(folder, PAYLOAD, "a payload", [FILES[name] for name in controllers], replace=replace)
+    check_not_taken(folder, PAYLOAD, "a payload", [_FILES[name][0] for name in controllers], replace=replace)
 
 
 def load_payload(path: str | Path) -> PayloadResult:
     """Load a ``payload.json``."""
     return read_record(Path(path), PayloadResult, KIND)
-
-
-_PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")

@@ -10,9 +10,8 @@ the curve, f(dz, sign(dz)).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -25,18 +24,9 @@ from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array
 
-
-class Wanted(NamedTuple):
-    """The reference at one instant; each SX of shape (n, 1)."""
-
-    q: ca.SX  # [rad, rad/s, rad/s^2, or with m]
-    dq: ca.SX
-    ddq: ca.SX
-
-
-# commanded joint torques (n, 1) [Nm or N] of q, dq, the reference, and the velocity over which the compensation of
-# friction changes sign
-Controller = Callable[[ca.SX, ca.SX, Wanted, ca.SX | float], ca.SX]
+# commanded joint torques (n, 1) [Nm or N] of q, dq, the reference (q, dq, ddq), and the velocity over which the
+# compensation of friction changes sign
+Controller = Callable[[ca.SX, ca.SX, Sequence[ca.SX], ca.SX | float], ca.SX]
 
 
 def controller_of(name: str, model: Plant, bandwidth: float, middle: Array) -> Controller:
@@ -48,11 +38,12 @@ def controller_of(name: str, model: Plant, bandwidth: float, middle: Array) -> C
     """  # middle (n,)
     w = 2 * np.pi * bandwidth  # [rad/s]
 
-    def computed_torque(q: ca.SX, dq: ca.SX, wanted: Wanted, width: ca.SX | float) -> ca.SX:
-        command = wanted.ddq + 2 * w * (wanted.dq - dq) + w**2 * (wanted.q - q)
-        direction = smooth_direction(model.robot, wanted.dq, width)
+    def computed_torque(q: ca.SX, dq: ca.SX, wanted: Sequence[ca.SX], width: ca.SX | float) -> ca.SX:
+        q_d, dq_d, ddq_d = wanted
+        command = ddq_d + 2 * w * (dq_d - dq) + w**2 * (q_d - q)
+        direction = smooth_direction(model.robot, dq_d, width)
         tau = model.torque(q, dq, command)
-        return tau + ca.densify(model.friction.joint_expression(model.robot, wanted.dq, direction, tau))
+        return tau + ca.densify(model.friction.joint_expression(model.robot, dq_d, direction, tau))
 
     if name == "computed-torque":
         return computed_torque
@@ -60,23 +51,26 @@ def controller_of(name: str, model: Plant, bandwidth: float, middle: Array) -> C
     M = ca.Function("mass", [q], [model.mass_matrix(q)])(middle)
     inertia = ca.DM(np.diag(np.array(M)).copy())  # (n, 1) [kg m^2, or kg]
 
-    def proportional_derivative(q: ca.SX, dq: ca.SX, wanted: Wanted, width: ca.SX | float) -> ca.SX:
-        still = ca.SX.zeros(model.robot.n, 1)
-        return model.torque(q, still, still) + inertia * (w**2 * (wanted.q - q) + 2 * w * (wanted.dq - dq))
+    def proportional_derivative(q: ca.SX, dq: ca.SX, wanted: Sequence[ca.SX], width: ca.SX | float) -> ca.SX:
+        (q_d, dq_d, _), still = wanted, ca.SX.zeros(model.robot.n, 1)
+        return model.torque(q, still, still) + inertia * (w**2 * (q_d - q) + 2 * w * (dq_d - dq))
 
     return proportional_derivative
 
 
+def own_drives(robot: Robot) -> list[int]:
+    """Rows of C of the joints' own drives; none where these do not determine the joints."""
+    C = np.zeros((0, robot.n)) if robot.transmission is None else robot.transmission.coupling
+    own = [k - 1 for k in robot.link_numbers if k <= len(C)]
+    return own if len(own) == robot.n == np.linalg.matrix_rank(C[own]) else []
+
+
 def _limited_drives(robot: Robot) -> tuple[tuple[str, ...], Array, Array] | None:
     """Names, rows of C and limits of the joints' own drives; None without limits or where q is not determined."""
-    transmission = robot.transmission
-    if transmission is None:
+    own, transmission = own_drives(robot), robot.transmission
+    if transmission is None or not np.any(np.isfinite(transmission.limits.torque[own])):
         return None
-    own = [k - 1 for k in robot.link_numbers if k <= len(transmission.drives)]
-    C, bounds = transmission.coupling[own], transmission.limits.torque[own]
-    if C.shape[0] != robot.n or np.linalg.matrix_rank(C) < robot.n or not np.any(np.isfinite(bounds)):
-        return None
-    return tuple(transmission.drives[k].name for k in own), C, bounds
+    return tuple(transmission.drives[k].name for k in own), transmission.coupling[own], transmission.limits.torque[own]
 
 
 def saturated(robot: Robot, tau: ca.SX) -> ca.SX:
@@ -119,13 +113,12 @@ class ControlledRobot:
         """Symbols (state, reference, memory) and expressions (rate of the state, effort, command, ddq, least pivot).
 
         The state is (q, dq, work, loss), the reference (q, dq, ddq), torques from outside where there are any, and the
-        torque of a ramp. The memory is a position
-        of the joints, the directions of friction at that position, and 1 if the loop of the ramped drive is open.
+        torque of a ramp. The memory is a position, friction's directions there, and 1 where the ramped loop is open.
         """
         robot = self.plant.robot
         n = robot.n
         q, dq, energies = ca.SX.sym("q", n), ca.SX.sym("dq", n), ca.SX.sym("energies", 2)
-        wanted = Wanted(*(ca.SX.sym(name, n) for name in ("q_d", "dq_d", "ddq_d")))
+        wanted = [ca.SX.sym(name, n) for name in ("q_d", "dq_d", "ddq_d")]
         torque, is_open, before = ca.SX.sym("torque"), ca.SX.sym("open"), ca.SX.sym("before", n)
         s = ca.SX.sym("s", friction_rows(robot).shape[0])
         if sticking is None:
@@ -162,7 +155,7 @@ class ControlledRobot:
         n, size = robot.n, ca.SX.sym("size")
         q, dq = ca.SX.sym("q", n), ca.SX.sym("dq", n)
         before = ca.SX.sym("q_before", n), ca.SX.sym("dq_before", n)
-        wanted = Wanted(*(ca.SX.sym(name, n) for name in ("q_d", "dq_d", "ddq_d")))
+        wanted = [ca.SX.sym(name, n) for name in ("q_d", "dq_d", "ddq_d")]
         if leads is None:
             direction = smooth_direction(robot, dq, size)
         else:
@@ -209,11 +202,7 @@ class RampedDrive:
         return command + sparse(C[:1].T) * (is_open * (wanted - ca.mtimes(to_drive, command)))
 
     def latch(self) -> ca.Function:
-        """Update of the ramp's memory, from (q, previous memory, number of the ramp).
-
-        Three numbers: number of the ramp, the drive's coordinate at its start, and 1 once the controller has taken
-        over.
-        """
+        """Map (q, memory, number of the ramp) to memory: that number, the drive's z at its start, 1 once caught."""
         q, memory, number = ca.SX.sym("q", self.model.robot.n), ca.SX.sym("memory", 3), ca.SX.sym("number")
         z = ca.mtimes(sparse(self._coupling[:1]), q)
         begins = ca.ne(number, memory[0])

@@ -15,6 +15,7 @@ import numpy as np
 from excite.design.interruption import deferred_interruption
 from excite.errors import LostMotionError
 from excite.simulation.control import ControlledRobot, Sticking, friction_rows, leads, unloaded
+from excite.simulation.settings import Impacts
 from excite.tasks.reference import GivenTorque, Reference
 from regressors.errors import InputError
 from regressors.samples import Array, Samples
@@ -145,12 +146,9 @@ def simulated_run(
     steps: Steps,
     progress: Progress | None = None,
     ramps: GivenTorque | None = None,
-    impacts: Callable[[Array], Array] | None = None,
+    impacts: Impacts | None = None,
 ) -> SimulatedRun:
-    """Motion of a controlled robot that starts as the reference does.
-
-    In presliding, the direction of friction within a substep assumes no reversal since the substep's start.
-    """
+    """Motion of a controlled robot that starts as the reference does."""
     n, h = robot.plant.robot.n, 1.0 / (rate * steps.substeps)
     step = _step(robot, steps, h)
     count = round(reference.duration * rate)
@@ -207,13 +205,7 @@ def _step(robot: ControlledRobot, steps: Steps, h: float) -> ca.Function:
 
 
 def _wanted(
-    reference: Reference,
-    ramps: GivenTorque | None,
-    impacts: Callable[[Array], Array] | None,
-    begin: int,
-    length: int,
-    h: float,
-    s: int,
+    reference: Reference, ramps: GivenTorque | None, impacts: Impacts | None, begin: int, length: int, h: float, s: int
 ) -> Array:
     """Inputs of a chunk: 2 s + 1 columns per sample, at its steps and half steps."""
     half = np.arange(2 * s * length + 1) + 2 * s * begin
@@ -241,22 +233,14 @@ def _check_progress(part: Array, start: float, rate: float) -> None:
         )
 
 
-def _course(
-    robot: ControlledRobot, table: Array, rate: float, impacts: Callable[[Array], Array] | None
-) -> SimulatedRun:
+def _course(robot: ControlledRobot, table: Array, rate: float, impacts: Impacts | None) -> SimulatedRun:
     n, count = robot.plant.robot.n, table.shape[0]
     q, dq, energies, effort, command, ddq, _ = np.split(table, np.cumsum([n, n, 2, n, n, n]), axis=1)
-    symbols = ca.SX.sym("q", n), ca.SX.sym("dq", n)
-    energy = ca.Function("energy", list(symbols), [robot.plant.energy(*symbols)])
+    symbols = [ca.SX.sym(name, n) for name in ("q", "dq", "ddq")]
+    energy = ca.Function("energy", symbols[:2], [robot.plant.energy(*symbols[:2])])
+    rigid = ca.Function("torque", symbols, [robot.plant.torque(*symbols)])
     stored = np.array(energy.map(count)(q.T, dq.T)).reshape(-1)
     samples = Samples(np.arange(count) / rate, q, dq, ddq, np.full_like(q, np.nan))
     acting = effort if impacts is None else effort + impacts(samples.time)
-    friction = acting - _rigid(robot, samples)
+    friction = acting - np.array(rigid.map(count)(q.T, dq.T, ddq.T)).T
     return SimulatedRun(samples, effort, command, friction, energies[:, 0], energies[:, 1], stored)
-
-
-def _rigid(robot: ControlledRobot, samples: Samples) -> Array:
-    """Joint torques of the motion without friction, shape (N, n)."""
-    symbols = [ca.SX.sym(name, robot.plant.robot.n) for name in ("q", "dq", "ddq")]
-    torque = ca.Function("torque", symbols, [robot.plant.torque(*symbols)])
-    return np.array(torque.map(samples.time.size)(samples.q.T, samples.dq.T, samples.ddq.T)).T

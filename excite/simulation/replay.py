@@ -161,10 +161,7 @@ def _inputs(torque: Array, starts: tuple[int, ...], length: int, substeps: int) 
 
 
 def _refined(values: Array, rows: Index, parts: int) -> Array:
-    """Values at some rows and between them and the next, on a grid ``parts`` times as fine, shape (*rows, parts, k).
-
-    By cubics through two samples on either side (Catmull and Rom).
-    """
+    """Values at rows and between, ``parts`` times as fine, shape (*rows, parts, k), by cubics (Catmull and Rom)."""
     padded = np.vstack([2 * values[:1] - values[1:2], values, 2 * values[-1:] - values[-2:-1]])
     at = np.minimum(rows, len(values) - 2)
     before, start, end, after = (padded[at + k] for k in range(4))

@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 
 from excite.logs.log import Log
+from excite.simulation.control import own_drives
 from excite.simulation.integration import SimulatedRun
 from excite.simulation.settings import SimulationSettings, one_each
 from excite.tasks.payload import Payload
@@ -50,9 +51,9 @@ def quantised(robot: Robot, q: Array, counts: tuple[float, ...]) -> Array:
     if transmission is None:
         sizes = 2 * np.pi / np.array(per_drive)
         return np.asarray(np.round(q / sizes) * sizes)
-    own = [k - 1 for k in robot.link_numbers if k <= len(transmission.drives)]
+    own = own_drives(robot)
     C, z0 = transmission.coupling[own], transmission.offset[own]
-    if C.shape[0] != robot.n or np.linalg.matrix_rank(C) < robot.n:
+    if not own:
         raise InputError(
             f"robot {robot.name!r}: its drives do not determine its joints, so encoders do not measure positions"
         )
@@ -117,10 +118,7 @@ SOURCE = "simulated"
 
 
 def joint_log(robot: Robot, run: SimulatedRun, settings: SimulationSettings, rng: np.random.Generator) -> Log:
-    """Positions by encoders, velocities by tachometers, and torques of the moving joints with noise; temperatures.
-
-    Drift, gain and slow noise of the torques come before their white noise, steps of positions after theirs.
-    """
+    """Positions by encoders, velocities by tachometers, torques with noise, and temperatures of the moving joints."""
     q = run.samples.q if settings.encoder is None else quantised(robot, run.samples.q, settings.encoder)
     temperature = joint_temperatures(settings, robot)
     effort = sensed_torques(run.samples.time, run.effort, run.friction, settings)

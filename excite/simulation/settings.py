@@ -54,7 +54,10 @@ class ImpactPulse:
         return np.where((s > 0) & (s < 1), self.torque * np.sin(np.pi * s), 0.0)
 
 
-def impacts_on(robot: Robot, pulses: Sequence[ImpactPulse], wait: float = 0.0) -> Callable[[Array], Array]:
+Impacts = Callable[[Array], Array]  # joint torques over time
+
+
+def impacts_on(robot: Robot, pulses: Sequence[ImpactPulse], wait: float = 0.0) -> Impacts:
     """Joint torques of all impacts over time, ``wait`` after their own, shape (N, n) [Nm or N]."""
     for pulse in pulses:
         if pulse.joint not in robot.joint_names:

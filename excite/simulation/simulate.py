@@ -190,10 +190,7 @@ def _check_counts(settings: SimulationSettings, n: int) -> None:
 
 
 def _lead(motion: Reference, settings: SimulationSettings) -> int:
-    """Number of settling samples before the motion, for a controller with a wrong model.
-
-    Two periods of the controlled joints' natural frequency; none where the motion does not start at rest.
-    """
+    """Settling samples before a motion from rest: two periods of the controlled joints' natural frequency."""
     start = motion.samples(np.zeros(1))
     at_rest = np.allclose(start.dq, 0.0, atol=1e-9) and np.allclose(start.ddq, 0.0, atol=1e-6)
     return math.ceil(_SETTLING / settings.bandwidth * settings.rate) if at_rest else 0

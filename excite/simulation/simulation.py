@@ -24,7 +24,7 @@ from regressors.models.nominal import standard_values
 from regressors.robot.columns import COULOMB, OFFSET, ROTOR, VISCOUS, drive_column
 from regressors.robot.friction.curve import CoulombViscous
 from regressors.robot.friction.load_and_temperature import moving_drive_numbers
-from regressors.robot.robot import Limits, Robot
+from regressors.robot.robot import Limits, Robot, linear_drives
 from regressors.samples import Array, Samples
 
 
@@ -343,15 +343,9 @@ def _passed_limits(robot: Robot, samples: Samples) -> Iterator[tuple[str, bool]]
     yield from _passed(robot.limits, labels, units, samples.q, samples.dq)
     if (transmission := robot.transmission) is not None:
         labels = [f"drive {drive.name}" for drive in transmission.drives]
-        units = ["m" if prismatic else "rad" for prismatic in _moves_straight(robot)]
+        units = ["m" if linear else "rad" for linear in linear_drives(robot)]
         z, dz = samples.q @ transmission.coupling.T + transmission.offset, samples.dq @ transmission.coupling.T
         yield from _passed(transmission.limits, labels, units, z, dz)
-
-
-def _moves_straight(robot: Robot) -> list[bool]:
-    """Whether each drive moves a prismatic joint."""
-    prismatic = np.array([joint.kind == "prismatic" for joint in robot.joints])
-    return [] if robot.transmission is None else [bool(np.any(row[prismatic])) for row in robot.transmission.coupling]
 
 
 def cut_off_torques(robot: Robot, time: Array, command: Array) -> tuple[Saturation, ...]:
@@ -387,7 +381,7 @@ def _limited(robot: Robot, command: Array) -> Iterator[tuple[str, str, Array, fl
     straight = {f"joint {joint.name}": joint.kind == "prismatic" for joint in robot.joints}
     if robot.transmission is not None:
         names = (f"drive {drive.name}" for drive in robot.transmission.drives)
-        straight |= dict(zip(names, _moves_straight(robot), strict=True))
+        straight |= dict(zip(names, linear_drives(robot), strict=True))
     labels, torques, bounds = limited_torques(robot, command)
     units = ("N" if straight[label] else "Nm" for label in labels)
     yield from zip(labels, units, np.abs(torques).T, bounds.tolist(), strict=True)

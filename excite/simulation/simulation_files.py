@@ -115,10 +115,7 @@ _EFFORT = ".effort"
 
 
 def read_torque(path: Path, robot: Robot) -> GivenTorque | None:
-    """Read the torque ramps of a file; None where it has none.
-
-    A ramp is a stretch of rows of one segment whose name contains ``stiction``; torques elsewhere are ignored.
-    """
+    """Torque ramps of a file, stretches of segments whose name contains ``stiction``; None where it has none."""
     header, table, text = read_table(path, ("effort",), SEGMENT)
     efforts = [name for name in header if name.endswith(_EFFORT)]
     ramping = np.array([STICTION in name for name in text], dtype=bool)

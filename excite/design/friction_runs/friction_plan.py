@@ -20,7 +20,7 @@ from constraints.certificate import LimitUse
 from constraints.geometry import World
 from excite.design.friction_runs.pose import Place
 from excite.design.friction_runs.runs import Pace, Part, Runs, samples_of
-from excite.design.friction_runs.schedule import RunSequence, Schedule, TorqueRamps, file_name, run_sequence_of
+from excite.design.friction_runs.schedule import Schedule, TorqueRamps, file_name, scheduled_runs
 from excite.storage.atomic import read_json
 from excite.storage.codec import INLINE, Beside, named
 from excite.storage.migrations import is_of_kind, schema_of
@@ -129,19 +129,14 @@ class CoordinatePlan:
         return np.array(list(self.direction.values()))
 
     @cached_property
-    def sequence(self) -> RunSequence:
-        """Runs of the schedule in this place."""
-        return run_sequence_of(self.schedule, self.pace, self.place.half, self.label, self.unit)
-
-    @property
     def runs(self) -> Runs:
-        """Motion of the coordinate."""
-        return self.sequence.runs
+        """Runs of the schedule in this place."""
+        return scheduled_runs(self.schedule, self.pace, self.place.half, self.label, self.unit)
 
     @property
-    def breakaways(self) -> tuple[Part, ...]:
+    def breakaways(self) -> list[Part]:
         """Creeping runs out of the pose and back, for the break-away tests."""
-        return self.sequence.breakaways
+        return self.runs.breakaways
 
     @property
     def tests(self) -> list[dict[str, Any]]:

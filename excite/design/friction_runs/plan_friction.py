@@ -28,13 +28,12 @@ from excite.design.friction_runs.friction_plan import (
     SkippedSpeed,
     Window,
 )
-from excite.design.friction_runs.pose import CollisionChecks, Gravity, Place, PlaceSearch
+from excite.design.friction_runs.pose import CollisionChecks, Place, PlaceSearch, gravity_of
 from excite.design.friction_runs.runs import Part, Runs, certificates, pace_of, torque_uses
 from excite.design.friction_runs.schedule import (
-    RunSequence,
     Schedule,
     plan_prediction,
-    run_sequence_of,
+    scheduled_runs,
     torque_ramps,
     turning_drives,
 )
@@ -120,7 +119,7 @@ def plan_friction(
         refuse_missing_ranges(robot, motion.matrix.any(axis=1))
     largest = _largest_torques(torque_ramp, [motion.labels[0] for motion in motions])
     checks = None if world is None else CollisionChecks(robot, world)
-    gravity = Gravity(robot)
+    gravity = gravity_of(robot)
     searches = [PlaceSearch(robot, gravity, motion, kept, checks) for motion in motions]
     placed = partial(_placed, schedule=schedule, about=about, balanced=balanced, seed=seed)
     pairs = zip(searches, largest, strict=True)
@@ -167,16 +166,16 @@ def _largest_torques(given: Sequence[float] | None, labels: Sequence[str]) -> li
 
 
 def _coordinate_plan(
-    search: PlaceSearch, schedule: Schedule, place: Place, sequence: RunSequence, torque: float | None
+    search: PlaceSearch, schedule: Schedule, place: Place, runs: Runs, torque: float | None
 ) -> CoordinatePlan:
-    robot, gravity, motion, checks = search.robot, search.gravity, search.motion, search.checks
-    line, label = search.line, motion.labels[0]
+    robot, motion, line, checks = search.robot, search.motion, search.line, search.checks
+    label = motion.labels[0]
     pose, centre = place.pose, _coordinate(robot, motion, place.pose)
-    uses, unchecked = torque_uses(robot, sequence.runs, pose, motion)
-    stroke = max(sequence.strokes.values())
-    g = gravity.along(line, pose + np.linspace(-stroke, stroke, _POSITIONS)[:, None] * line)
+    uses, unchecked = torque_uses(robot, runs, pose, motion)
+    stroke = max(runs.strokes.values())
+    g = search.gravity(line, pose + np.linspace(-stroke, stroke, _POSITIONS)[:, None] * line)
     ramps, no_ramps = torque_ramps(robot, schedule, label, line, float(g[_POSITIONS // 2]), torque)
-    distances = None if checks is None else _distances(checks, sequence.runs, pose, line, centre)
+    distances = None if checks is None else _distances(checks, runs, pose, line, centre)
     return CoordinatePlan(
         label=label,
         unit=motion.units[0],
@@ -190,11 +189,11 @@ def _coordinate_plan(
         below=place.below,
         above=place.above,
         largest_gravity=float(np.abs(g).max()),
-        pace=sequence.runs.pace,
+        pace=runs.pace,
         schedule=schedule,
-        windows=tuple(_window(part, percent, pose, line, gravity, centre) for part, percent in sequence.windowed),
-        left_out=tuple(SkippedSpeed(percent, reason) for percent, reason in sequence.left_out.items()),
-        limits=(*certificates(sequence.runs, pose, motion, search.limits), *uses),
+        windows=tuple(_window(part, percent, search, pose, centre) for part, percent in runs.windowed),
+        left_out=tuple(SkippedSpeed(percent, reason) for percent, reason in runs.left_out.items()),
+        limits=(*certificates(runs, pose, motion, search.limits), *uses),
         torques_unchecked=unchecked,
         distances=distances,
         ramps=ramps,
@@ -204,33 +203,33 @@ def _coordinate_plan(
 
 def _placed(
     search: PlaceSearch, schedule: Schedule, about: Array | None, balanced: bool, seed: int
-) -> tuple[Place, RunSequence]:
-    """Where a coordinate is measured, and its run sequence there."""
+) -> tuple[Place, Runs]:
+    """Where a coordinate is measured, and its runs there."""
     label, unit, pace = search.motion.labels[0], search.motion.units[0], pace_of(search.motion, search.limits)
 
-    def sequence_at(place: Place) -> RunSequence:
+    def runs_at(place: Place) -> Runs:
         because = f" (beyond it, {place.obstacle} is too near)" if place.obstacle else ""
-        return run_sequence_of(schedule, pace, place.half, label, unit, because)
+        return scheduled_runs(schedule, pace, place.half, label, unit, because)
 
     if about is None:
         fastest = pace.velocity * max(schedule.percent) / 100.0
         ends = (pace.ramp(fastest) + 0.5 * fastest * seconds for seconds in (schedule.shortest, schedule.longest))
         enough, wanted = (min(end, schedule.stroke) for end in ends)
         place = search.found(enough, wanted, seed)
-        sequence = sequence_at(place)
+        runs = runs_at(place)
     else:
         place = search.given(about, balanced=balanced)
-        sequence = sequence_at(place)
-        if not sequence.strokes and place.obstacle:
+        runs = runs_at(place)
+        if not runs.strokes and place.obstacle:
             place = replace(search, checks=None).given(about, balanced=balanced)
-            sequence = sequence_at(place)
-    if not sequence.strokes:
+            runs = runs_at(place)
+    if not runs.strokes:
         slowest = min(schedule.percent)
         raise InputError(
-            f"{label}: no speed leaves a window: {sequence.left_out[slowest]} at {slowest:g} %; choose another `pose`, "
+            f"{label}: no speed leaves a window: {runs.left_out[slowest]} at {slowest:g} %; choose another `pose`, "
             "lower speeds (`percent`), a lower `shortest`, or higher acceleration and jerk limits"
         )
-    return place, sequence
+    return place, runs
 
 
 def _distances(checks: CollisionChecks, runs: Runs, pose: Array, line: Array, centre: float) -> tuple[Distance, ...]:
@@ -254,11 +253,11 @@ def _passages(robot: Robot, planned: Sequence[CoordinatePlan], checks: Collision
     return tuple(passages)
 
 
-def _window(part: Part, percent: float, pose: Array, line: Array, gravity: Gravity, centre: float) -> Window:
+def _window(part: Part, percent: float, search: PlaceSearch, pose: Array, centre: float) -> Window:
     start, end = part.steady()
     (first, last), speed = part.values(np.array([start, end]))[0], part.values(np.array([0.5 * (start + end)]))[1, 0]
     # trapezoids on equal steps: exact for odd functions, and accurate for the mean of a smooth torque
-    g = gravity.along(line, pose + np.linspace(first, last, _POSITIONS)[:, None] * line)
+    g = search.gravity(search.line, pose + np.linspace(first, last, _POSITIONS)[:, None] * search.line)
     mean = float(np.trapezoid(g) / (_POSITIONS - 1))
     return Window(part.segment, percent, float(speed), start, end, float(centre + first), float(centre + last), mean)
 

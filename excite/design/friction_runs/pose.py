@@ -8,7 +8,7 @@ joint has that symmetry in every pose in which its gravity torque vanishes.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,23 +38,22 @@ _SAME = 1e-6  # of a stroke: a difference that does not count
 _GRID, _VALUES, _DRAWN = 241, 9, 40
 
 
-class Gravity:
-    """Gravity torque of a robot's coordinates at rest."""
+def gravity_of(robot: Robot) -> Callable[[Array, Array], Array]:
+    """Gravity torque ``N' tau_g`` along a line N in some poses; NaN where a body of unknown inertia loads it."""
+    model = DifferentialModel(robot.replace(structure=Structure()), Terms.inertial_only())
+    known = standard_values(robot)
+    theta = np.array([known.get(name, np.nan) for name in model.definition()[1]])
+    unknown = np.isnan(theta)
 
-    def __init__(self, robot: Robot) -> None:
-        self._model = DifferentialModel(robot.replace(structure=Structure()), Terms.inertial_only())
-        known = standard_values(robot)
-        self._theta = np.array([known.get(name, np.nan) for name in self._model.definition()[1]])
-
-    def along(self, line: Array, q: Array) -> Array:
-        """``N' tau_g`` in some poses; NaN in all of them where a body of unknown inertia loads the coordinate."""
+    def along(line: Array, q: Array) -> Array:
         still = np.zeros_like(q)
-        rows = self._model.instants(Samples(np.zeros(len(q)), q, still, still, still))
+        rows = model.instants(Samples(np.zeros(len(q)), q, still, still, still))
         W = np.einsum("j,ijp->ip", line, rows.reshape(len(q), line.size, -1))
-        unknown = np.isnan(self._theta)
         if np.abs(W[:, unknown]).max(initial=0.0) > 1e-9:
             return np.full(len(q), np.nan)
-        return np.asarray(W @ np.where(unknown, 0.0, self._theta))
+        return np.asarray(W @ np.where(unknown, 0.0, theta))
+
+    return along
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +91,7 @@ class PlaceSearch:
     """Where one coordinate can be measured."""
 
     robot: Robot
-    gravity: Gravity
+    gravity: Callable[[Array, Array], Array]  # see `gravity_of`
     motion: PartialMotion
     limits: Sequence[LinearConstraint]
     checks: CollisionChecks | None = None
@@ -155,8 +154,7 @@ class PlaceSearch:
             return []
         if self.checks is None:
             return [place]
-        parts = self.checks.likely(place.pose, self.line, place.low, place.high)
-        return [replace(place, **vars(part)) for part in parts]
+        return self.checks.likely(place.pose, self.line, place.low, place.high)
 
     def _free(self, place: Place) -> Place | None:
         """Limit a place to the range in which provably nothing comes too near; None where bodies do in the pose."""
@@ -230,7 +228,7 @@ class PlaceSearch:
 
     def _along(self, pose: Array, s: Array) -> Array:
         """Gravity at some positions of the line through a pose, shape (N,)."""
-        return self.gravity.along(self.line, pose + s[:, None] * self.line)
+        return self.gravity(self.line, pose + s[:, None] * self.line)
 
 
 def _nearest(on_line: Place, room: float) -> float:
@@ -286,16 +284,6 @@ _LOOKED_AT = 512
 _MARGIN = 2e-3  # of a function's scale: more than the gap between a certificate and the true minimum
 
 
-@dataclass(frozen=True)
-class ClearStretch:
-    """Part of a line on which all distances are kept."""
-
-    low: float  # range of s [rad or m]
-    high: float
-    below: str  # pair that is too near beyond the ends, such as ``forearm to table``; empty where there is none
-    above: str
-
-
 class CollisionChecks:
     """Distances that a robot has to keep."""
 
@@ -305,7 +293,7 @@ class CollisionChecks:
         self.notes = self.limits[0].notes if self.limits else ()
         self._labels = [*(label for limit in self.limits for label in limit.labels), ""]
 
-    def free(self, pose: Array, line: Array, low: float, high: float) -> list[ClearStretch]:
+    def free(self, pose: Array, line: Array, low: float, high: float) -> list[Place]:
         """Stretches of a line on which every distance is proven to be kept, to about 1/30,000 of the line."""
         half = 0.5 * (high - low) / _INTERVALS
         middle = np.asarray(low + half * (2 * np.arange(_INTERVALS) + 1))
@@ -319,14 +307,14 @@ class CollisionChecks:
             half /= _PARTS
             if middle.size == 0:
                 break
-        return _joined(sorted(ends))
+        return _joined(pose, sorted(ends))
 
-    def likely(self, pose: Array, line: Array, low: float, high: float) -> list[ClearStretch]:
+    def likely(self, pose: Array, line: Array, low: float, high: float) -> list[Place]:
         """Quick estimate of `free` from the distances in 512 poses of the line; nothing is proven."""
         half = 0.5 * (high - low) / _LOOKED_AT
         middle = np.asarray(low + half * (2 * np.arange(_LOOKED_AT) + 1))
         room = self._room(pose, line, middle)
-        return _joined(self._ends(middle, half, np.all(room >= 0.0, axis=1), room.argmin(axis=1)))
+        return _joined(pose, self._ends(middle, half, np.all(room >= 0.0, axis=1), room.argmin(axis=1)))
 
     def _ends(
         self, middle: Array, half: float, kept: NDArray[np.bool_], nearest: NDArray[np.intp]
@@ -377,7 +365,7 @@ def _spread(limit: NonlinearConstraint, pose: Array, line: Array, middle: Array,
     return np.asarray(half * np.maximum(np.abs(slow), np.abs(fast)).T)
 
 
-def _joined(ends: list[tuple[float, float, str]]) -> list[ClearStretch]:
+def _joined(pose: Array, ends: list[tuple[float, float, str]]) -> list[Place]:
     """Neighbouring free intervals as one."""
     groups = [list(group) for _, group in itertools.groupby(ends, key=lambda end: end[2] == "")]
     joined = []
@@ -385,5 +373,5 @@ def _joined(ends: list[tuple[float, float, str]]) -> list[ClearStretch]:
         if group[0][2] == "":
             below = groups[k - 1][-1][2] if k > 0 else ""
             above = groups[k + 1][0][2] if k + 1 < len(groups) else ""
-            joined.append(ClearStretch(group[0][0], group[-1][1], below, above))
+            joined.append(Place(pose, group[0][0], group[-1][1], SUBTRACTED, below, above))
     return joined

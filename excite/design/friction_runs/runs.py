@@ -108,6 +108,11 @@ class Runs:
     parts: list[Part] = field(default_factory=list)  # filled by `go` and `wait`
     steps: int = 0
     at: float = 0.0
+    breakaways: list[Part] = field(default_factory=list)  # creeping parts out of the pose and back
+    # parts with a window of constant speed, and the speed in percent of the largest one, in the order of execution
+    windowed: list[tuple[Part, float]] = field(default_factory=list)
+    strokes: dict[float, float] = field(default_factory=dict)  # to both sides of the pose for each speed [%, rad or m]
+    left_out: dict[float, str] = field(default_factory=dict)  # speeds that are left out [%], and why
 
     @property
     def duration(self) -> float:

@@ -43,7 +43,7 @@ MIDDLE, HALF = (16.8 - 10.6) / 2, (16.8 + 10.6) / 2
 def pulling(plant: Plant) -> ControlledRobot:
     """Joint torques that the reference states in the place of accelerations, beside gravity's."""
     still = ca.SX.zeros(plant.robot.n, 1)
-    return ControlledRobot(plant, lambda q, _, wanted, __: plant.torque(q, still, still) + wanted.ddq)
+    return ControlledRobot(plant, lambda q, _, wanted, __: plant.torque(q, still, still) + wanted[2])
 
 
 @dataclass(frozen=True)
