@@ -85,6 +85,7 @@ OPTIONS = r"""
 --joints q9 => no joint named 'q9'; available: 1 (q1), 2 (q2), 3 (q3), 4 (q4), 5 (q5)
 --joints 1,,3 => '--joints': expected names or numbers separated by commas, such as 1,3; given '1,,3' ... (help)
 --velocity-limit 0 => '--velocity-limit': must be a number from 1e-09 to 1000000 rad/s or m/s, given 0
+--velocity-limit nan => '--velocity-limit': expected finite numbers, given 'nan' ... (help)
 --velocity-limit fast => '--velocity-limit': ... expected numbers separated by commas, such as 2.5,2,2, given ...
     (help)
 --velocity-limit 1,2 => limits: velocity needs one value, or 5 for the joints q1, q2, q3, q4, q5; given 2

@@ -100,6 +100,7 @@ ALONE = "without a plan, a break-away torque counts only if another one in the s
             0,
             "break-away torques are not in the curve: `model='coulomb-viscous'` has",
         ),
+        ({"model": "table"}, 1.0, 0, "break-away torques are not in the curve: `model='table'` has no stiction"),
         ({"gravity": "symmetric"}, 1.0, 2, "2 pairs of break-away torques are points of the curve at speed zero"),
         (None, 1.0, 0, ALONE),
         (None, 0.3, 0, TWICE),

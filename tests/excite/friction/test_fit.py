@@ -295,6 +295,7 @@ def test_the_command_refuses(here: Here) -> None:
         (("short.csv",), "2 rows are too few"),
         (("run.csv", "--gravity", "symmetric", "--parameters", "res"), "--parameters is for --gravity model"),
         (("run.csv", "--parameters", "none"), "holds no result"),
+        (("run.csv", "--joints", "q2"), "q2"),
     ):
         assert message in here.refused("friction", "fit", "irp6", *arguments, "--out", "fit")
         assert not (here.cwd / "fit").exists()

@@ -15,6 +15,7 @@ from excite.identification.allowances import friction_columns
 from excite.identification.equations import measured_direction
 from excite.identification.estimator import Context
 from excite.identification.prediction import known_torque, prediction, without_friction
+from excite.identification.procedure import estimate_parameters
 from excite.identification.result_json import load_result, result_content
 from excite.information.target import target_of
 from excite.logs.log import Log
@@ -104,6 +105,16 @@ def test_drives_that_turn_without_a_curve_are_told(log: Log) -> None:
     for task in (TASK, Task("irp6", drives=("2",))):
         assert only.format("z2") in told(task, alone, partly)
         assert "no friction curve" not in told(task, alone, FrictionCurves({"z2": CoulombViscous(28.75, 26.0)}))
+
+
+def test_nothing_is_said_of_a_description_without_friction(log: Log) -> None:
+    transmission = irp6().transmission
+    drives = tuple(replace(d, coulomb=None, viscous=None) for d in transmission.drives)
+    bare = irp6().replace(transmission=replace(transmission, drives=drives))
+    task = TASK.changed(friction=False)
+    result = estimate_parameters(bare, task, [log], replace(EXACT, sign_width=0.0), friction=FrictionCurves({}))
+    told = "no friction curve of z1, z2, z3, and no friction columns, as asked: assumed to have no friction"
+    assert told in result.prepared[0].notes
 
 
 def test_speeds_beyond_a_table_are_told(log: Log) -> None:

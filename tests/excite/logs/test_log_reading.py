@@ -210,6 +210,7 @@ BAD_MAPPINGS = {
     "unknown unit": (position("unit: furlong"), r"position.unit \(line 4\): no unit 'furlong'; available: rad, deg"),
     "unit of another channel": (position("unit: rad/s"), "no unit 'rad/s'; available: rad, deg"),
     "columns for other joints": (position("unit: rad", "[2]"), r"position \(line 4\): has 1 columns for 2 joints"),
+    "values for other joints": (position("unit: rad, ratio: [1, 2, 3]"), "gives 3 values for 2 columns"),
     "unknown field": (BASE + POSITION + "speed: 3\n", r"speed \(line 5\): no such field; available: joints, time"),
     "current without gain": (BASE + POSITION + "current: {columns: [4, 5], unit: A}\n", "current.gain .*is missing"),
     "current and effort": (

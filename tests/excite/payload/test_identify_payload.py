@@ -178,6 +178,7 @@ def test_motions_that_cannot_be_are_refused() -> None:
         ({"pose": (9.0, *POSE[1:])}, "joint panda_joint1 at 9 is beyond its limits"),
         ({"pose": POSE, "box": ((2.0, 3.0), (None, None), (None, None))}, "the tool point has x = 0.4254 m"),
         ({"box": (1.0, 2.0)}, "`box` needs one side, or three"),
+        ({"box": -1.0}, "lengths greater than zero"),
         ({"swing": (0.1, 0.2)}, "`swing` needs one number"),
         ({"centre": (0.0,)}, "`centre` needs three finite numbers"),
         ({"sensor": "camera"}, "sensor"),

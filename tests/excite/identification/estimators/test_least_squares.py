@@ -15,7 +15,8 @@ from excite.identification.estimator import Estimate
 from excite.identification.estimators import least_squares as recursive_file
 from excite.identification.estimators.least_squares import least_squares, recursive, weighted
 from excite.identification.observations import GroupFactors, Observations, join_observations
-from regressors.errors import InputError
+from excite.registry import ESTIMATORS, instance
+from regressors.errors import InputError, UnknownName
 from regressors.samples import Array
 
 SEED = st.integers(0, 2**32 - 1)
@@ -163,6 +164,14 @@ def test_99_percent_intervals_hold_99_percent(method, known: bool) -> None:
 
 
 # --- names and bad input ---------------------------------------------------------------------------------------------
+
+
+def test_estimators_have_the_names_that_they_are_registered_by() -> None:
+    observations, _ = random_problem(0)
+    for name in sorted(set(ESTIMATORS) - {"instrumental", "physical"}):
+        assert instance("estimator", name).estimate(observations).method == name
+    with pytest.raises(UnknownName, match="no estimator named 'magic'; available: huber, instrumental, least-squares"):
+        instance("estimator", "magic")
 
 
 def nan_at(array: np.ndarray, *place: int) -> np.ndarray:
