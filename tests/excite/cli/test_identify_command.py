@@ -131,15 +131,6 @@ def test_friction_curves_are_kept_word_by_word(here: Here) -> None:
     assert load_result(here.cwd / "out").friction is not None
 
 
-@pytest.mark.slow
-def test_estimators_with_more_to_tell(here: Here) -> None:
-    assert done(here, "run.csv", "--estimator", "recursive")["estimator"] == "recursive"
-    instrumental = done(here, "run.csv", "--estimator", "instrumental", "--design", "design", out="instrumental")
-    assert "instruments taken as free of the noise of the rows" in instrumental["notes"]
-    physical = done(here, "run.csv", "--estimator", "physical", "--described-within", "0.3", out="physical")
-    assert physical["standard"]["m3"] > 0.0
-
-
 # ---------------------------------------------------------------- what is refused
 
 BAD = (

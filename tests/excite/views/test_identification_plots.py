@@ -34,11 +34,12 @@ from excite.views.identification_plots import (
     envelope,
     estimates_figure,
     residuals_figure,
+    settled_range,
     torques_figure,
 )
 from excite.views.identification_view import identification_figures
-from excite.views.panels import BINS, extremes
-from excite.views.parameters_plot import decimal, parameters_figure
+from excite.views.panels import BINS, ends, extremes
+from excite.views.parameters_plot import decimal, differences, parameters_figure
 from excite.views.style import BAND, BLUE, DARK, FORBIDDEN, VERMILLION
 from excite.views.verification_plots import error_parts_figure, predicted_torques_figure, simulated_motion_figure
 from excite.views.verification_view import verification_view
@@ -266,6 +267,11 @@ def test_extremes_keep_every_peak_and_both_ends() -> None:
     assert np.any(np.isnan(values[extremes(values)]))
 
 
+def test_long_names_keep_both_ends() -> None:
+    names = {("abcdef", 6): "abcdef", ("abcdefgh", 5): "ab…gh", ("abcdefgh", 6): "ab…fgh"}
+    assert {name: ends(*name) for name in names} == names
+
+
 # --- parameters
 
 
@@ -335,6 +341,12 @@ def test_far_differences_leave_the_interval_visible(result: Identification) -> N
     assert len(parameters_figure(dataclasses.replace(result, reference=unknown)).axes) == 1
 
 
+def test_differences_are_unknown_without_an_interval() -> None:
+    values, half = np.array([1.0, 1.0, np.nan, 1.0, 4.0]), np.array([0.0, np.inf, 1.0, 2.0, 2.0])
+    known = np.array([1.0, 1.0, 1.0, np.nan, 1.0])
+    np.testing.assert_array_equal(differences(values, half, known), [np.nan, np.nan, np.nan, np.nan, 1.5])
+
+
 def test_values_are_written_as_far_as_their_interval_gives_meaning() -> None:
     texts = {(27.95301, 0.0793): "27.953", (-0.00082, 0.036): "-0.001", (-0.00002, 0.036): "0.000"}
     texts |= {(1234.5, 56.0): "1234", (1234.5, 560.0): "1230", (2.5e-6, 3.2e-7): "2.50e-06", (1e-9, 3.2e-7): "0"}
@@ -378,6 +390,12 @@ def test_a_reference_out_of_view_is_named_beside_an_arrow(result: Identification
     assert axes[0].get_title(loc="right") == "\N{DOWNWARDS ARROW} \N{MINUS SIGN}999999"
     assert axes[1].get_title(loc="right") == "\N{UPWARDS ARROW} 1.00e+06"
     assert axes[0].get_ylim()[0] > far[0]
+
+
+def test_range_of_an_estimate_leaves_its_beginning_and_far_references_out() -> None:
+    path = np.concatenate([np.full(25, 1e6), np.full(75, 2.0)])
+    for known, ends_of in {np.nan: (0.9, 2.1), 3.0: (0.8, 3.2), 50.0: (0.9, 2.1), -1.0: (-1.3, 2.3)}.items():
+        assert settled_range(path, 1.5, 0.5, known) == pytest.approx(ends_of)
 
 
 # --- verification

@@ -77,12 +77,6 @@ def test_nothing_is_delayed(method):
         np.testing.assert_allclose(y[::-1], sign * x, atol=1e-5 * largest(x))
 
 
-def test_the_origin_of_time_does_not_matter(method):
-    q = sines(TIME)[0]
-    now, then = method.motion(TIME, q).samples, method.motion(TIME - 3.0, q).samples
-    np.testing.assert_allclose(then.ddq, now.ddq, atol=1e-7 * largest(now.ddq))
-
-
 #: Rounding of second derivatives by least squares, some hundred times eps / h^2; other processors round otherwise.
 _ROUNDING = 1e-9
 
