@@ -35,6 +35,7 @@ from excite.views.panels import (
     legend_below,
     panels,
     parameter_label,
+    row_places,
     unit_patches,
     value_axis,
     wrapped_sum,
@@ -303,3 +304,12 @@ def test_an_expression_of_too_many_lines_is_left_to_the_file() -> None:
     expression = "I2xx" + " + 0.123456 m3c3z" * 30
     assert parameter_label("I2xx", expression, 42, "design.json") == "I2xx = sum of 31 terms, in design.json"
     assert parameter_label("a", "a" + " + b" * 30, 40, "design.json").count("\n") < LINES
+
+
+def test_rows_do_not_overlap() -> None:
+    labels = ["a", "b\nc", "d", "e\nf\ng", "h"]
+    places, height = row_places(labels)
+    lines = np.array([1 + label.count("\n") for label in labels])
+    assert height == pytest.approx(float(np.sum(1 + 0.67 * (lines - 1))))
+    for (a, m), (b, n) in itertools.pairwise(zip(places, lines, strict=True)):
+        assert b - a >= 0.5 * 0.67 * (m + n)
