@@ -105,6 +105,7 @@ OPTIONS = r"""
 --drives 1 --joints 1 => --joints and --drives exclude each other; give one of them
 --drives 2 --require X1 => X1 is not identifiable from motions of z2; move z1, which identifies it
 --model energy --window-length 20 => a window of 20 s is longer than the motion of 10 s
+--require X9 => no parameter named 'X9'; available: X1, X2
 --model load --sensor hand => named 'hand'; available: 1 (column), 2 (arm)
 --model load --sensor-xyz 1,2 => '--sensor-xyz': expected three numbers separated by commas, given '1,2' ... (help)
 --model load --equations fq => no equation named 'fq'; available: fx, fy, fz, nx, ny, nz

@@ -58,7 +58,7 @@ def exporting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.Cap
 UNFIT: dict[str, tuple[str, ...]] = {
     "panda --format krl": ("6 joints", "panda has 7"),
     "ur10e --format franka": ("7 joints", "shoulder_pan_joint"),
-    "panda --format urscript": ("6 joints",),
+    "ur10e --format urscript --rate 300": ("125 Hz (CB-Series)",),
     "panda --format franka --rate 500": ("--rate 500 Hz", "takes 1000 Hz"),
     "ur10e --format rtde --rate 1000": ("1 to 500 Hz",),
     "irp6 --format npz --rate 1e6": ("500000 or fewer", "lower --rate"),

@@ -215,6 +215,7 @@ def test_out_of_reach_is_saved_with_exit_status_1(here: Here) -> None:
 
 PRECISIONS = {"-5%": "precision", "0%": "precision", "five": "cannot read five", "5 percent": "cannot read"}
 WRONG_FILES = {
+    "parameters: {X99: 0.1}\n": "X99",
     "shares: 0.1\n": "shares",
     "groups: {frictions: 0.1}\n": "frictions",
     "share: 5\nlevel: 99\n": "level",
