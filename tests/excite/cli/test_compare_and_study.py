@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from commands import Here, content_of, files_below
+from commands import Here, files_below
 
 from excite.design.comparison import compare
 from excite.design.design import Design
@@ -149,22 +148,6 @@ def test_another_model_may_judge(designs: dict[str, Design], comparing: Here) ->
     assert "not comparable" not in comparing.run("compare", "-v", "plain", "energy", "--model", "differential").stdout
 
 
-def test_margins_are_looked_at_again(comparing: Here) -> None:
-    # A motion that was made too large by hand is found out, whatever its file says about its limits.
-    shutil.copytree(comparing.cwd / "plain", comparing.cwd / "stretched", dirs_exist_ok=True)
-    content = content_of(comparing.cwd / "stretched")
-    for part in ("cosine", "sine"):
-        content["trajectory"][part] = (1.2 * np.array(content["trajectory"][part])).tolist()
-    del content["sha256"]  # as in a file of a version that did not write it
-    (comparing.cwd / "stretched" / "design.json").write_text(json.dumps(content))
-    (comparing.cwd / "stretched" / "manifest.json").unlink(missing_ok=True)
-    (found,) = compared(comparing, "stretched")
-    assert found["feasible"] is False
-    assert found["tightest"]["margin"] < 0  # type: ignore[index]
-    assert cells(comparing.run("compare", "-v", "stretched").stdout)["limits that were checked"] == ["BROKEN"]
-    shutil.rmtree(comparing.cwd / "stretched")
-
-
 # ``excite study``: its files, its table, and what it refuses.
 
 
@@ -191,8 +174,6 @@ def test_motions_side_by_side(recorded: Here) -> None:
 BAD = {
     "": "a study needs logs, or designs that it simulates (--design",
     "run.csv --repeats 30": "repetitions are simulated from designs (--design",
-    "run.csv --points 1": "points must be 2 or more",
-    "nowrecorded.csv": "nowrecorded.csv",
     "run.csv --workers 2": "--workers is for repetitions: give their number, --repeats N",
     "--design design --repeats 2 --executor dask:nowhere": "is not one of process, serial, dask://HOST:PORT",
 }

@@ -221,25 +221,3 @@ def test_a_design_of_printed_angles_is_identified_with_them(here: Here) -> None:
         excite.identify(robot, ["x.csv"], snap_angles=False)
     with pytest.raises(InputError, match="its joints are shoulder, elbow, here they are shoulder: choose the chain"):
         excite.identify(str(here.cwd / "arm.urdf"), ["x.csv"], design=design, tip="upper")
-
-
-def snapshot(folder: Path) -> dict[str, bytes]:
-    return {name: (folder / name).read_bytes() for name in files_below(folder) if (folder / name).is_file()}
-
-
-@pytest.mark.slow
-def test_a_folder_in_use_is_kept_unless_forced(here: Here) -> None:
-    (here.cwd / "out").mkdir()
-    (here.cwd / "out" / "notes.txt").write_text("mine")
-    folder = here.designed("irp6", *QUICK)
-    before = snapshot(folder)
-    assert here.refused("design", "irp6", *QUICK, "--seed", "1", "--out", "out") == (
-        "excite: out already holds a design; --force replaces it, or choose another --out\n"
-    )
-    here.refused("design", "irp6", "--noise", "1,2", "--force", "--out", "out")
-    assert snapshot(folder) == before
-    here.designed("irp6", "--starts", "1", "--harmonics", "4", "--force")
-    assert content_of(folder)["task"]["harmonics"] == 4
-    assert files_below(folder / "starts") == {"start-0000.json"}  # none of the design before
-    assert all(snapshot(folder)[name] != before[name] for name in FIGURES | {"trajectory.csv"})
-    assert (folder / "notes.txt").read_text() == "mine"

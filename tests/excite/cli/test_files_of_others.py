@@ -240,30 +240,23 @@ def test_compare(with_parts: Here) -> None:
 
 
 @pytest.mark.slow
-def test_verify(with_parts: Here) -> None:
-    refused = with_parts.run("verify", "result", "run2.csv", "--out", "again")
-    assert refused.returncode == 2
-    assert "model ours:Model is not built in" in refused.stderr
-    assert "--part ours:Model allows it" in refused.stderr
-    ended = with_parts.run("verify", "result", "run2.csv", "--out", "again", "--part", "ours:Model")
-    assert ended.returncode == 0, ended.stderr
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
-    "command",
+    ("command", "part"),
     [
-        ("simulate", "design", "--out", "again.csv"),
-        ("identify", "irp6", "run1.csv", "--design", "design", "--out", "again"),
-        ("design", "irp6", *QUICK, "--begin", "design", "--out", "again"),
+        (("simulate", "design", "--out", "again.csv"), "trajectory ours:Series"),
+        (("identify", "irp6", "run1.csv", "--design", "design", "--out", "again"), "trajectory ours:Series"),
+        (("design", "irp6", *QUICK, "--begin", "design", "--out", "again"), "trajectory ours:Series"),
+        (("verify", "result", "run2.csv", "--out", "again"), "model ours:Model"),
     ],
-    ids=["simulate", "identify", "design"],
+    ids=["simulate", "identify", "design", "verify"],
 )
-def test_other_commands_that_read_designs(command: tuple[str, ...], with_parts: Here) -> None:
+def test_other_commands_that_read_results(command: tuple[str, ...], part: str, with_parts: Here) -> None:
     refused = with_parts.run(*command)
     assert refused.returncode == 2
-    assert "--part ours:Series allows it" in refused.stderr
-    ended = with_parts.run(*command, "--part", "ours:Series")
+    assert f"{part} is not built in" in refused.stderr
+    name = part.split()[1]
+    assert f"--part {name} allows it" in refused.stderr
+    ended = with_parts.run(*command, "--part", name)
     assert ended.returncode == 0, ended.stderr
 
 

@@ -12,9 +12,9 @@ import click
 import pytest
 from click.shell_completion import BashComplete, FishComplete, ZshComplete
 from click.testing import CliRunner
-from commands import COMMANDS, ENVIRONMENT, SCRIPT
+from commands import COMMANDS
 
-from excite.cli.command import LINES, Command, FurtherOption, heading_of
+from excite.cli.command import LINES, Command, FurtherOption
 from excite.cli.main import _GROUPS, cli
 from excite.registry import BUILT_IN
 from excite.tasks.task import PLACE
@@ -82,13 +82,6 @@ def test_the_help_fits_a_screen(name: str, columns: int) -> None:
     assert lines[-1] == f"All {len(visible)} options: cli {name} --help-all; set any by --set NAME=VALUE"
 
 
-def test_the_help_of_a_design_has_what_most_uses_need() -> None:
-    text = CliRunner().invoke(cli, ["design", "--help"]).output
-    needed = ("--joints", "--model", "--friction", "--trajectory", "--period", "--harmonics", "--base", "--criterion",
-              "--velocity-limit", "--acceleration-limit", "--starts", "--seed", "--out", "Examples:")  # fmt: skip
-    assert [word for word in needed if word not in text] == []
-
-
 def test_options_of_a_design_are_grouped_by_the_parts_of_a_task() -> None:
     found = shown("design")
     assert list(found) == OF_DESIGN
@@ -96,12 +89,6 @@ def test_options_of_a_design_are_grouped_by_the_parts_of_a_task() -> None:
     for param in COMMANDS["design"].params:
         if param.name in PLACE and param.name not in ("rate", "world") and not getattr(param, "hidden", False):
             assert param.opts[0] in found[PARTS[PLACE[str(param.name)]]]
-
-
-def test_what_nothing_is_known_of_is_about_the_output() -> None:
-    assert heading_of("of_tomorrow", {}) == "Output"
-    command = Command("some", params=[click.Option(["--of-tomorrow"])])
-    assert "Output:\n  --of-tomorrow TEXT" in command.get_help(click.Context(command))
 
 
 def given(words: str, name: str = "design") -> dict[str, Any]:
@@ -131,9 +118,6 @@ def test_what_is_set_is_what_is_typed() -> None:
     assert given(f"irp6 --out d {' '.join(f'--set {each}' for each in settings)}") == typed
     assert given("irp6 --set out=d --set velocity-limit=2,1 --set period=8 --no-friction --set no-friction=yes "
                  "--drives 1,2 --via 0,1 --via 1,0") == typed  # fmt: skip
-
-
-def test_a_value_may_be_given_twice_if_it_is_the_same() -> None:
     assert given("irp6 --out d --period 8 --set period=8.0")["period"] == 8.0
     assert given("irp6 --out d --constraint torque --set constraint=torque")["constraints"] == ("torque",)
 
@@ -216,13 +200,6 @@ def test_names_are_completed() -> None:
     assert found == CASES
     for shell in SHELLS:
         assert all(name in completed("excite robots ", shell) for name in built_in_names())
-
-
-@pytest.mark.parametrize("shell", ["zsh", "fish"])
-def test_shells_get_their_script(shell: str, tmp_path: Path) -> None:
-    asked = {**ENVIRONMENT, "_EXCITE_COMPLETE": f"{shell}_source"}
-    ended = subprocess.run(SCRIPT, cwd=tmp_path, env=asked, capture_output=True, text=True, check=False)
-    assert f"_EXCITE_COMPLETE={shell}_complete" in ended.stdout
 
 
 def test_completing_imports_only_the_command_and_nothing_heavy(tmp_path: Path) -> None:

@@ -131,40 +131,17 @@ def test_friction_curves_are_kept_word_by_word(here: Here) -> None:
     assert load_result(here.cwd / "out").friction is not None
 
 
-@pytest.mark.slow
-def test_estimators_with_more_to_tell(here: Here) -> None:
-    assert done(here, "run.csv", "--estimator", "recursive")["estimator"] == "recursive"
-    instrumental = done(here, "run.csv", "--estimator", "instrumental", "--design", "design", out="instrumental")
-    assert "instruments taken as free of the noise of the rows" in instrumental["notes"]
-    physical = done(here, "run.csv", "--estimator", "physical", "--described-within", "0.3", out="physical")
-    assert physical["standard"]["m3"] > 0.0
-
-
 # ---------------------------------------------------------------- what is refused
 
 BAD = (
     ("run.csv nothing.csv", "cannot read log nothing.csv: No such file or directory"),
     ("run.csv run.csv", "run.csv has the same content as run.csv; give each log once"),
-    ("run.csv --design nothing", "nothing holds no design: there is no nothing/design.json"),
-    ("run.csv --rows 1:4000", "run.csv: rows: given 1:4000, but the log has 401 rows"),
     ("run.csv --rows x", "rows must be auto, all, or FIRST:LAST such as 100:2000; given 'x'"),
-    ("run.csv --drives 2", "run.csv: joint q1 deviates by "),
     ("load.csv", "load.csv: joint q4 moves by "),
-    ("load.csv --model load --equations q1", "no equation named 'q1'; available: fx, fy, fz, nx, ny, nz"),
-    ("load.csv --model load --friction-curves friction.yaml", "a wrench does not contain friction"),
-    ("run.csv --model load", "run.csv has the joints q1, q2, q3, but not q4, q5, which the model moves"),
-    ("run.csv --model energy --every 2", "--low-pass and --every are for models of single instants"),
     ("run.csv --estimator instrumental", "the estimator instrumental needs the commanded motion: name the --design"),
     ("other.csv --estimator instrumental --design design", "other.csv does not follow the design's motion"),
-    ("run.csv --estimator best", "Invalid value for '--estimator': 'best' is not one of"),
-    ("run.csv --described-within 1", "--described-within is for the estimator physical, not for weighted"),
     ("run.csv --sign-width 0.1 --breakaway 0.1", "give --sign-width or --breakaway, not both"),
     ("run.csv --sign-width wide", "Invalid value for '--sign-width': expected auto or a number; expected numbers"),
-    ("run.csv --low-pass 60", "the cutoff 60 Hz must be below half the sample rate, 50 Hz"),
-    ("run.csv --every 400", "run.csv: 3 equations are too few for 1"),
-    ("run.csv --signals fourier", "run.csv: no period: the motion does not repeat itself within "),
-    ("run.csv --repeat 1", "repeat must be 2 or more, or 0 for none, given 1"),
-    ("run.csv --repeat 9 --estimator huber", "not with huber"),
     ("run.csv --mapping friction.yaml", "friction.yaml: time (line 1): is missing"),
     ("run.csv --friction-curves run.csv", "run.csv"),
     ("run.csv --executor serial", "--executor is for repetitions: give their number, --repeat N"),

@@ -36,14 +36,10 @@ WORK = {
 }
 NUMBERS = ("integer", "number", "numbers", "ranges", "box", "triple", "poses", "mount", "payload", "parameters")
 PLAN = BASE["friction plan"]
-FIT = BASE["friction fit"]
 OPTIONS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     (DESIGN, "--noise 1e-308", "'--noise': must be a number from 1e-12 to 1e+12, given 1e-308"),
-    (DESIGN, "--velocity-limit 1e154", "'--velocity-limit': must be a number from 1e-09 to 1000000 rad/s or m/s"),
     (DESIGN, "--position-limit=-1e20:1e20,-1:1", "must be a number from -10000 to 10000 rad or m, given -1e+20"),
-    (DESIGN, "--sensor-xyz 1e308,0,0", "'--sensor-xyz': must be a number from -10000 to 10000 m, given 1e+308"),
     (DESIGN, "--tool-box 1e300:2e300,:,:", "'--tool-box': must be a number from -10000 to 10000 m, given 1e+300"),
-    (DESIGN, f"--starts 1{'0' * 20}", "'--starts': must be a whole number from 1 to 10000000, given 10000000000000"),
     (DESIGN, f"--seed {'9' * 400}", "must be a whole number from 0 to 2^63 - 1, given a whole number of about"),
     (DESIGN, f"--seed {'9' * 5000}", "'--seed': expected a whole number, given '9999999999999"),
     (DESIGN, "--period \u0661", r"'--period': expected a number, given '\u0661'"),
@@ -51,21 +47,16 @@ OPTIONS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     (PLAN, "--velocity-limit 1e-9", "a stroke of 7.5e-10 rad to each side is too short for a run"),
     (PLAN, "--breakaways 2 --creep 1e-6 --creeping 1e-3", "the break-away tests creep only 2e-11 far"),
     (DESIGN, "--mount 1,2,1e99", "expected floor, wall, ceiling, or roll, pitch, yaw [rad]; given '1,2,1e99'"),
-    (BASE["simulate"], "--encoder 1e-300", "'--encoder': must be a number from 1 to 1e+12 counts per revolution"),
     (BASE["simulate"], "--breakaway 1e9", "'--breakaway': must be 0 or a number from 1e-12 to 10000"),
     (BASE["simulate"], "--impact a:1:1e300", "--impact on a: the torque must be a number from -1e+09 to"),
     (BASE["simulate"], "--load 1e300,0,0,0,1,0,0,1,0,1", "load: each of its numbers must be a number from -1e+09"),
     (BASE["identify"], "--sign-width 1e300", "expected auto or a number; must be 0 or a number from 1e-12 to 1000000"),
-    (PLAN, "--warm-up 1e9", "'--warm-up': must be 0 or a number from 1e-06 to 100000 s, given 1e+09"),
-    (FIT, "--exponent 1e9", "'--exponent': must be a number from 0.01 to 100, given 1e+09"),
 )
 TASKS = {
-    "period: 1e308": "period (line 1): must be a number from 0.001 to 100000 s, given 1e+308",
     "period: 1:30": "period (line 1): should be a valid number, given '1:30'",
     "period: 1_0": "period (line 1): '1_0' is not a number: write it without underscores",
     'period: "1e3"': "period (line 1): should be a valid number, given '1e3'",
     f"seed: {'9' * 100_000}": "seed (line 1): '99999",
-    f"seed: {'9' * 400}": "seed (line 1): must be a whole number from 0 to 2^63 - 1, given a whole number of about 401",
     "prior: 1e-300": "prior (line 1): must be a number from 1e-09 to 1e+09, given 1e-300",
     "prior: {F1c: {value: 1e300, deviation: 1}}": "F1c: value must be a number from -1e+12 to 1e+12, given 1e+300",
     "limits: {velocity: [1, 1e99]}": "limits.velocity (line 1): must be a number from 1e-09 to 1000000 rad/s or m/s",
@@ -74,19 +65,14 @@ TASKS = {
 }
 WORLD = "robot: [{link: B, from: [0, 0, 0], radius: 0.1}]\n"
 WORLDS = {
-    "clearance: 1_0": "clearance (line 1): '1_0' is not a number: write it without underscores",
     'clearance: "1_0"': "clearance (line 1): must be a number, given the text '1_0'",
     "clearance: true": "clearance (line 1): must be a number from -10000 to 10000 m, given True",
-    "clearance: 1e300": "clearance (line 1): must be a number from -10000 to 10000 m, given 1e+300",
     "self_collision: 1": "self_collision (line 1): should be a valid boolean, given 1",
 }
 ROBOTS = {
     ("mass: 4.0", "mass: 1e300"): "link A: inertial parameters must be a number from -1e+12 to 1e+12 kg m or kg m^2",
-    ("a: 0.5", "a: 1e200"): "joint b: translation must be a number from -10000 to 10000 m, given 1e+200",
     ("ratio: 2.0", "ratio: 1e200"): "drive z1: ratio must be a number from -1e+09 to 1e+09, given 1e+200",
-    ("coulomb: 1.0", "coulomb: 1e200"): "drive z1: friction must be a number from -1e+12 to 1e+12, given 1e+200",
     ("torque: 60", "torque: 1e30"): "limits of joints: torque must be inf or a number from -1e+20 to 1e+20, given",
-    ("gravity: 9.81", "gravity: 1e9"): "gravity must be a number from -10000 to 10000 m/s^2, given -1e+09",
     ("mass: 4.0", "mass: true"): "links[1].mass (line 9): should be a valid number, given True",
 }
 
@@ -109,7 +95,6 @@ STORED: tuple[tuple[Callable[[dict[str, Any]], str], str], ...] = (
     (put("period", float("inf")), "Infinity is not a finite number"),
     (typed('"period": 2.0', '"period": 1e999'), "1e999 is too large for a number"),
     (put("tool_box", ["", "", ""]), "tool_box: expected a pair [lower, upper] for each of x, y, z"),
-    (put("period", 1e300), "must be a number from 0.001 to 100000 s, given 1e+300"),
 )
 
 

@@ -24,7 +24,6 @@ from excite.identification.identification import Identification
 from excite.identification.identify import identify
 from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
-from excite.identification.streamed_rows import StreamedRows, held_rows
 from excite.information.target import target_of
 from excite.logs.log import Log
 from excite.simulation.simulate import simulate
@@ -186,17 +185,6 @@ def test_what_only_slow_rows_show_has_an_interval_as_wide_as_itself(noisy_log: L
     wider = allowing_for_standstill(plain, Weighted(), result.observations, replace(slow, recipe=recipe))
     place = result.names.index("F3c")
     assert wider.deviation[place] >= abs(plain.values[place])
-
-
-def test_of_streamed_rows_stretches_stand_for_all(stuck: Identification) -> None:
-    result = stuck
-    held = result.observations
-    rows = held_rows(held.matrix.reshape(-1, 3, held.W.shape[1]))
-    streamed = replace(held, W=StreamedRows([rows]))
-    plain = Weighted().estimate(held)
-    expected = allowing_for_standstill(plain, Weighted(), held, context_of(result))
-    wider = allowing_for_standstill(plain, Weighted(), streamed, context_of(result))
-    np.testing.assert_allclose(wider.covariance, expected.covariance, rtol=1e-6)
 
 
 RECIPE = Recipe(rows="all", cutoff=40.0, sign_width=0.0)

@@ -15,7 +15,7 @@ from observed import observations_of
 from played import EXACT, TASK, irp6, noisy, played, three_joints
 
 from excite.identification import observations as module
-from excite.identification.covariance import robust_covariance, with_covariance
+from excite.identification.covariance import robust_covariance
 from excite.identification.equations import equations_of
 from excite.identification.estimator import Context
 from excite.identification.estimators.least_squares import least_squares, weighted
@@ -112,21 +112,6 @@ def test_almost_as_many_parameters_as_effective_rows_leave_finite_deviations() -
     assert np.sqrt(np.trace(autoregressive_covariance(groups, 50.0))) < 100 * np.std(noise)
 
 
-def test_deviations_of_autoregressive_noise_are_those_that_the_estimates_have() -> None:
-    rng = np.random.default_rng(6)
-    n, rho = 1500, 0.9
-    t = np.arange(n) * 0.005
-    W = np.column_stack([np.sin(2 * t), np.cos(5 * t), np.sign(np.sin(3 * t))])
-    B = np.linalg.pinv(W)
-    exact = np.sqrt(np.diag(B @ scipy.linalg.toeplitz(rho ** np.arange(n) / (1 - rho**2)) @ B.T))
-    stated = []
-    for _ in range(20):
-        e = scipy.signal.lfilter([1.0], [1.0, -rho], rng.normal(size=n + 100))[100:]
-        observations = observations_of(W, W @ [1.0, 2.0, 3.0] + e)
-        stated.append(robust_covariance(weighted(observations), observations, "autoregressive").deviation)
-    np.testing.assert_allclose(np.mean(stated, axis=0), exact, rtol=0.1)
-
-
 BETA = np.array([1.0, -2.0, 0.5])
 
 
@@ -161,14 +146,6 @@ def test_the_deviations_are_those_of_noise_that_is_a_cumulated_sum(kind: str) ->
     exact = 0.1 * np.linalg.norm(A, axis=1)
     assert np.all(least_squares(observations).deviation < 0.5 * exact)  # as if independent
     np.testing.assert_allclose(np.mean(stated, axis=0), exact, rtol=0.2)
-
-
-def test_auto_takes_long_windows_as_cumulated_without_asking_the_residuals() -> None:
-    observations, _ = long_windows(np.random.default_rng(2))
-    estimate = least_squares(observations)
-    auto, robust = (with_covariance(estimate, observations, kind, cumulated=True) for kind in ("auto", "robust"))
-    np.testing.assert_array_equal(auto.covariance, robust.covariance)
-    assert with_covariance(estimate, observations, "white", cumulated=True) is estimate
 
 
 @pytest.mark.parametrize("window", ["short", "long"])

@@ -144,17 +144,6 @@ def drawn(method: str, noise: float | None = None, count: int = 200) -> tuple[Ar
     return described(result), wide, alone
 
 
-def test_scatter_over_curves_and_noise_is_what_is_stated() -> None:
-    """The noise known: residuals would hold some of the curves' errors too, and make it smaller than is stated."""
-    _, wide, _ = drawn("weighted", 0.5)
-    values = np.array([one.values for one in wide])
-    stated = np.mean([one.covariance for one in wide], axis=0)
-    np.testing.assert_allclose(values.std(axis=0, ddof=1) / np.sqrt(np.diag(stated)), 1.0, atol=0.12)
-    off = values - values.mean(axis=0)
-    squares = np.einsum("ij,ji->i", off, np.linalg.solve(stated, off.T))
-    assert squares.mean() == pytest.approx(values.shape[1], rel=0.12)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["least-squares", "weighted"])
 def test_truth_lies_in_the_intervals_as_often_as_they_say(method: str) -> None:

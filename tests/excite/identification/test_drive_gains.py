@@ -144,12 +144,6 @@ def test_planted_gains_come_back_and_the_parameters_are_true(kind: str, tmp_path
     assert verify(load_result(tmp_path), other).relative_error < 1e-3  # its torques are corrected too
 
 
-@pytest.mark.slow
-def test_the_summary_says_what_agrees() -> None:
-    right = calibrated(dict.fromkeys(GAINS, 1.0), 0.5, kind="common")
-    assert "the drive gains agree with the stated ones within their 99 % intervals" in right.estimate.notes
-
-
 def test_intervals_allow_for_the_gains() -> None:
     with_gains, without = calibrated(GAINS, 0.5), identify(TASK, stated(False, GAINS, 0.5, 0), recipe=RECIPE)
     assert np.all(with_gains.estimate.deviation[:8] > 1.02 * without.estimate.deviation[:8])

@@ -237,7 +237,6 @@ def test_identify_refuses_temperatures(warm_log: Log, here: Here) -> None:
     write_friction(FrictionCurves({"z2": TRUTH}), here.cwd / "f.yaml")
     for temperature, message in (
         ("40,41", "temperature needs one value, or 3, one per joint of q1, q2, q3; given 2"),
-        ("nan", "expected finite numbers, given 'nan'"),
         ("140", "z2: friction: coulomb must be zero or more, given -33.85 at 140 deg C"),
     ):
         given = ("bare.csv", "--friction-curves", "f.yaml", "--temperature", temperature)

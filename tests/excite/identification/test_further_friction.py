@@ -11,15 +11,11 @@ from pinocchio_chains import joint_torques
 from played import periodic
 
 from excite.identification.equations import (
-    drive_rows,
-    equations_of,
     friction_drives,
     measured_direction,
     measured_regressor,
 )
 from excite.identification.identification import Identification
-from excite.identification.preparation import prepare
-from excite.identification.presliding import _score
 from excite.identification.procedure import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.information.target import target_of
@@ -111,17 +107,6 @@ def test_the_equations_of_motion_give_back_the_acceleration() -> None:
     moved, least = rate(np.hstack([samples.q, samples.dq]).T, recorded.effort.T)
     np.testing.assert_allclose(np.array(moved)[6:].T, samples.ddq, atol=1e-6)
     assert np.all(np.array(least) > 0)
-
-
-def test_presliding_is_judged_with_the_magnitudes_of_all_directed_columns() -> None:
-    """At the true width nothing is left to explain; with constant magnitudes load shares and roots would be."""
-    recorded, _ = log(width=0.05)
-    target = target_of(ROBOT, TASK)
-    part = prepare(recorded, ROBOT, target, EXACT)
-    drives = friction_drives(target, part.samples)
-    score = _score(target, [part], [equations_of(target, part, EXACT)], [drives], None)
-    dz = part.samples.dq @ drive_rows(ROBOT).T
-    assert score([np.tanh(dz / 0.05)]) < score([np.tanh(dz / 0.06)]) - 3.0
 
 
 RATE, PERIOD = 100.0, 6.0

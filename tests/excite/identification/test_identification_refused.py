@@ -22,18 +22,14 @@ def log() -> Log:
 
 BAD_RECIPES = (
     ({"delay": (0.0, 0.0)}, "delay: expected a number, given (0.0, 0.0)"),
-    ({"cutoff": [1.0, 2.0]}, "cutoff: expected a number or None, given [1.0, 2.0]"),
     ({"signals": "magic"}, "no signals named 'magic'; available: butterworth, "),
     ({"estimator": "best"}, "no estimator named 'best'; available: huber, "),
     ({"covariance": "none"}, "no covariance named 'none'; available: auto, white, robust"),
     ({"cutoff": 0.0}, "`cutoff` must be a number from 1e-06 to 10000000 Hz, given 0"),
     ({"sign_width": -0.1}, "`sign_width` must be 0 or a number from 1e-12 to 1000000 rad/s or m/s, given -0.1"),
     ({"sign_width": 0.1, "breakaway": 0.1}, "give `sign_width` or `breakaway`, not both"),
-    ({"every": 0}, "`every` must be a whole number from 1 to 1e+09, given 0"),
-    ({"rows": "first"}, "rows must be auto, all, or FIRST:LAST such as 100:2000; given 'first'"),
     ({"rows": "1:" + "9" * 5000}, "rows must be auto, all, or FIRST:LAST such as 100:2000; given '1:999999"),
     ({"rows": "0:9"}, "the first must be 1 or more and below the last, given '0:9'"),
-    ({"rows": "9:9"}, "the first must be 1 or more and below the last, given '9:9'"),
 )
 
 
@@ -45,7 +41,6 @@ def test_a_recipe_that_cannot_be_is_refused() -> None:
     for name, given, message in (
         ("instrumental", {}, "needs the commanded motion: name the `design` that was played"),
         ("weighted", {"described_within": 1.0}, "`described_within` is for the estimator physical, not for weighted"),
-        ("physical", {"described_within": -1.0}, "`described_within` must be a number from 1e-06 to 1000000, given -1"),
     ):
         with pytest.raises(InputError) as refused:
             Recipe(estimator=name, **given).chosen_estimator().check(None)
@@ -73,14 +68,11 @@ LATER = (
     (Recipe(rows="1:9"), TASK, "LOG: butterworth needs 16 samples or more, given 9"),
     (replace(EXACT, every=1000), TASK, "LOG: 3 equations are too few for 13 parameters"),
     (Recipe(signals="fourier"), TASK, "LOG: no period: the motion does not repeat itself within 0.99"),
-    (Recipe(average=True), TASK, "LOG: no period: the motion does not repeat itself"),
     (Recipe(rows="all", low_pass=101.0), TASK, "the cutoff 101 Hz must be below half the sample rate, 100 Hz"),
     (replace(EXACT, low_pass=5.0), Task("irp6", model="energy"), "`low_pass` and `every` are for models of single"),
     (replace(EXACT, breakaway=0.1), Task("irp6", model="energy"), "`breakaway` is for the differential model"),
     (EXACT, Task("irp6", model="load"), "LOG has the joints q1, q2, q3, but not q4, q5, which the model moves"),
     (EXACT, Task("irp6", joints=("1", "3")), "LOG: joint q2 deviates by 0."),
-    (EXACT, Task("irp6", drives=("2",)), " from a motion of z2 alone"),
-    (EXACT, Task("irp6", joints=("9",)), "no joint named '9'"),
 )  # fmt: skip
 
 

@@ -154,12 +154,6 @@ def test_windows_that_meet_such_rows_are_left_out() -> None:
     assert np.any(within(end, SPANS, end - 0.0101))
 
 
-def test_filtered_equations_leave_them_out_too() -> None:
-    result = found(TASK, saturated(played(three_joints(), 3)), recipe=replace(AUTO, every=3))
-    assert not np.any(within(result.observations.time, SPANS))
-    np.testing.assert_allclose(result.estimate.values, described(result), rtol=1e-6, atol=1e-6)
-
-
 def test_a_wrench_is_what_it_is_whatever_the_torques_were() -> None:
     clean = played(periodic(np.eye(5), 1), 5, load=LOAD)
     log = replace(clean, saturated=(Saturation("joint q2", 1.0, "Nm", 9, SPANS),))

@@ -150,9 +150,3 @@ def test_the_slope_along_the_path_is_that_of_dahl() -> None:
     middle = (s[1:] + s[:-1]) / 2
     fast = np.abs(way) > 1e-5
     np.testing.assert_allclose((np.diff(s) / way)[fast], ((1 - middle * np.sign(way)) / d)[fast], rtol=1e-4, atol=1e-6)
-
-
-def test_over_no_distance_the_direction_is_the_sign_of_the_last_motion() -> None:
-    way = np.array([0.0, 0.1, 0.0, 0.2, -0.1, 0.0, 0.0, -0.3, 0.4])
-    s = dahl_direction(np.cumsum(way)[:, None], 1e-9)[:, 0]
-    np.testing.assert_array_equal(s, [0.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 1.0])

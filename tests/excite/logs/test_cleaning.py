@@ -135,15 +135,6 @@ def test_a_lower_rate_is_no_event(pattern, rate):
     assert found.count <= 1.1 * np.count_nonzero(fresh)
 
 
-def test_time_steps_show_them():
-    (one, two) = missing_rows(without_rows(recorded(), np.array([1000, 3000, 3001])))
-    assert (one.kind, one.rows) == (MISSING, (1000, 1001))
-    assert (one.begin, one.end) == (pytest.approx(0.99901), pytest.approx(1.00099))
-    assert two.rows == (2999, 3000)
-    uneven = np.cumsum(np.random.default_rng(0).exponential(1e-3, 6000))
-    assert missing_rows(recorded()) == missing_rows(replace(recorded(), time=uneven)) == ()
-
-
 def test_rows_that_were_removed_keep_their_kind_and_numbers():
     log = recorded()
     lost = np.zeros(log.count, dtype=bool)

@@ -11,7 +11,7 @@ import pytest
 from recordings import log_of, real_log, recorded, rounded, sines, struck, write_sidecar
 
 from excite.logs.event import Saturation, measured_saturation, spans_of, within
-from excite.logs.excitation import exciting_rows, mean_speed, span_ends
+from excite.logs.excitation import exciting_rows
 from excite.logs.impacts import impacts, velocity_jumps
 from excite.logs.log import Log
 from excite.logs.log_reading import read_sidecar, saturated_torques, sidecar_path
@@ -100,14 +100,6 @@ def test_rows_of_recorded_logs_are_those_that_people_chose(name, start, stop):
     assert rows.start == pytest.approx(start, abs=15)
     assert rows.stop == pytest.approx(stop, abs=40)
     assert "with motion of 0." in said
-
-
-@pytest.mark.parametrize("count", [2, 9, 10, 11, 300])
-def test_mean_speeds_are_those_over_the_spans(count):
-    rng = np.random.default_rng(count)
-    log = log_of(np.cumsum(rng.uniform(0.8, 1.2, count)) / RATE, rng.normal(size=(count, 2)))
-    a, b = span_ends(log)
-    np.testing.assert_array_equal(mean_speed(log), (log.q[b] - log.q[a]) / (log.time[b] - log.time[a])[:, None])
 
 
 def corners():

@@ -62,7 +62,6 @@ def noise(x):
 DEGREES = 180 / np.pi
 WRONG = (
     (times(q=DEGREES, dq=DEGREES), r"position from .* rad looks like degrees \(limits .*unit: deg"),
-    (times(q=DEGREES), "looks like degrees"),
     (times(dq=DEGREES), "is 57.3 times the slope of the position: it looks like degrees per second"),
     (
         lambda log: replace(log, q=np.degrees((log.q - MIDDLE) / 50) + MIDDLE, dq=log.dq / 50),
@@ -73,10 +72,6 @@ WRONG = (
     (one("dq", 0, noise), "does not follow the position"),
     (one("dq", 1, np.zeros_like), "panda_joint2.velocity is constant at 0"),
     (one("effort", 4, constant(0.25)), r"panda_joint5.effort is constant at 0.25 while the joint moves"),
-    (
-        lambda log: changed(changed(log, "dq", 2, np.negative), "effort", 4, np.zeros_like),
-        r"opposite sign.*; .*effort is constant at 0",
-    ),
     (times(effort=1e3), "its limit is 87; check its unit, gain and"),
     (one("q", 3, lambda x: x + 3.0), "panda_joint4.position from .* is far beyon"),
     (times(time=1e3), "0.2 samples per second; check that time"),
@@ -206,14 +201,11 @@ SECOND = good(seconds=1.0)
 
 NO_LOGS = (
     (spoiled("time", -1, np.inf), "time is not finite in row 200"),
-    ({"time": SECOND.time[::-1]}, "time must increase .* row 1 has 0.995"),
     (spoiled("time", 3, 0.01), "row 3 has 0.01 s and row 4 0.01 s"),
     (spoiled("q", 7, np.nan), "q is not finite in row 8; leave out the rows with gaps"),
-    (spoiled("effort", 0, np.nan), "effort is not finite in row 1"),
     ({"q": SECOND.q + 0j}, "q: expected an array of real numbers"),
     ({"time": SECOND.time[:, None]}, "expected one number per instant"),
     ({"dq": SECOND.dq[:, 1:]}, r"dq has shape \(200, 6\), not \(200, 7\)"),
-    ({"temperature": np.full((200, 7), "hot")}, "temperature: expected an array of real numbers or None"),
 )
 
 

@@ -38,7 +38,6 @@ def test_units(written):
     for channel, fields, cell, value in (
         ("position", "unit: deg", 180.0, np.pi),
         ("position", "unit: rev", 0.5, np.pi),
-        ("position", "unit: turns", 0.5, np.pi),
         ("position", "unit: ticks, ticks: 4096", 1024.0, np.pi / 2),
         ("position", "unit: ticks, ticks: 4096, ratio: 2, offset: 1024", 3072.0, np.pi / 2),
         ("velocity", "unit: rpm", 60.0, 2 * np.pi),
@@ -46,7 +45,6 @@ def test_units(written):
         ("velocity", "unit: ticks/s, ticks: 100", 50.0, np.pi),
         ("temperature", "unit: degC", 20.0, 20.0),
         ("temperature", "unit: K", 293.15, 20.0),
-        ("temperature", "unit: K, offset: 273.15", 293.15, 20.0),
         ("temperature", "unit: degF", 68.0, 20.0),
     ):
         mapping = f"{HEAD}joints: [a]\n" + ("" if channel == "position" else "position: {columns: [2], unit: rad}\n")
@@ -57,27 +55,18 @@ def test_units(written):
 
 def test_bad_sections(written):
     for fields, message in (
-        ("unit: grad", "no unit 'grad'; available: rad, deg, turns, rev, ticks"),
         ("unit: ticks", "unit ticks needs the field ticks"),
         ("unit: rad, ticks: 9", "ticks is given, but the unit is not ticks"),
         ("unit: rad, side: load", "side"),
         ("unit: rad, file: q.csv", "positions are in the log itself"),
         ("unit: rad, gain: 0.0", "gain .*: must not be zero"),
-        ("unit: rad, gain: 1e300", r"gain .*: must be a number from -1e\+12 to 1e\+12, give"),
         ("unit: rad, gain: [-1e-300]", "gain .*: must be 1e-15 or more, or -1e-15 or less"),
         ("unit: rad, ratio: 1e10", r"ratio .*: must be a number from -1e\+09 to 1e\+09"),
-        ("unit: rad, offset: -1e16", r"offset .*: must be a number from -1e\+15 to 1e\+15"),
-        ("unit: ticks, ticks: 1e13", r"ticks .*: must be a number .* counts per revolution"),
         ("unit: rad, columns: [0]", r"columns\[1\] \(line 4\): must be a whole number from 1 to"),
-        ("unit: rad, columns: [9999999]", "must be a whole number from 1 to 100000, given 9999999"),
     ):
         columns = "" if "columns" in fields else "columns: [2], "
         with pytest.raises(InputError, match=message):
             read_mapping(written(f"{HEAD}joints: [a]\nposition: {{{columns}{fields}}}\n", "map.yaml"))
-    with pytest.raises(InputError, match=r"skip .*: must be a whole number from 0 to 1e\+09"):
-        read_mapping(
-            written(f"{HEAD}joints: [a]\nposition: {{columns: [2], unit: rad}}\nskip: 2000000000\n", "map.yaml")
-        )
 
 
 def motor_table(robot, side="side: motor"):
@@ -154,6 +143,8 @@ TWO_FILES = (
 
 def test_signals_of_two_files_meet_on_the_rows_of_the_positions(written):
     time, other = np.arange(0, 2, 0.01), np.arange(0.05, 1.5, 0.003)
+    with pytest.raises(InputError, match=r"cannot read log .*log_tau\.csv"):
+        read(written, table(time, time), TWO_FILES)
     written(table(other, 3 * other), "log_tau.csv")
     log = read(written, table(time, np.sin(time)), TWO_FILES)
     np.testing.assert_allclose(log.effort[:, 0], 3 * log.time, atol=1e-12)
@@ -170,11 +161,6 @@ def test_signals_of_two_files_meet_on_the_rows_of_the_positions(written):
     np.testing.assert_array_equal(log.removed[0].numbers, np.arange(81, 101))
     written(table([50.0, 51.0], [0.0, 1.0]), "log_tau.csv")
     with pytest.raises(InputError, match="one clock"):
-        read(written, table([0.0, 1.0], [0.0, 1.0]), TWO_FILES)
-
-
-def test_another_file_that_is_not_there(written):
-    with pytest.raises(InputError, match=r"cannot read log .*log_tau\.csv"):
         read(written, table([0.0, 1.0], [0.0, 1.0]), TWO_FILES)
 
 

@@ -165,7 +165,6 @@ def test_what_does_not_fit_is_refused(played: Played) -> None:
         ({"gains": "missing.yaml", "gain_deviation": 0.1}, "give one of them"),
         ({"wrench": True, "gain_deviation": 0.1}, "leave out `gain_deviation`"),
         ({"result": "somewhere"}, "`without` and `result` both"),
-        ({"rated": -1.0}, "`rated`"),
     ):
         with pytest.raises(InputError, match=message):
             excite.identify_payload("panda", held, **{"without": bare, **change})

@@ -278,10 +278,8 @@ def test_experiments_that_cannot_be() -> None:
 @pytest.mark.parametrize(
     ("instants", "choices", "refused"),
     [
-        (20_000, {}, False),
         (3_000_000, {}, False),  # in blocks
         (4_000_000, {"low_pass": 10.0}, True),
-        (6_000_000, {"estimator": "instrumental"}, True),
     ],
 )
 def test_memory_is_planned_before_anything_is_computed(

@@ -94,13 +94,6 @@ def test_every_sample_is_a_possible_robot(result: Identification, samples: Poste
     assert possible(result, samples.mean[None]).all()
 
 
-def test_base_parameters_are_those_of_the_samples(result: Identification, samples: PosteriorSamples) -> None:
-    target = torque_target(result)
-    definition, names = target.model.definition()
-    assert samples.names == names
-    np.testing.assert_allclose(samples.base_values, samples.values @ (target.base.D @ definition).T, atol=1e-12)
-
-
 def test_a_sample_is_the_same_however_many_are_drawn(result: Identification, samples: PosteriorSamples) -> None:
     few = excite.sample_posterior(result, 40, seed=1, prior=PRIOR)
     np.testing.assert_array_equal(few.values, samples.values[:40])
@@ -326,11 +319,9 @@ def _text(content: str) -> Callable[[Path], Path]:
     ("write", "message"),
     [
         (lambda folder: folder / "nowhere.npz", "cannot read .*nowhere.npz"),
-        (lambda folder: folder / "nowhere.csv", "cannot read .*nowhere.csv"),
         (lambda folder: folder / "samples.txt", "read from .npz or .csv, given .*samples.txt"),
         (_text(""), "holds no samples"),
         (_text("m1,m2\n1,2\n"), "no facts in its first line"),
-        (_text("# {}\nm1\n1\n"), "holds no samples"),
         (_array(lambda a: a.pop("values")), "holds no samples"),
         (_array(lambda a: a.update(values=a["values"][:, :2])), "arrays of other sizes"),
         (_array(lambda a: a.update(facts=np.array(json.dumps({"schema": "excite.other/1"})))), "holds no samples"),

@@ -33,7 +33,6 @@ from excite.study.repetitions import (
     experiment_prediction,
     position_noise,
     repeat_experiment,
-    units_of,
 )
 from excite.tasks.task import Task
 from regressors.errors import InputError, TooLargeError, UnknownName
@@ -176,14 +175,6 @@ def test_workers_that_would_not_fit_into_memory(monkeypatch: pytest.MonkeyPatch)
     assert isinstance(executor_of_repetitions("process", None, plain(), LONG), InThisProcess)
 
 
-@pytest.mark.parametrize("count", [2, 7, 1000])
-def test_units_are_all_numbers_once(count: int) -> None:
-    common = SeededExperiment(plain(), 0, {})
-    for executor in (InThisProcess(), InProcesses(2)):
-        assert [k for unit in units_of(executor, common, range(count)) for k in unit] == list(range(count))
-    assert len(units_of(InThisProcess(), common, range(count))) == count
-
-
 COUNT = 12
 
 
@@ -258,20 +249,12 @@ def test_a_process_that_ends_at_once_has_kept_what_it_computed(file: Path) -> No
     assert rest.numbers == [8, 9, 10, 11]
 
 
-def _other_motion() -> Any:
-    samples = plain().samples
-    return replace(plain(), samples=replace(samples, q=samples.q + 1e-12))
-
-
 @pytest.mark.parametrize(
     ("other", "seed"),
     [
         (plain, 1),
-        (_other_motion, 0),
         (lambda: replace(plain(), beta=np.nextafter(plain().beta, 9.0)), 0),
         (lambda: replace(plain(), noise=replace(plain().noise, effort=0.31)), 0),
-        (lambda: replace(plain(), estimator="least-squares"), 0),
-        (lambda: replace(plain(), every=2), 0),
         (lambda: chains()["differential"], 0),
     ],
 )

@@ -8,7 +8,6 @@ import multiprocessing
 import os
 import signal
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import pytest
 from commands import Here
@@ -92,7 +91,7 @@ def test_ctrl_c_ends_the_worker_processes() -> None:
     assert not multiprocessing.active_children()
 
 
-def test_identify_command_on_dask(recorded: Here, dask: DaskProcesses, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_identify_command_on_dask(recorded: Here, dask: DaskProcesses) -> None:
     run = ("identify", "irp6", "run.csv", "--choose", "none", "--repeat", "9", "--figures", "none")
     contents = []
     for out, executor in (("a", "serial"), ("b", dask.address)):
@@ -100,15 +99,3 @@ def test_identify_command_on_dask(recorded: Here, dask: DaskProcesses, monkeypat
         assert ended.returncode == 0, ended.stderr
         contents.append(json.loads((recorded.cwd / out / "result.json").read_text())["repetitions"])
     assert contents[0] == contents[1]
-    repeat = units_file.repeat_experiment
-
-    def interrupted(e: Any, count: int, seed: int, progress: Any, **where: Any) -> Any:
-        return repeat(e, count, seed, progress=after(2, lambda: signal.raise_signal(signal.SIGINT)), **where)
-
-    monkeypatch.setattr(units_file, "repeat_experiment", interrupted)
-    monkeypatch.setattr(units_file, "_UNIT", 0.0)
-    ended = recorded.run(*run, "--executor", dask.address, "--out", "c")
-    assert ended.returncode == 130
-    assert ended.stderr == (
-        "excite: interrupted; the result is saved, with 2 of 9 repetitions; with --force, the same command goes on\n"
-    )

@@ -87,15 +87,6 @@ def test_noise_does_not_hide_a_wrong_result(result: Identification, mostly_noise
     assert "does not generalise" in v.verdict.text
 
 
-def test_masses_that_are_ten_percent_wrong_do_not_generalise(result: Identification) -> None:
-    motion = replace(three_joints(4), amplitude=3.0 * three_joints(4).amplitude)
-    log = noisy(played(motion, 3, seconds=10.0, source="OTHER"), 0.3, 1e-6, 2)
-    assert verify(result, log, signals="butterworth").holds
-    v = verify(scaled(result, 1.1), log, signals="butterworth")
-    assert not v.holds
-    assert "does not generalise" in v.verdict.text
-
-
 # ---------------------------------------------------------------- joints of little inertia
 
 
@@ -150,9 +141,3 @@ def test_a_simulated_motion_that_drifts_is_a_remark_where_the_torques_are_right(
     v = verify(result, log, signals="butterworth", tolerances=Tolerances(motion=1e-6))
     assert v.verdict.holds
     assert any("the simulated motion of q1 deviates by" in remark for remark in v.verdict.remarks)
-
-
-def test_a_mass_matrix_that_is_not_positive_definite_is_not_excused(result: Identification) -> None:
-    log = noisy(played(three_joints(4), 3, seconds=4.0, source="OTHER"), 0.3, 1e-6, 2)
-    v = verify(scaled(result, -1.0), log, signals="butterworth")
-    assert "the mass matrix of the estimate is not positive definite" in v.verdict.text

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from identified import with_estimate
-from played import LOAD, curves, found, noisy, periodic, played, three_joints
+from played import FRICTION, LOAD, curves, found, noisy, periodic, played, three_joints
 from recordings import real_log
 
 from excite.identification.identification import Identification
@@ -31,10 +31,6 @@ from regressors.robot.friction.curves import FrictionCurves
 from regressors.samples import Array, Samples
 
 TASK = Task("irp6")
-CURVES = "schema: excite.friction/1\ndrives:\n" + "".join(
-    f"  {name}: {{model: coulomb-viscous, coulomb: {curve.coulomb}, viscous: {curve.viscous}}}\n"
-    for name, curve in curves().items()
-)
 
 
 def stored(result: Identification, folder: Path, friction: str | None = None) -> Identification:
@@ -98,7 +94,7 @@ def test_a_result_of_wrench_integrals_is_judged_by_the_wrench(tmp_path: Path) ->
 
 def test_friction_that_was_subtracted_is_added_again(tmp_path: Path, other: Log) -> None:
     identified = found(TASK, played(three_joints(), 3), friction=FrictionCurves(curves()))
-    v = verify(stored(identified, tmp_path, CURVES), other, signals="butterworth")
+    v = verify(stored(identified, tmp_path, FRICTION), other, signals="butterworth")
     assert v.verdict.holds
     assert v.relative_error < 0.1
     assert v.training_error < 1e-9

@@ -38,7 +38,7 @@ from excite.views.identification_plots import (
     torques_figure,
 )
 from excite.views.identification_view import identification_figures
-from excite.views.panels import BINS, Timeline, ends, extremes
+from excite.views.panels import BINS, ends, extremes
 from excite.views.parameters_plot import decimal, differences, parameters_figure
 from excite.views.style import BAND, BLUE, DARK, FORBIDDEN, VERMILLION
 from excite.views.verification_plots import error_parts_figure, predicted_torques_figure, simulated_motion_figure
@@ -178,13 +178,6 @@ def test_logs_stand_apart_and_keep_their_own_times(result: Identification) -> No
     assert {"first", "second", "time in each log [s]"} <= set(texts_of(figure))
 
 
-def test_an_equation_on_which_nothing_was_measured_has_no_ratio(result: Identification) -> None:
-    observations = result.observations
-    silent = dataclasses.replace(observations, y=np.where(observations.equation == 2, 0.0, observations.y))
-    figure = torques_figure(observing(result, silent))
-    assert figure.axes[4].get_title(loc="right").endswith("undefined")
-
-
 @pytest.mark.parametrize("draw", [torques_figure, residuals_figure])
 def test_one_equation_of_one_log(result: Identification, draw: object) -> None:
     observations = result.observations
@@ -247,13 +240,6 @@ def test_long_logs_have_bands_in_place_of_a_solid_block(result: Identification) 
         assert {"median of the residuals", "90 % of the residuals", "all of them"} <= set(legend_texts(figure))
 
 
-def test_lags_of_logs_with_different_rates_are_counted_in_rows(result: Identification) -> None:
-    observations = result.observations
-    time = np.where(observations.log == 1, 2.0 * observations.time, observations.time)
-    figure = residuals_figure(observing(result, dataclasses.replace(observations, time=time)))
-    assert figure.axes[-1].get_xlabel() == "lag [rows]"
-
-
 def test_autocorrelation_stays_within_logs_and_weighs_them_by_their_own_size() -> None:
     rng = np.random.default_rng(2)
     first, second = rng.standard_normal(50), 100.0 * rng.standard_normal(70)
@@ -281,13 +267,6 @@ def test_extremes_keep_every_peak_and_both_ends() -> None:
     assert np.any(np.isnan(values[extremes(values)]))
 
 
-def test_a_log_of_one_instant_has_room() -> None:
-    timeline = Timeline.of(["a.csv", "b.csv"], np.array([3.0, 7.0]), np.array([0, 1]))
-    places, values = timeline.curve(np.array([3.0, 7.0]), np.array([0, 1]), np.array([1.0, 2.0]))
-    assert np.all(np.isfinite(places))
-    np.testing.assert_array_equal(values, [1.0, np.nan, 2.0])
-
-
 def test_long_names_keep_both_ends() -> None:
     names = {("abcdef", 6): "abcdef", ("abcdefgh", 5): "ab…gh", ("abcdefgh", 6): "ab…fgh"}
     assert {name: ends(*name) for name in names} == names
@@ -296,7 +275,7 @@ def test_long_names_keep_both_ends() -> None:
 # --- parameters
 
 
-def test_differences_are_in_half_widths_and_coloured_by_the_interval(
+def test_differences_are_in_half_widths_in_groups_with_numbers_and_units(
     result: Identification, reference: ReferenceValues
 ) -> None:
     figure = parameters_figure(dataclasses.replace(result, reference=reference))
@@ -309,22 +288,20 @@ def test_differences_are_in_half_widths_and_coloured_by_the_interval(
     assert (band.get_x(), band.get_width()) == (-1.0, 2.0)
     assert "11 of 12 intervals contain it" in ax.get_title(loc="left")
     assert ax.get_xlabel() == "difference / half-width of the interval"
+    texts = texts_of(figure)
+    assert [text for text in texts if text in ("Links", "Rotors", "Friction", "Other")] == ["Links", "Friction"]
+    assert {"X7 = m2c2x + l2 m3", "X3 = I2zz + l2² m3 + I3zz + n2² Ia2\n+ n3² Ia3", "F1c", "true"} <= set(texts)
+    assert not any("\N{HORIZONTAL ELLIPSIS}" in text for text in texts)
+    half = result.estimate.half_width[result.names.index("F1v")]
+    assert f"± {decimal(half, half)} Nm s/rad" in texts
 
 
-def test_half_widths_are_relative_and_in_percent(result: Identification) -> None:
-    figure = parameters_figure(result)
-    assert len(figure.axes) == 1
-    (ax,) = figure.axes
-    bars = [p for p in ax.patches if p.get_facecolor() == to_rgba(BLUE)]
-    expected = 100 * result.estimate.half_width / np.abs(result.estimate.values)
-    np.testing.assert_allclose([bar.get_width() for bar in bars], np.minimum(expected, ax.get_xlim()[1]), rtol=1e-12)
-    assert ax.get_xlabel() == "half-width of the interval / |value| [%]"
-
-
-def test_bars_beyond_the_axis_are_cut_and_have_their_number(result: Identification) -> None:
-    estimate = result.estimate
-    percent = 100 * estimate.half_width / np.abs(estimate.values)
+def test_half_widths_are_in_percent_and_those_beyond_the_axis_have_their_number(result: Identification) -> None:
     (ax,) = parameters_figure(result).axes
+    bars = [p for p in ax.patches if p.get_facecolor() == to_rgba(BLUE)]
+    percent = 100 * result.estimate.half_width / np.abs(result.estimate.values)
+    np.testing.assert_allclose([bar.get_width() for bar in bars], np.minimum(percent, 300.0), rtol=1e-12)
+    assert ax.get_xlabel() == "half-width of the interval / |value| [%]"
     assert ax.get_xlim()[1] == 300.0
     cut = [text.get_text() for text in ax.texts if text.get_text().endswith("\N{RIGHTWARDS ARROW}")]
     assert [float(text.split()[0].replace(",", "")) for text in cut] == pytest.approx(
@@ -341,17 +318,6 @@ def test_a_parameter_of_zero_is_not_measured_by_its_value(result: Identification
     zero = dataclasses.replace(result, estimate=dataclasses.replace(result.estimate, values=values))
     texts = texts_of(parameters_figure(zero))
     assert "over 1,000,000 % \N{RIGHTWARDS ARROW}" in texts
-
-
-def test_parameters_are_grouped_and_have_numbers_with_units(result: Identification, reference: ReferenceValues) -> None:
-    texts = texts_of(parameters_figure(dataclasses.replace(result, reference=reference)))
-    assert [text for text in texts if text in ("Links", "Rotors", "Friction", "Other")] == ["Links", "Friction"]
-    assert {"X7 = m2c2x + l2 m3", "X3 = I2zz + l2² m3 + I3zz + n2² Ia2\n+ n3² Ia3", "F1c"} <= set(texts)
-    assert not any("\N{HORIZONTAL ELLIPSIS}" in text for text in texts)
-    estimate = result.estimate
-    k = estimate.names.index("F1v")
-    assert f"± {decimal(estimate.half_width[k], estimate.half_width[k])} Nm s/rad" in texts
-    assert "true" in texts
 
 
 def test_parameters_that_the_data_does_not_show_have_a_row_that_says_so(

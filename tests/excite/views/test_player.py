@@ -16,7 +16,6 @@ from reported import HOSTILE, reported_design
 import excite
 from constraints.clearance import link_poses
 from constraints.shapes import urdf_meshes
-from excite.trajectories.transfer import SCurve, time_optimal
 from excite.views.player_data import FRAMES, decimated, player_motion
 from regressors.errors import InputError
 from regressors.samples import Array
@@ -92,13 +91,6 @@ def test_objects_and_capsules_are_those_of_the_world(motion: dict[str, Any]) -> 
     assert motion["objects"][1]["name"] == HOSTILE
     names = [body["name"] for body in motion["bodies"]]
     assert [names[each["body"] - 1] for each in motion["capsules"]] == ["arm", "forearm"]
-
-
-def test_a_law_is_that_of_its_jerks() -> None:
-    law = time_optimal(0.7, 1.3, 6.0).stretched(3.0)
-    again = SCurve.of_jerks(law.breaks, law.derivative(3)[0])
-    time = np.linspace(0.0, 3.0, 50)
-    np.testing.assert_allclose(again.values(time), law.values(time), atol=1e-9)
 
 
 def sphere(count: int) -> Array:

@@ -18,7 +18,7 @@ from reported import ParsedPage, misplaced
 from written_results import plan, verification
 
 import excite
-from excite.cli.summary import brief_table, print_verdict, print_view
+from excite.cli.summary import print_verdict, print_view
 from excite.design.friction_runs.friction_plan import FrictionPlan
 from excite.design.friction_runs.plan_friction import plan_friction
 from excite.design.friction_runs.schedule import Schedule
@@ -106,19 +106,6 @@ def test_a_plan_that_breaks_limits_does_not_hold() -> None:
 
 
 # The view of a verification: terminal, page and file say the same.
-
-
-def test_the_summary_has_the_brief_columns_with_units() -> None:
-    (table,) = brief_table(verification_view(verification("old")).tables[0])
-    assert not isinstance(table, str)
-    assert [column.header for column in table.columns] == [
-        "equation",
-        "torque error",
-        "of measured",
-        "this log",
-        "simulated motion",
-    ]
-    assert next(iter(table.columns[1].cells)).endswith(" Nm")
 
 
 def test_without_curves_nothing_is_drawn() -> None:
@@ -232,12 +219,6 @@ def test_ramps_are_those_of_the_file(k: int) -> None:
     np.testing.assert_allclose(np.interp(samples.time[inside], *drawn.T), torque[inside], rtol=0, atol=1e-9)
     assert np.abs(drawn[:, 1]).max() == pytest.approx(c.ramps.largest)
     assert ax.get_ylabel() == "torque [Nm]"
-
-
-def test_a_plan_without_tests_and_ramps_has_no_panels_for_them() -> None:
-    bare = dataclasses.replace(SHORT, breakaways=0)
-    drawn = friction_plan_figure(plan_friction(built_in("irp6"), bare, drives=("1",)))
-    assert [ax.get_ylabel() for ax in drawn.axes] == ["position [rad]", "velocity [rad/s]"]
 
 
 def test_texts_stay_inside_and_apart() -> None:

@@ -22,7 +22,6 @@ from excite.design.task_file import read_task_file, task_content, task_from_opti
 from excite.friction.friction_fit import load_friction_fit
 from excite.identification.result import RepeatedParameter, RepetitionSummary
 from excite.information.matrix import CONVENTIONS
-from excite.study.time_study import load_time_study
 from excite.tasks.friction_file import write_friction
 from excite.views.identification_view import side_by_side_view
 from excite.views.page_text import PageSection, page_text
@@ -185,14 +184,6 @@ def test_bad_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         excite.write_report(tmp_path, tmp_path / "page.pdf")
 
 
-def test_edited_results_are_refused(tmp_path: Path) -> None:
-    target = saved(tmp_path / "design", reported_design())
-    text = (target / "design.json").read_text()
-    (target / "design.json").write_text(text.replace('"feasible": true', '"feasible": false'))
-    with pytest.raises(InputError, match="has been changed"):
-        report_text(target)
-
-
 def test_commands_repeat_an_identification(tmp_path: Path) -> None:
     from excite.cli.identify_commands import identify
 
@@ -291,18 +282,6 @@ def test_a_fit_of_friction_curves(fit: excite.FrictionFit, tmp_path: Path) -> No
     for page in (parsed, new):
         np.testing.assert_allclose(np.concatenate(page.numbers("friction")), np.concatenate(shown), rtol=1e-9)
     assert ["".join(e.text) for e in parsed.of("text")] == ["".join(e.text) for e in new.of("text")]
-
-
-@pytest.mark.slow
-def test_a_study(tmp_path: Path) -> None:
-    study = excite.study_over_time("irp6", designs=[design("old")], points=10, repeats=2, rate=100.0)
-    study.save(tmp_path / "s")
-    (known,), (made,) = load_time_study(tmp_path / "s" / "study.json").courses, study.courses
-    seen = np.isfinite(made.half_width)
-    np.testing.assert_array_equal(known.half_width[seen], made.half_width[seen])
-    parsed = ParsedPage(report_text(tmp_path / "s"))
-    assert [row[0] for row in parsed.numbers("course")] == made.values[-1].tolist()
-    assert len(parsed.of("svg")) == 1
 
 
 @pytest.mark.slow

@@ -17,11 +17,9 @@ from excite.identification.choices.scoring import (
     choose_bodies,
     deviations_to_try,
     equivalent_rows,
-    possible_estimate_of_products,
     pulled_least_squares,
 )
-from excite.identification.estimator import Estimate
-from excite.identification.estimators.physical import Physical, physical
+from excite.identification.estimators.physical import Physical
 from excite.identification.estimators.possible_set import near_described
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, target_of
@@ -126,29 +124,6 @@ def test_deviations_are_in_the_sizes_of_a_body() -> None:
     np.testing.assert_allclose([pull[name][0] for name in names], [described()[name] for name in names])
 
 
-def estimate(within: float | None) -> Estimate:
-    """From few noisy torques of another robot."""
-    few = statistics(20, 0.5, seed=3, scale=1.3)
-    rows = equivalent_rows(target(), few.total, left_out(few).weights)
-    pull = None if within is None else near_described(target().model, described(), within)
-    return physical(rows, target().model, target().base, pull=pull, reference=described())
-
-
-def distance(within: float) -> float:
-    """Of that estimate from the description, in sizes of the bodies."""
-    theta = estimate(within).standard
-    own = near_described(target().model, described(), 1.0)
-    return float(np.sqrt(sum(((theta[n] - v) / deviation) ** 2 for n, (v, deviation) in own.items())))
-
-
-def test_possible_bodies_are_nearer_to_the_description_the_smaller_the_deviation() -> None:
-    distances = [distance(within) for within in (0.01, 0.1, 1.0, 10.0)]
-    assert distances == sorted(distances)
-    assert distances[0] < 0.02
-    plain = estimate(None).coefficients
-    np.testing.assert_allclose(estimate(1e3).coefficients, plain, atol=1e-6 * np.abs(plain).max())
-
-
 def test_deviations_that_are_none_are_refused() -> None:
     for within in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(InputError, match="described_within must be a positive number"):
@@ -190,10 +165,3 @@ def test_least_squares_without_a_solution_of_the_cones(monkeypatch: pytest.Monke
     recipe, choice = choose_bodies(statistics(60, 0.1), target(), described(), Recipe())
     assert recipe.estimator == "weighted"
     assert "the conic solver found none" in choice.reason
-
-
-def test_an_estimate_of_products_is_that_of_the_rows() -> None:
-    """Where least squares is possible, it is that."""
-    few = statistics(400, 1e-4)
-    held = possible_estimate_of_products(target(), described(), None)(few.total, np.ones(3))
-    np.testing.assert_allclose(held, least_squares_of_products(few.total, np.ones(3)), atol=1e-6 * np.abs(held).max())

@@ -141,21 +141,6 @@ def test_planted_terms_are_chosen_for_their_drive() -> None:
 # ---------------------------------------------------------------- what is given
 
 
-def test_what_is_given_is_not_chosen() -> None:
-    result = excite.identify("irp6", clean(), cutoff=10.0, delay=0.0, estimator="weighted", offset=("1",), choose=True)
-    assert result.recipe.cutoff == 10.0
-    assert not {"cutoff", "delay", "estimator"} & {choice.name for choice in result.choices}
-    assert result.task.model.offset == ("1",)
-
-
-@pytest.mark.slow
-def test_models_without_friction_and_model_objects_keep_their_terms() -> None:
-    for model, options in ((DifferentialModel(irp6()), {}), ("irp6", {"friction": False})):
-        result = excite.identify(model, clean(4.0), **options)
-        assert not {"terms"} & {choice.name for choice in result.choices}
-        assert "estimator" in {choice.name for choice in result.choices}
-
-
 # ---------------------------------------------------------------- what is written
 
 
@@ -222,13 +207,6 @@ def test_known_friction_has_no_terms_but_rotors_may_be_added() -> None:
     assert "rotor inertia" in terms.reason
     assert {candidate.value for candidate in terms.candidates} <= {"none", "rotor"}
     assert result.estimate.notes.count("offset columns are left out: friction is known") == 0
-
-
-@pytest.mark.slow
-def test_several_logs() -> None:
-    result = excite.identify("irp6", [clean(3.0), clean(4.0, seed=2)])
-    assert result.names == PLAIN
-    assert len(result.choices) == 7
 
 
 @pytest.mark.slow
@@ -319,10 +297,8 @@ def test_only_what_is_asked_for_is_chosen() -> None:
     both = {"cutoff", "delay"}
     for asked, names in (
         (True, EVERY),
-        (False, set()),
         ((), set()),
         (("cutoff", "delay"), both),
-        (["offset"], {"offset"}),
     ):
         assert free(asked) == names
     assert free(("cutoff", "delay"), recipe={"cutoff": 3.0}) == {"delay"}

@@ -97,13 +97,6 @@ def test_what_repeats_itself_is_fitted_by_a_series(tmp_path) -> None:
     assert judged.relative_error < 0.05
 
 
-@pytest.mark.parametrize("given", [{"measured_velocity": False}, {"harmonics": None}])
-def test_what_is_given_is_kept(given: dict[str, object]) -> None:
-    result = excite.identify("irp6", log_of("repeated", coarse=True), choose=("cutoff", "signals"), **given)
-    assert not [choice for choice in result.choices if choice.name == "signals"]
-    assert result.recipe.signals == "butterworth"
-
-
 def test_methods_have_the_bandwidth_that_is_given() -> None:
     time = np.arange(2000) / 500.0
     for cutoff in (4.0, 10.0, 30.0):
@@ -159,19 +152,6 @@ def test_curves_of_another_day_are_scaled(factor: float) -> None:
     assert result.friction_scale.factors == pytest.approx(expected, rel=0.01)
     beta = right().coefficients
     np.testing.assert_allclose(result.coefficients, beta, atol=0.01 * np.abs(beta).max())
-
-
-@pytest.mark.parametrize("scale", [False, True])
-def test_a_scale_that_is_given_is_kept(scale: bool) -> None:
-    result = with_curves(stated(z1=1.25), friction_scale=scale)
-    assert not [choice for choice in result.choices if choice.name == "friction_scale"]
-    assert (result.friction_scale is not None) == scale
-
-
-def test_curves_of_drives_at_rest_are_no_reason_to_scale() -> None:
-    result = with_curves(stated(z4=2.0, z5=2.0))
-    assert result.recipe.friction_scale is False
-    np.testing.assert_array_equal(result.coefficients, right().coefficients)
 
 
 def test_curves_a_little_wrong_are_scaled_where_that_brings_the_parameters_nearer() -> None:

@@ -84,18 +84,6 @@ def test_gain_is_the_difference_of_scores_and_its_error_the_scatter_of_the_block
     assert alike == pytest.approx((np.log(20), 0.0), abs=1e-12)
 
 
-def test_gains_of_repeated_experiments_scatter_as_one_of_them_says() -> None:
-    W, _, block, beta = random_blocks(0, instants=400, blocks=8)
-    sizes, gains, deviations = 3.0 ** np.arange(3), [], []
-    for seed in range(60):
-        y = W @ beta + 2.0 * sizes * np.random.default_rng(seed).normal(size=(400, 3))
-        statistics = statistics_of(W, y, block)
-        gain, deviation = left_out(statistics).gain_over(left_out(statistics.of_columns([0, 1, 2])))
-        gains.append(gain)
-        deviations.append(deviation)
-    assert 0.7 < np.median(deviations) / np.std(gains) < 2.0  # the blocks' motions differ too
-
-
 def test_units_of_equations_and_parameters_change_no_gain() -> None:
     W, y, block, _ = random_blocks(4)
     plain = statistics_of(W, y, block)
@@ -110,29 +98,11 @@ def test_units_of_equations_and_parameters_change_no_gain() -> None:
 # ---------------------------------------------------------------- edges
 
 
-def test_negligible_errors_count_as_the_floor() -> None:
-    W, y, block, _ = random_blocks(6, noise=0.0)
-    found = left_out(statistics_of(W, y, block))
-    assert found.error == pytest.approx(NEGLIGIBLE, rel=1e-2)
-    less = left_out(statistics_of(W, y + 1e-9 * np.sin(np.arange(300.0))[:, None], block))
-    gain, _ = found.gain_over(less)
-    assert abs(gain) < 1e-3
-
-
 def test_dependent_and_zero_columns_predict_as_well_as_without_them() -> None:
     W, y, block, _ = random_blocks(7)
     twice = np.concatenate([W, W[:, :, :2] @ np.array([[1.0], [2.0]]), np.zeros((300, 3, 1))], axis=2)
     plain, more = (left_out(statistics_of(each, y, block)).squares for each in (W, twice))
     np.testing.assert_allclose(more, plain, rtol=1e-4)
-
-
-def test_a_column_that_only_one_block_shows_does_not_explode() -> None:
-    W, y, block, _ = random_blocks(8)
-    W[block != 4, :, 3] = 0.0
-    y = W @ np.array([1.0, 1.0, 1.0, 0.0]) + 0.1 * np.random.default_rng(0).normal(size=y.shape)
-    found = left_out(statistics_of(W, y, block))
-    others = left_out(statistics_of(W[:, :, :3], y, block))
-    assert found.error < 1.1 * others.error
 
 
 def test_an_equation_without_any_torque_hinders_no_other() -> None:
@@ -144,17 +114,6 @@ def test_an_equation_without_any_torque_hinders_no_other() -> None:
     rest = left_out(statistics_of(np.delete(W, 1, axis=1), np.delete(y, 1, axis=1), block))
     np.testing.assert_allclose(np.delete(found.squares, 1, axis=1), rest.squares, rtol=1e-6)
     assert np.isfinite(left_out(statistics_of(silent_W, 0 * y, block)).score)
-
-
-def test_blocks_follow_each_other_with_gaps_of_a_fifth() -> None:
-    time = np.arange(10_001) / 10_000
-    (block,) = time_blocks([time])
-    assert np.unique(block).tolist() == [-1, 0, 1, 2, 3, 4]
-    assert np.all(np.diff(block[block >= 0]) >= 0)
-    for k in range(5):
-        inside = time[block == k]
-        assert inside[0] == pytest.approx(max(0.0, 0.2 * k + 0.02 * (k > 0)), abs=2e-4)
-        assert inside[-1] == pytest.approx(0.2 * (k + 1) - 0.02 * (k < 4), abs=2e-4)
 
 
 def test_logs_share_the_blocks_and_number_them_on() -> None:

@@ -14,9 +14,7 @@ from excite.identification import observations as observations_file
 from excite.identification.estimator import Estimate
 from excite.identification.estimators import least_squares as recursive_file
 from excite.identification.estimators.least_squares import least_squares, recursive, weighted
-from excite.identification.estimators.robust import instrumental
 from excite.identification.observations import GroupFactors, Observations, join_observations
-from excite.identification.recipe import Recipe
 from excite.registry import ESTIMATORS, instance
 from regressors.errors import InputError, UnknownName
 from regressors.samples import Array
@@ -168,14 +166,10 @@ def test_99_percent_intervals_hold_99_percent(method, known: bool) -> None:
 # --- names and bad input ---------------------------------------------------------------------------------------------
 
 
-def test_every_estimator_is_registered() -> None:
-    assert [instance("estimator", name).name for name in ESTIMATORS] == list(ESTIMATORS)
-    assert Recipe().chosen_estimator().name == "weighted"
+def test_estimators_have_the_names_that_they_are_registered_by() -> None:
     observations, _ = random_problem(0)
-    for name in ESTIMATORS:
-        if name not in ("instrumental", "physical"):
-            assert instance("estimator", name).estimate(observations).method == name
-    assert instrumental(observations, observations.W).method == "instrumental"
+    for name in sorted(set(ESTIMATORS) - {"instrumental", "physical"}):
+        assert instance("estimator", name).estimate(observations).method == name
     with pytest.raises(UnknownName, match="no estimator named 'magic'; available: huber, instrumental, least-squares"):
         instance("estimator", "magic")
 
@@ -245,13 +239,6 @@ def test_rows_of_one_instant_are_taken_one_after_the_other(monkeypatch: pytest.M
     np.testing.assert_array_equal(found.covariance, found.covariance.T)
 
 
-def test_last_estimate_is_least_squares_with_the_prior() -> None:
-    W, y = small_problem(2, 200, 6)
-    for c in (1e-2, 1.0, 1e8):
-        regularised = np.linalg.lstsq(np.concatenate([W, np.eye(6) / np.sqrt(c)]), np.append(y, np.zeros(6)))[0]
-        np.testing.assert_allclose(recursive(observations_of(W, y), prior=c).values, regularised, rtol=1e-8)
-
-
 @pytest.mark.parametrize(("every", "instants"), [(1, 60), (7, 9), (30, 2), (59, 2), (1000, 1)])
 def test_decimated_history_ends_with_the_last_estimate(every: int, instants: int) -> None:
     observations, _ = random_problem(3)
@@ -262,15 +249,6 @@ def test_decimated_history_ends_with_the_last_estimate(every: int, instants: int
     np.testing.assert_array_equal(estimates[-1], found.values)
     whole = recursive(observations).history[1]
     np.testing.assert_array_equal(estimates[:-1], whole[every - 1 :: every][: instants - 1])
-
-
-def test_logs_follow_one_another() -> None:
-    observations, _ = random_problem(4)
-    parts = [observations.rows(np.arange(0, 60)), observations.rows(np.arange(60, 120))]
-    parts[1] = dataclasses.replace(parts[1], time=parts[1].time - parts[1].time[0] + parts[0].time[-1])
-    found = recursive(join_observations(parts))
-    np.testing.assert_allclose(found.values, recursive(observations).values, rtol=1e-9)
-    assert len(found.history[0]) == 60  # the last instant of one log and the first of the next stay apart
 
 
 def test_bad_settings() -> None:

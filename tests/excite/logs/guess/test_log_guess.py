@@ -208,24 +208,6 @@ def test_joints_of_a_robot_are_taken_by_name(tmp_path: Path) -> None:
         excite.read_log(other, robot=robot)
 
 
-BAD = {
-    "nothing but words": "hello world\nthis is no log\n",
-    "no positions": "t,x,y\n" + "".join(f"{k / 100},{k % 7},{k % 3}\n" for k in range(50)),
-    "decimal commas": "t;q1\n" + "".join(f"0,{k:03d};{k},5\n" for k in range(50)),
-    "time runs backwards": "t,q1,dq1\n" + "".join(f"{-k},{k},{k}\n" for k in range(50)),
-}
-
-
-@pytest.mark.parametrize("text", BAD.values(), ids=list(BAD))
-def test_texts_that_hold_no_log_are_refused_in_one_line(tmp_path: Path, text: str) -> None:
-    path = tmp_path / "bad"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(InputError) as error:
-        excite.read_log(path)
-    assert "\n" not in str(error.value)
-    assert str(path) in str(error.value)
-
-
 def test_the_rate_of_a_jittering_clock_is_its_mean_outside_gaps(tmp_path: Path) -> None:
     step = np.tile([0.010, 0.010, 0.012], 200)
     step[300] = 2.0

@@ -73,17 +73,6 @@ def test_hdf5_groups_have_clocks_of_their_own_or_that_of_the_file(tmp_path: Path
     assert [(stream.name, len(stream.columns)) for stream in contents.streams] == [("arrays", 7)]
 
 
-def test_hdf5_compound_rows_and_compressed_columns(tmp_path: Path) -> None:
-    h5py = pytest.importorskip("h5py", reason="h5py is not installed")
-    rows = np.zeros(ROWS, [("t", "f8"), ("q", "f4", 2)])
-    rows["t"], rows["q"] = motion()["t"], motion()["q"][:, :2]
-    with h5py.File(tmp_path / "log.h5", "w") as base:
-        base.create_dataset("rows", data=rows, compression="gzip", chunks=(7,))
-    _, recording = read_all(tmp_path / "log.h5")
-    (stream,) = recording.streams.values()
-    np.testing.assert_array_equal(stream.columns["rows.q[1]"], rows["q"][:, 1])
-
-
 def test_hdf5_leaves_out_what_is_elsewhere(tmp_path: Path) -> None:
     h5py = pytest.importorskip("h5py", reason="h5py is not installed")
     (tmp_path / "secret").write_bytes(bytes(80))

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 import excite
 from excite.logs.recordings.recording import ColumnName, is_clock, parsed_name
-from excite.logs.recordings.text_table import maker_of, text_layout
+from excite.logs.recordings.text_table import text_layout
 from regressors.errors import InputError
 
 ROWS = ["0,1,2", "1,2,3", "2,3,4"]
@@ -60,16 +60,6 @@ def test_names_say_quantity_unit_and_joint() -> None:
     for name in ("target_q_0", "state.q_d[0]", "q_cmd_1", "joint1.error.position", "q_desired_3"):
         assert not parsed_name(name).measured
     assert [is_clock(name) for name in ("__time", "timestamp", "t", "t1")] == [True, True, True, False]
-
-
-def test_makers_are_known_by_their_columns() -> None:
-    names = ["timestamp", "actual_q_0", "actual_qd_0", "actual_TCP_force_0"]
-    maker = maker_of(names)
-    assert {name: (of.quantity, of.unit) for name, of in maker.meanings(names).items()} == {
-        "actual_q_0": ("position", "rad"),
-        "actual_qd_0": ("velocity", "rad/s"),
-    }
-    assert maker_of(["t", "q"]) is None
 
 
 CELL = st.one_of(

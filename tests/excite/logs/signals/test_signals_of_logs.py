@@ -84,16 +84,6 @@ def test_the_mean_of_exact_periods_is_the_period(period):
             np.testing.assert_allclose(x, true, atol=2e-4 * np.abs(true).max())
 
 
-def test_a_period_repeated_and_averaged_is_the_period_again():
-    one = uniform(seconds=4.0)
-    time = 7.0 + np.arange(5 * one.count + 30) / RATE
-    many = log_of(time, *(np.tile(x, (6, 1))[: time.size] for x in (one.q, one.dq, one.effort)))
-    mean = average_periods(many, 4.0)
-    np.testing.assert_allclose(mean.log.q, one.q, atol=1e-15)
-    np.testing.assert_allclose(mean.log.effort, one.effort, atol=1e-14)
-    assert mean.log.left_out == ("30 rows after the last whole period",)
-
-
 def test_noise_is_averaged_away():
     """Less by sqrt(K) in the mean; a joint that rests does not make the motion unperiodic."""
     mean = average_periods(uniform(seconds=40.0, noise=1e-3))
