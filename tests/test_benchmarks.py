@@ -198,12 +198,6 @@ def test_no_module_of_the_peers_shadows_or_is_shadowed() -> None:
     assert set.intersection(*names) == set()
 
 
-def test_runs_of_another_budget_are_other_runs(peers: Any) -> None:
-    other = [{**WANTED[0], "budget": 2.0, "value": 0}]
-    runs = peers("runs").complete(WANTED[:1], other, lambda run: {"value": 1}, lambda runs: None)
-    assert sorted(run["value"] for run in runs) == [0, 1]
-
-
 def test_a_system_that_fails_is_told_and_stops_nothing(peers: Any) -> None:
     found = peers("runs").motion({**WANTED[0], "system": "none of these"}, sys.executable)
     assert found == {"failure": "exit status 1"}
@@ -257,19 +251,6 @@ def test_dropped_rows_are_missing_and_the_others_stay(share: float) -> None:
     np.testing.assert_array_equal(log.time, clean().time[kept])
     np.testing.assert_array_equal(channels(log), channels(clean())[kept])
     assert log.time[[0, -1]].tolist() == [0.0, 2.0]
-
-
-def test_late_stamps_follow_from_the_recursion() -> None:
-    """Row by row: a host that waits, then reads as fast as it can."""
-    rng, waits = np.random.default_rng([4, 4]), []
-    share = 0.5 * 0.0003 / (0.0003 + 0.0075 / 2)
-    long = rng.random(2001) < share
-    drawn = rng.uniform(0, 0.0075, 2001), rng.uniform(0, 0.0003, 2001)
-    for k in range(2001):
-        before = waits[-1] - 0.0003 if waits else 0.0
-        waits.append(max(before, drawn[0][k] if long[k] else drawn[1][k]))
-    late = degraded(seed=4, clock_jitter=(0.0007, 0.0085)).time - clean().time
-    np.testing.assert_allclose(late, waits, atol=1e-12)
 
 
 @pytest.mark.parametrize(("delay", "rows"), [((0.004,), (4, 4)), ((0.0, 0.007), (0, 7)), ((-0.003,), (-3, -3))])

@@ -118,15 +118,6 @@ def regressor_of(found: Simulation) -> tuple[DifferentialModel, Array]:
     return model, model.assemble(found.run.samples)
 
 
-def test_efforts_are_the_regressor_times_the_truth() -> None:
-    found = of_irp6()
-    bare = found.robot.replace(structure=type(found.robot.structure)())
-    model = DifferentialModel(bare, Terms(reflected=False), sign_width=found.steps.width)
-    truth = np.array([found.truth[name] for name in model.names])
-    close(model.assemble(found.run.samples) @ truth, found.run.effort.reshape(-1), 1e-11)
-    close(found.log.effort, found.run.effort, 0.0)
-
-
 def test_least_squares_finds_the_truth_in_a_log_without_noise() -> None:
     found = of_irp6()
     model, W = regressor_of(found)

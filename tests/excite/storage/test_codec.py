@@ -124,11 +124,8 @@ def test_robots_are_whole() -> None:
 WRONG: tuple[tuple[dict[str, Any], str], ...] = (
     ({"name": 3}, "^name: expected str, given 3"),
     ({"count": True}, "^count: expected int, given True"),
-    ({"count": 1.5}, "^count: expected int, given 1.5"),
     ({"number": "much"}, "^number: expected a number, given 'much'"),
-    ({"number": None}, "^number: expected a number, given None"),
     ({"colour": "GREEN"}, "^colour: 'GREEN' is missing"),
-    ({"weight": "heavy"}, "^weight: expected a number"),
     ({"parts": [{"against": []}, {"against": [1]}]}, r"^parts\[1\].against\[0\]: expected str, given 1"),
     ({"parts": 3}, "^parts: "),
     ({"maybe": 3}, "^maybe: expected an object, given 3"),

@@ -192,10 +192,8 @@ def test_a_journal_cannot_reach_out_of_its_folder(name: object, tmp_path: Path) 
 def test_messages_name_what_was_asked_for() -> None:
     known = {
         "out/.staging/design.json": "out/design.json",
-        "out/.next/starts/start-0000.json": "out/starts/start-0000.json",
         "out/.lock": "out",
         "logs/.run.csv.staging/run.json": "logs/run.json",
-        "logs/.run.csv.staging": "logs/run.csv",
         "logs/.run.csv.writer.json": "logs/run.csv",
         "/home/.config/design.json": "/home/.config/design.json",
     }

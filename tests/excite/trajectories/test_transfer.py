@@ -365,14 +365,6 @@ def test_at_home_already_there_is_no_way(design: Design, tmp_path: Path) -> None
     assert np.array_equal(columns["time"], design.samples.time)
 
 
-def test_without_a_home_the_file_has_no_segments(design: Design, tmp_path: Path) -> None:
-    alone = dataclasses.replace(design, approach_and_return=None, task=TASK.changed(home=None, via=(), speed=()))
-    save_design(alone, tmp_path)
-    header = (tmp_path / "trajectory.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
-    assert "segment" not in header
-    assert set(content_of(tmp_path)["played"]) == {"rate", "duration", "segments", "rehearsals", "between_samples"}
-
-
 def test_notes_say_what_was_assumed(design: Design) -> None:
     (note,) = [note for note in design.notes if "jerk" in note]
     assert note == (
@@ -457,7 +449,6 @@ def test_simulation_follows_the_file_from_home(design: Design, tmp_path: Path) -
 
 BAD = (
     ({"home": (0.0, 0.0)}, "home needs 5 numbers, one for each of the joints q1, q2, q3, q4, q5; given 2"),
-    ({"via": ((0.0,) * 6,)}, "via 1 needs 5 numbers, .*; given 6"),
     (
         {"home": (0.0, 0.8, 0.0, 0.0, 0.0)},
         r"home: joint q2 position is 0\.8 rad, 0\.102 rad outside .*; drive z3 position",
@@ -472,7 +463,6 @@ BAD = (
     ({"home": None}, "`via` gives poses between home and the motion, but there is no home; give `home`"),
     ({"home": (0.0, 0.0, 0.0, 0.0, math.nan)}, "`home` must be a number"),
     ({"speed": (0.1, 0.0)}, "`speed` must be a number from 1e-06 to 1, given 0"),
-    ({"speed": (1.5,)}, r"`speed` must be a number from 1e-06 to 1, given 1\.5"),
     ({"speed": (1e-4,)}, r"at speed 0\.0001 are 1e\+07 samples; expected 1000000 or fewer"),
     ({"settle": -1.0}, r"`settle` must be 0 or a number from 1e-06 to 100000 s, given -1"),
 )
@@ -484,7 +474,6 @@ def test_bad_input_is_named(folder: Path) -> None:
             ways_between(IRP6, TASK.changed(**changes), np.zeros((2, 3)))
     for home, message in (
         ("home: [0, 0]", "home.*: expected as many numbers as joints, 5, given 2"),
-        ("home: [0, 0, 0, 0, .inf]", "home"),
         ("home: [0, 0, 0, 0, x]", "home"),
     ):
         with pytest.raises(InputError, match=message):

@@ -100,21 +100,6 @@ def test_choices_have_one_rank_and_one_row_space(model: DifferentialModel) -> No
     np.testing.assert_allclose(change @ left.D, pivoted.D, atol=1e-7 * np.abs(pivoted.D).max())
 
 
-def test_left_to_right_base_takes_the_first_columns_that_it_can(model: DifferentialModel) -> None:
-    """No column left of a chosen one could have been taken instead: D's row k starts at column index[k]."""
-    base = base_parameters(model)
-    sizes = np.linalg.norm(model.assemble(random_states(model.robot, 100, seed=6)), axis=0)
-    D = base.D * sizes[base.index, None] / np.where(sizes > 0, sizes, np.inf)  # of normalised columns
-    for row, start in zip(D, base.index, strict=True):
-        np.testing.assert_allclose(row[:start], 0.0, atol=1e-9)
-
-
-def test_pivoted_base_has_the_largest_columns_and_every_friction_column_that_is_seen() -> None:
-    """Inertial and rotor columns are pivoted by size, and rotors behind gears are the largest; friction is not."""
-    names = base_parameters(DifferentialModel(general(built_in("irp6")), Terms(reflected=False)), "pivoted").names
-    assert set(names) >= {f"Ia{k}" for k in range(1, 6)} | {f"F{k}{kind}" for k in range(1, 6) for kind in "cv"}
-
-
 def test_orthonormal_factor_has_the_singular_values_of_the_regressor(model: DifferentialModel, choice: str) -> None:
     base = base_parameters(model, choice)
     W = model.assemble(random_states(model.robot, 300, seed=9))

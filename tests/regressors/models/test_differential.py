@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import casadi as ca
 import numpy as np
 import pinocchio as pin
@@ -139,43 +137,6 @@ def test_friction_columns_act_on_drive_coordinates() -> None:
         np.testing.assert_array_equal(Y[:, group(model, "F1o", "F2o", "F3o")], C.T)
 
 
-def test_coulomb_friction_vanishes_exactly_where_a_drive_stands() -> None:
-    """Also where joints move and their drive does not; with a width its torque is that of a smooth step."""
-    rng = np.random.default_rng(12)
-    robot = driven_chain([ConstantRatio(120.0)] * 3, rng)
-    exact, soft = DifferentialModel(robot), DifferentialModel(robot, sign_width=0.1)
-    coulomb = group(exact, "F1c", "F2c", "F3c")
-    q, ddq = rng.normal(size=(2, 3))
-    standing = (([0, 0, 0], [0, 0, 0]), ([0, 0.5, 0.5], [0, 1, 0]), ([-2, 1, 0], [-1, 0, -1]))
-    for dq, signs in (*standing, ([1e-300, 0, 0], [1, 1, 0])):
-        Y = regressor(exact, q, np.array(dq), ddq)
-        np.testing.assert_array_equal(Y[:, coulomb], robot.transmission.coupling.T * signs)
-    dq = np.array([0.02, 0.05, -0.2])
-    expected = robot.transmission.coupling.T * np.tanh(robot.transmission.coupling @ dq / 0.1)
-    np.testing.assert_allclose(regressor(soft, q, dq, ddq)[:, coulomb], expected, rtol=1e-14, atol=1e-16)
-
-
-@pytest.mark.parametrize(
-    ("terms", "names"),
-    [
-        (Terms(), ("Iar1", "Iar3", "F1c", "F2c", "F3c", "F1v", "F2v", "F3v")),
-        (Terms(offset=True, reflected=False), ("Ia1", "Ia3", *(f"F{k}{s}" for s in "cvo" for k in (1, 2, 3)))),
-        (Terms(rotor=False, coulomb=False), ("F1v", "F2v", "F3v")),
-        (Terms(viscous=False, coulomb=False), ("Iar1", "Iar3")),
-        (INERTIAL, ()),
-    ],
-)
-def test_columns_are_those_asked_for_in_a_fixed_order(terms: Terms, names: tuple[str, ...]) -> None:
-    robot = driven_chain([ConstantRatio(10.0)] * 3, np.random.default_rng(1))
-    transmission = robot.transmission
-    first, second, third = transmission.drives
-    drives = (first, dataclasses.replace(second, rotor_inertia=None), third)
-    robot = robot.replace(transmission=dataclasses.replace(transmission, drives=drives))
-    model = DifferentialModel(robot, terms)
-    assert model.names[30:] == names
-    assert regressor(model, *np.ones((3, 3))).shape == (3, 30 + len(names))
-
-
 def test_units_and_groups_of_the_drives_columns() -> None:
     robot = random_chain("rp", np.random.default_rng(2))
     drives = tuple(Drive(f"d{k}", rotor_inertia=1e-4) for k in (1, 2))
@@ -192,15 +153,6 @@ def test_units_and_groups_of_the_drives_columns() -> None:
         "F1o": ("Nm", "friction"),
         "F2o": ("N", "friction"),
     }
-
-
-def test_without_a_transmission_every_joint_has_its_own_friction() -> None:
-    robot = random_chain("rr", np.random.default_rng(4))
-    model = DifferentialModel(robot)
-    assert model.names[20:] == ("F1c", "F2c", "F1v", "F2v")
-    dq = np.array([-0.3, 0.7])
-    expected = np.hstack([np.diag(np.sign(dq)), np.diag(dq)])
-    np.testing.assert_array_equal(regressor(model, dq, dq, dq)[:, 20:], expected)
 
 
 # --- structure -------------------------------------------------------------------------------------------------------

@@ -345,21 +345,3 @@ def assert_exact_path(cubic: tuple[float, ...], time: Array) -> None:
 def test_path_of_any_cubic_is_exact_however_coarse_the_sampling(cubic: tuple[float, ...], count: int) -> None:
     """Also where a drive turns twice between two samples, or leaves a rest and turns."""
     assert_exact_path(cubic, np.linspace(0.0, 1.0, count))
-
-
-def path_of_sine(x: Array) -> Array:
-    """``int_0^x |cos u| du`` in closed form."""
-    halves = np.floor(x / np.pi + 0.5)
-    return 2 * halves + np.sin(x - np.pi * halves)
-
-
-@pytest.mark.parametrize("count", [9, 17, 40, 333])
-def test_path_of_a_sine_is_as_good_as_its_cubics(count: int) -> None:
-    """A cubic from positions and velocities is wrong by h^4/384 max|z''''| at most, twice per turning point."""
-    size, frequency, phase = 0.7, 5.0, 0.4
-    time = np.linspace(0.0, 3.0, count)
-    motion = Sines(np.zeros(1), np.array([[size]]), np.array([frequency]), np.array([[phase]]))
-    expected = size * (path_of_sine(frequency * time + phase) - path_of_sine(np.array(phase)))
-    bound = 2 * (time[1] * frequency) ** 4 / 384 * size
-    turns = np.floor((frequency * time + phase) / np.pi + 0.5)
-    assert np.all(np.abs(paths(motion, time)[:, 0] - expected) <= bound * turns + 1e-13)

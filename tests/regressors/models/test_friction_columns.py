@@ -77,18 +77,6 @@ def test_columns_are_friction_written_out(name: str, width: float) -> None:
         np.testing.assert_allclose(column, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
-def test_names_and_units() -> None:
-    columns = DifferentialModel(built_in("ur10e"), Terms(offset=(1,), load_share=(2,), root=(3,), stribeck=(4, 1)))
-    further = {c.name: (c.unit, c.group) for c in columns.columns if c.name[-1] not in "cv" and c.group == "friction"}
-    assert further == {
-        "F1o": ("Nm", "friction"),
-        "F2l": ("Nm/Nm", "friction"),
-        "F3r": ("Nm (s/rad)^0.5", "friction"),
-        "F1s": ("Nm", "friction"),
-        "F4s": ("Nm", "friction"),
-    }
-
-
 def test_friction_vanishes_smoothly_at_standstill() -> None:
     """The pullback at rest has no infinite slope times zero: designs start and end there."""
     robot = built_in("irp6")

@@ -14,14 +14,12 @@ from slow_dynamics import general, three_axes
 
 from excite.identification.equations import drive_rows, equations_of, friction_drives
 from excite.identification.estimator import Context
-from excite.identification.estimators.least_squares import weighted, weighting
-from excite.identification.estimators.possible_set import standard_problem
+from excite.identification.estimators.least_squares import weighted
 from excite.identification.preparation import prepare
-from excite.identification.presliding import best_presliding, presliding_note
+from excite.identification.presliding import best_presliding
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
 from excite.logs.log import Log
-from excite.simulation.plant import ModelMotion
 from regressors.errors import InputError, UnknownName
 from regressors.jax_models import JaxModel
 from regressors.models.base import Base, base_parameters
@@ -31,7 +29,7 @@ from regressors.models.load import LoadIntegralModel, LoadModel, Sensor
 from regressors.models.model import PartialModel, RegressorModel
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.models.partial import of_drives, of_joints
-from regressors.models.reduction import Reduction, standard_columns
+from regressors.models.reduction import standard_columns
 from regressors.models.windows import Window
 from regressors.readers.library import built_in
 from regressors.robot.columns import Column, Terms
@@ -164,13 +162,6 @@ def test_robots_come_back_from_pickles_as_they_were(name: str) -> None:
 # --- columns ---------------------------------------------------------------------------------------------------------
 
 
-def test_combinations_of_the_structure_belong_to_no_body_and_loads_to_none_of_the_robot() -> None:
-    columns = DifferentialModel(three_axes()).columns
-    assert {(c.kind, c.owner) for c in columns[:7]} == {("combination", None)}
-    assert [(c.name, c.kind, c.owner) for c in columns[7:10]] == [(f"F{k}c", "coulomb", k) for k in (1, 2, 3)]
-    assert {c.owner for c in LoadModel(built_in("irp6")).columns} == {None}
-
-
 @pytest.mark.parametrize("name", ROBOTS)
 def test_values_of_parameters_are_those_that_their_columns_stand_for(name: str) -> None:
     """Standard parameters that columns stand for have these values again, shared, reflected and combined ones too."""
@@ -191,39 +182,6 @@ def test_a_structure_may_name_what_a_model_leaves_out_but_nothing_that_the_robot
             DifferentialModel(plain().replace(structure=Structure(zero=frozenset({name}))))
 
 
-def test_a_name_decides_nothing() -> None:
-    """The same model under other names has the same base, friction and positive parameters."""
-
-    class Renamed(DifferentialModel):
-        def __init__(self, robot: Robot) -> None:
-            super().__init__(robot)
-            self.reduction = Reduction(
-                tuple(renamed(c) for c in self.reduction.standard),
-                tuple(renamed(c) for c in self.reduction.columns),
-                self.reduction.matrix,
-                self.reduction.definition,
-            )
-            self.columns = self.reduction.columns
-
-    def renamed(column: Column) -> Column:
-        return Column(f"p_{column.kind}_{column.owner}_{column.name[-1]}"[::-1], column.unit, column.kind, column.owner)
-
-    ours, theirs = DifferentialModel(plain()), Renamed(plain())
-    bases = [base_parameters(model, "pivoted") for model in (ours, theirs)]
-    np.testing.assert_array_equal(bases[0].index, bases[1].index)
-    targets = [subject_of(model) for model in (ours, theirs)]
-    samples = motion(plain())
-    for one, other in zip(*(vars(friction_drives(target, samples)).values() for target in targets), strict=True):
-        np.testing.assert_array_equal(one, other)
-    assert len(friction_drives(targets[1], samples).columns) == 3
-    said = [presliding_note(Recipe(), target, known=False) for target in targets]
-    assert said[0] == said[1] != ()
-    positive = [problem_of(target).positive for target in targets]
-    np.testing.assert_array_equal(*positive)
-    assert len(positive[0]) == 9
-    assert [body.name for body in problem_of(targets[1]).bodies] == [f"link {link.name}" for link in plain().links]
-
-
 def subject_of(model: RegressorModel) -> IdentificationTarget:
     moved = of_joints(model.robot, range(model.robot.n))
     return IdentificationTarget(model.robot, moved, model, base_parameters(model), {})
@@ -237,11 +195,6 @@ def observations_of(target: IdentificationTarget, beta: Array) -> tuple[Any, Con
     recipe = Recipe(signals="fourier", period=PERIOD, harmonics=3, rows="all", sign_width=0.0, breakaway=0.0)
     part = prepare(log, target.robot, target, recipe)
     return equations_of(target, part, recipe), Context(target, (part,), recipe)
-
-
-def problem_of(target: IdentificationTarget) -> Any:
-    observations, _ = observations_of(target, np.ones(target.base.rank))
-    return standard_problem(observations, weighting(observations), target.model, target.base)
 
 
 # --- models of one's own ---------------------------------------------------------------------------------------------
@@ -357,18 +310,6 @@ def test_springs_are_identified_from_a_log_as_everything_else_is() -> None:
     assert dict(zip(estimate.names, estimate.values, strict=True))["K3"] == pytest.approx(50.0)
     turning = best_presliding(target, [(context.prepared[0], observations)])
     assert (turning.sign_width, turning.breakaway) == (0.0, 0.0)
-
-
-def test_a_motion_under_springs_is_replayed_by_the_models_own_rows() -> None:
-    model = SprungModel(three_axes(), Terms(coulomb=False))
-    base = base_parameters(model)
-    beta = truth(model, base)
-    samples = motion(model.robot, 10)
-    tau = (model.assemble(samples)[:, base.index] @ beta).reshape(10, 3)
-    rate = ModelMotion(model, beta, base, None).function(0.1)
-    for k in range(10):
-        state = np.concatenate([samples.q[k], samples.dq[k]])
-        np.testing.assert_allclose(np.array(rate(state, tau[k])[0])[3:, 0], samples.ddq[k], rtol=1e-8, atol=1e-8)
 
 
 # --- windows, and forms of the built-in models -----------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
-from motions import Polynomials, path_of_polynomial, random_sines
+from motions import Polynomials, path_of_polynomial
 from slow_dynamics import table_energies, three_axes
 
 from regressors.models.base import base_parameters, random_states
@@ -30,11 +30,6 @@ AGGREGATES = {
     "X6": {"m3c3x": 1},
     "X7": {"m2c2x": 1, "m3": L2},
 }
-
-
-def energies(q: Array, dq: Array) -> Array:
-    """d_1 ... d_7 at some states, shape (N, 7)."""
-    return np.column_stack(table_energies(q.T, dq.T))
 
 
 def table_regressor() -> ca.Function:
@@ -129,15 +124,6 @@ def differences(values: Array, window: Window) -> Array:
     return np.array([values[k + length] - values[k] for k in range(0, len(values) - length, step)])
 
 
-@pytest.mark.parametrize("window", WINDOWS.values(), ids=WINDOWS.keys())
-@pytest.mark.parametrize("seed", range(2))
-def test_d1_to_d7_are_changes_of_the_tables_energies(window: Window, seed: int) -> None:
-    motion, time = random_sines(3, seed), 0.01 * np.arange(201)
-    samples = motion.samples(time)
-    W = EnergyModel(three_axes(), window=window).assemble(samples)
-    assert_equal(W[:, :7], differences(energies(samples.q, samples.dq), window))
-
-
 def polynomial_motion(window: Window, seed: int, count: int) -> tuple[Array, Array, Array]:
     """Energy regressor of random polynomials of time, the drives' coefficients, and the instants."""
     coefficients, time = np.random.default_rng(seed).normal(size=(count, 3)), 0.01 * np.arange(201)
@@ -152,16 +138,3 @@ def test_d8_to_d10_are_paths_of_the_drives(window: Window, seed: int) -> None:
     W, drives, time = polynomial_motion(window, seed, 4)
     paths = np.array([[path_of_polynomial(z, 0.0, t) for z in drives.T] for t in time])
     assert_equal(W[:, 7:10], differences(paths, window))
-
-
-@pytest.mark.parametrize("window", WINDOWS.values(), ids=WINDOWS.keys())
-@pytest.mark.parametrize("seed", range(2))
-def test_d11_to_d13_are_integrals_of_squared_velocities(window: Window, seed: int) -> None:
-    """For random parabolas of time, where Simpson's rule is exact."""
-    W, drives, time = polynomial_motion(window, seed, 3)
-    integrals = []
-    for z in drives.T:
-        velocity = np.polynomial.polynomial.polyder(z)
-        square = np.polynomial.polynomial.polyint(np.polynomial.polynomial.polymul(velocity, velocity))
-        integrals.append(np.polynomial.polynomial.polyval(time, square))
-    assert_equal(W[:, 10:], differences(np.column_stack(integrals), window))

@@ -111,14 +111,6 @@ def test_meaning_of_a_parameter_does_not_hang_on_limits() -> None:
         np.testing.assert_array_equal(one, other)
 
 
-def test_parameters_that_the_description_names_are_left_as_they_are() -> None:
-    robot = built_in("irp6")
-    paper = [target_of(robot, Task("irp6", reflected_rotors=wanted)) for wanted in (True, False)]
-    assert paper[0].model.columns == paper[1].model.columns
-    np.testing.assert_array_equal(paper[0].base.D, paper[1].base.D)
-    np.testing.assert_array_equal(paper[0].model.definition()[0], paper[1].model.definition()[0])
-
-
 INERTIA = Terms(coulomb=False, viscous=False)
 
 

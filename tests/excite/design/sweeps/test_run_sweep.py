@@ -65,19 +65,8 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 
 def started(here: Here, *options: str, **how: Any) -> subprocess.Popen[Any]:
-    command = [
-        sys.executable,
-        "-m",
-        "excite",
-        "sweep",
-        "run",
-        "slow.yaml",
-        "--out",
-        "out",
-        "--figures",
-        "none",
-        *options,
-    ]
+    words = ["-m", "excite", "sweep", "run", "slow.yaml", "--out", "out", "--figures", "none"]
+    command = [sys.executable, *words, *options]
     return subprocess.Popen(command, cwd=here.cwd, env=ENVIRONMENT, **how)
 
 

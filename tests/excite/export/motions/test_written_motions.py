@@ -264,17 +264,6 @@ def test_a_rate_too_low_is_refused_and_none_given_is_raised(tmp_path: Path) -> N
     assert "would break a limit" in written.notes[0]
 
 
-def test_differences_of_lines_are_written_out() -> None:
-    motion = sampled_design(panda(), 250.0)
-    uses = {use.label: use for use in certify(motion, Interpolation.LINEAR).uses}
-    q, h = motion.samples.q[:, 5], 1.0 / 250.0
-    jumps = [(q[k + 1] - q[k]) / h for k in range(len(q) - 1)]
-    turns = [(b - a) / h for a, b in zip([0.0, *jumps], [*jumps, 0.0], strict=True)]
-    name = f"joint {motion.joints[5]}"
-    assert abs(uses[f"{name} velocity"].extreme) == pytest.approx(max(map(abs, jumps)))
-    assert abs(uses[f"{name} acceleration"].extreme) == pytest.approx(max(map(abs, turns)))
-
-
 def test_a_design_that_broke_a_limit_is_refused(tmp_path: Path) -> None:
     design = irp6()
     broken = replace(design, task=design.task.changed(torque_margin=0.8))  # a reserve that it was not designed for

@@ -173,7 +173,6 @@ def test_joints_stand_for_drives_where_none_are_described() -> None:
     ("make", "message"),
     [
         (lambda: CoulombViscous(-1.0), "coulomb must be zero or more, given -1"),
-        (lambda: CoulombViscous(1.0, np.nan), "viscous must be a finite number, given nan"),
         (lambda: Side(1.0, stribeck=0.0), "stribeck must be greater than zero, given 0"),
         (lambda: TableFriction([0.1, 0.2], [1.0]), "2 speeds and 1 torques"),
         (lambda: TableFriction([0.2, 0.1], [1.0, 2.0]), "speeds must increase, given 0.2 before 0.1"),
@@ -244,7 +243,6 @@ BAD = [
     (TABLE + "    offset: 2\n", r"offset \(line 7\): does not"),
     (HEAD + "  z1: {model: stribeck, forward: {coulomb: 1, speed: 2}}\n", r"forward\.speed \(line 3\): no such fi"),
     (HEAD + "  z1: {model: table, speed: [2, 1], torque: [1, 2]}\n", r"drives\.z1 \(line 3\): .*speeds must incre"),
-    (HEAD + "  z1: {model: coulomb-viscous, coulomb: .nan, viscous: 0}\n", r"coulomb \(line 3\): must be a number"),
     (HEAD + "  z1: [\n", "not valid YAML"),
 ]
 BAD_ENTRIES = [
@@ -252,7 +250,6 @@ BAD_ENTRIES = [
     ("temperature: {reference: 30}", r"temperature \(line 7\): give coulomb or viscous here, or in forward"),
     ("temperature: {reference: 30, coulomb: 1, forward: {coulomb: 1}}", r"temperature\.coulomb \(line 7\): give it h"),
     ("temperature: {reference: 30, coulomb: 1, range: [45, 20]}", r"line 7\): .*lowest and its highest, given 45, 20"),
-    ("temperature: {reference: .nan, coulomb: 1}", r"temperature\.reference \(line 7\): must be a number"),
     ("temperature: {reference: 30, forward: {stiction: 1}}", r"temperature\.forward\.stiction \(line 7\): no such f"),
     ("load: 1.5", r"line 7.*load forward must be at least 0 and below 1, given 1.5"),
     ("load: {forward: 0.1}", "line 7.*backward"),
@@ -261,11 +258,9 @@ BAD_ENTRIES = [
         r"z1\.load \(line 7\): must be a number, given the text .much.; drives\.z1\.load \(line 7\): should be a map",
     ),
     ("uncertainty: {parameters: [coulomb]}", r"z1\.uncertainty\.covariance \(line 7\): is missing"),
-    ("uncertainty: {parameters: [], covariance: []}", r"z1\.uncertainty\.parameters \(line 7\): .*at least 1 item"),
     ("uncertainty: {parameters: [x], covariance: [[1]]}", r"parameters\[1\] \(line 7\): no parameter 'x'; available"),
     ("uncertainty: {parameters: [coulomb, coulomb], covariance: [[1, 0], [0, 1]]}", r"\(line 7\): .*coulomb.* twice"),
     ("uncertainty: {parameters: [coulomb, offset], covariance: [[1, 0], [0]]}", r"covariance\[2\] \(line 7\): needs 2"),
-    ("uncertainty: {parameters: [coulomb, offset], covariance: [[1, 0]]}", "covariance .line 7.: needs 2 rows.*given"),
     ("uncertainty: {parameters: [coulomb], covariance: [[-1]]}", "variance of coulomb must be zero or more, given -1"),
     ("uncertainty: {parameters: [coulomb, offset], covariance: [[1, 0.5], [0.4, 1]]}", "given 0.5 for .*, but 0.4"),
     ("uncertainty: {parameters: [coulomb, offset], covariance: [[1, 2], [2, 1]]}", "with the eigenvalue -1"),

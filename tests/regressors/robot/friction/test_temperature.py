@@ -16,7 +16,7 @@ from regressors.errors import InputError, UnknownName
 from regressors.readers.library import built_in
 from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, FunctionFriction, Scaled, TableFriction
 from regressors.robot.friction.curves import FrictionCurves, Side
-from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm, drive_temperatures, temperature_notes
+from regressors.robot.friction.load_and_temperature import Slope, Warm, drive_temperatures, temperature_notes
 from regressors.robot.locked_joints import with_locked_joints
 
 ALIKE, AHEAD, BEHIND = Slope(-0.11, -0.3), Slope(-0.1, -0.25), Slope(0.05, -0.4)
@@ -95,7 +95,6 @@ def test_each_sample_has_its_own_temperature(warm: Warm) -> None:
     [
         (lambda: Warm(TUSTIN, np.nan, ALIKE), r"reference temperature must be finite numbers \[deg C\], given nan"),
         (lambda: Warm(TUSTIN, 30.0, ALIKE, range=(45.0, 20.0)), "its lowest and its highest, given 45, 20"),
-        (lambda: Slope(np.inf), "temperature slope coulomb must be a finite number, given inf"),
         (lambda: WARM["tustin alike"].torque_at([0.1, 0.2], [30.0, np.inf]), "temperature must be finite .* given inf"),
         (
             lambda: WARM["tustin alike"].torque_at([0.1, 0.2], [30.0, 140.0]),
@@ -104,7 +103,6 @@ def test_each_sample_has_its_own_temperature(warm: Warm) -> None:
         (lambda: Warm(TUSTIN, 30.0, Slope(), Slope(0.0, 0.5)).at(-20.0), "viscous must be .* given -5 at -20 deg C"),
         (lambda: Warm(TableFriction([0.1, 0.5], [8.0, 12.0]), 30.0, Slope(-0.1)).at(200.0), "given -9 at 200 deg C"),
         (lambda: Warm(Scaled(TUSTIN, 2.0), 30.0, ALIKE), r"put it outermost, Scaled\(Warm\(\.\.\.\), \.\.\.\)"),
-        (lambda: Warm(Loaded(TUSTIN, 0.1), 30.0, ALIKE), r"put it outermost, Loaded\(Warm\(\.\.\.\), \.\.\.\)"),
         (lambda: Warm(WARM["tustin alike"], 30.0, ALIKE), "a Warm curve must not be inside another one"),
     ],
 )
