@@ -206,6 +206,7 @@ def test_what_nothing_is_known_of_stays_unknown() -> None:
 REFUSED = (
     ({"weighted": True}, "--weighted divides rows by the noise of their equations, which is not given; give --noise"),
     ({"scale": "prior"}, "--scale prior needs prior knowledge, but none is given; give --prior"),
+    ({"scale": "inch"}, "no scale named 'inch'; available: unit, prior, value"),
     ({"scale": "value", "base": "orthonormal"}, "columns of the orthonormal base are not single parameters"),
     ({"prior": 0.2, "scale": "prior", "offset": True}, "no prior deviation is known for F1o, F2o, F3o"),
     ({"scale": "value", "offset": True}, "scale value: values are zero or not known for F1o, F2o, F3o"),

@@ -80,6 +80,7 @@ REFUSED: tuple[tuple[Callable[[], object], str], ...] = (
     (lambda: transmission(coupling=[[1.0, NAN], [0.0, 1.0]]), "transmission: the coupling matrix must hold finite num"),
     (lambda: transmission(offset=[1.0]), "transmission, offset: expected shape (2,), given (1,)"),
     (lambda: ConstantRatio(0.0), "gear ratio must be a finite number other than zero, given 0.0"),
+    (lambda: BallScrew(0.0, 0.08, 0.01, 0.01), "ball screw: pitch must be greater than zero, given 0"),
     (lambda: BallScrew(0.005, 0.01, 0.03, 0.04), "ball screw: no triangle has squared length 0.01 +- 0.05 m^2"),
 )
 

@@ -367,6 +367,7 @@ def test_what_cannot_be_planned() -> None:
         ),
         ({"robot": WITHOUT_VELOCITY}, r"shoulder_pan_joint: no velocity limit bounds it.*`velocity`"),
         ({"percent": (50.0, 50.0)}, "duplicate speeds in `percent`"),
+        ({"percent": ()}, "given none"),
         ({"rate": 20.0}, "20 samples per second leave 4 in a window of 0.2 s, .* must be 50 or more"),
         ({"shortest": 3.0, "longest": 2.0}, "longest window 2 s is below the shortest one, 3 s"),
         ({"repeats": 0}, "`repeats` must be 1 or more"),

@@ -173,6 +173,7 @@ def test_joints_stand_for_drives_where_none_are_described() -> None:
     ("make", "message"),
     [
         (lambda: CoulombViscous(-1.0), "coulomb must be zero or more, given -1"),
+        (lambda: CoulombViscous(1.0, np.nan), "viscous must be a finite number, given nan"),
         (lambda: Side(1.0, stribeck=0.0), "stribeck must be greater than zero, given 0"),
         (lambda: TableFriction([0.1, 0.2], [1.0]), "2 speeds and 1 torques"),
         (lambda: TableFriction([0.2, 0.1], [1.0, 2.0]), "speeds must increase, given 0.2 before 0.1"),
@@ -262,6 +263,7 @@ BAD_ENTRIES = [
     ("uncertainty: {parameters: [coulomb, coulomb], covariance: [[1, 0], [0, 1]]}", r"\(line 7\): .*coulomb.* twice"),
     ("uncertainty: {parameters: [coulomb, offset], covariance: [[1, 0], [0]]}", r"covariance\[2\] \(line 7\): needs 2"),
     ("uncertainty: {parameters: [coulomb], covariance: [[-1]]}", "variance of coulomb must be zero or more, given -1"),
+    ("uncertainty: {parameters: [coulomb, offset], covariance: [[1, 0]]}", "covariance .line 7.: needs 2 rows.*given"),
     ("uncertainty: {parameters: [coulomb, offset], covariance: [[1, 0.5], [0.4, 1]]}", "given 0.5 for .*, but 0.4"),
     ("uncertainty: {parameters: [coulomb, offset], covariance: [[1, 2], [2, 1]]}", "with the eigenvalue -1"),
 ]

@@ -94,6 +94,7 @@ def test_each_sample_has_its_own_temperature(warm: Warm) -> None:
     ("make", "message"),
     [
         (lambda: Warm(TUSTIN, np.nan, ALIKE), r"reference temperature must be finite numbers \[deg C\], given nan"),
+        (lambda: Slope(np.inf), "temperature slope coulomb must be a finite number, given inf"),
         (lambda: Warm(TUSTIN, 30.0, ALIKE, range=(45.0, 20.0)), "its lowest and its highest, given 45, 20"),
         (lambda: WARM["tustin alike"].torque_at([0.1, 0.2], [30.0, np.inf]), "temperature must be finite .* given inf"),
         (
