@@ -266,21 +266,6 @@ def test_the_table_is_the_motion_to_the_last_bit_and_at_rest_at_both_ends(
     assert np.abs([design.samples.dq[[0, -1]], design.samples.ddq[[0, -1]]]).max() < 1e-12
 
 
-def test_limits_hold_in_the_samples(design: Design, table: tuple[list[str], np.ndarray]) -> None:
-    # Limits of the whole robot on the file's columns: the transmission's matrix is used on all five joints.
-    robot = design.task.limits.applied(design.robot)
-    q, dq, ddq = (np.column_stack([column(table, name, what) for name in NAMES]) for what in WHAT)
-    C = robot.transmission.coupling
-    at_drives = q @ C.T + robot.transmission.offset, dq @ C.T, ddq @ C.T
-    for limits, values in ((robot.limits, (q, dq, ddq)), (robot.transmission.limits, at_drives)):
-        assert np.all(values[0] >= limits.lower)
-        assert np.all(values[0] <= limits.upper)
-        assert np.all(np.abs(values[1]) <= limits.velocity)
-        assert np.all(np.abs(values[2]) <= limits.acceleration)
-    used = np.abs(ddq @ C.T).max(axis=0)[:3] / robot.transmission.limits.acceleration[:3]
-    assert used.max() > 0.9  # and the motion is not a small one
-
-
 # Complete or absent
 
 

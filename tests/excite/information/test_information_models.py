@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Callable
 from functools import cache
 
@@ -195,15 +194,6 @@ def test_optimiser_sees_nearly_what_results_report(made: Formulation) -> None:
     assert np.all(error <= np.add.outer(r, r) + np.outer(r, r) + 0.02)
     point = made.problem.point(x, 1.0)
     assert made.problem.criterion_value(point) == pytest.approx(made.problem.exact_value(x), rel=0.2)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", [*CASES][::3])
-def test_another_process_builds_the_same_problem(case: str) -> None:
-    made = made_of(case)
-    problem, x = pickle.loads(pickle.dumps(made.blueprint)).problem(), motion(made.problem)
-    assert problem.point(x, 8.0).value == made.problem.point(x, 8.0).value
-    assert problem.exact_value(x) == made.problem.exact_value(x)
 
 
 # --- tiny searches ---------------------------------------------------------------------------------------------------

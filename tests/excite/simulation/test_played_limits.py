@@ -41,13 +41,6 @@ def in_samples(given: MotionSource, rate: float = 100.0) -> MotionSource:
     return replace(given, motion=SampledMotion(given.motion.sampled(rate)))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("robot", ["irp6", "panda", "ur10e"])
-def test_what_is_designed_is_played(robot: str) -> None:
-    assert broken_limits(source(robot=robot)) == ()
-    assert broken_limits(in_samples(source(robot=robot))) == ()
-
-
 @pytest.mark.parametrize("sampled", [False, True])
 def test_a_larger_motion_breaks_what_a_dense_grid_says(sampled: bool) -> None:
     given = source(2.4)

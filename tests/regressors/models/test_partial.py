@@ -158,33 +158,12 @@ def test_rows_are_those_of_the_moving_coordinates(seed: int, data: st.DataObject
 # Identifiable parameters of each subset of motors (shared/paper/errata.md), as combinations of standard ones.
 X1, X3, X4 = "I1zz + I2xx + I3yy + n1^2 Ia1", "I2zz + l2^2 m3 + I3zz + n2^2 Ia2 + n3^2 Ia3", "I3zz + n3^2 Ia3"
 X2, X5, X6, X7 = "-I2xx + I2yy + l2^2 m3 + I3xx - I3yy", "-I3xx + I3yy", "m3c3x", "m2c2x + l2 m3"
-X2_AND_X5 = "-I2xx + I2yy + l2^2 m3"
-X3_LESS_X4 = "I2zz + l2^2 m3 + n2^2 Ia2"  # [KD96] section 5: what the second movement shows
-MOTORS = {
-    "123": (13, [X1, X2, X3, X4, X5, X6, X7]),
-    "2": (4, [X3_LESS_X4, X7]),
-    "3": (4, [X4, X6]),
-    "13": (8, [X1, X4, X5, X6]),
-    "23": (8, [X3, X4, X6, X7]),
-    "12": (9, [X1, X2_AND_X5, X3_LESS_X4, X6, X7]),  # with the forearm held at one angle, see below
-}
 
 
 def models(motion: PartialMotion) -> dict[str, RegressorModel]:
     """Both models of the IRp-6's first three axes, as a motion sees them."""
     robot = three_axes()
     return {"energy": EnergyModel(robot), "differential": PartialModel(DifferentialModel(robot), motion)}
-
-
-@pytest.mark.parametrize("model", ["energy", "differential"])
-@pytest.mark.parametrize("motors", MOTORS)
-def test_tasks_find_the_same(motors: str, model: str) -> None:
-    """Through the options of ``excite design``: ``--drives 1,3 --model energy``."""
-    target = target_of(built_in("irp6"), Task("irp6", drives=tuple(motors), model=model))
-    rank, inertial = MOTORS[motors]
-    assert target.base.rank == rank
-    assert list(target.base.expressions[: len(inertial)]) == inertial
-    assert target.motion.labels == tuple(f"z{k}" for k in motors)
 
 
 def numerical_rank(W: Array) -> int:
@@ -261,7 +240,6 @@ REFUSED: tuple[tuple[Callable[[], object], type[InputError], str], ...] = (
         UnknownName,
         r"named '4'; available: 1 \(z1\), 2 \(z2\), 3 \(z3\)$",
     ),
-    (lambda: of_drives(built_in("panda"), ["elbow"]), UnknownName, "no joint named 'elbow'"),
     (
         lambda: PartialModel(DifferentialModel(IRP6), of_drives(IRP6, ["2"]), ["z1"]),
         UnknownName,
@@ -269,7 +247,6 @@ REFUSED: tuple[tuple[Callable[[], object], type[InputError], str], ...] = (
     ),
     (lambda: of_joints(IRP6, []), InputError, "no joint moves; choose from q1, q2, q3, q4, q5"),
     (lambda: of_drives(IRP6, []), InputError, "no drive moves; choose from z1, z2, z3, z4, z5"),
-    (lambda: Task("irp6", joints=("1",), drives=("1",)), InputError, "`joints` and `drives` exclude each other"),
     (lambda: target_of(IRP6, Task("irp6", joints=("q9",))), UnknownName, "no joint named 'q9'"),
 )
 

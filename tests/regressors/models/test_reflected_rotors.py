@@ -70,17 +70,6 @@ def test_reflected_columns_are_the_motors_own_over_the_squared_ratio(kind: type)
     np.testing.assert_allclose(reflected.definition()[0], np.diag(factors))
 
 
-def test_parameters_explain_the_same_torques_on_both_sides() -> None:
-    robot, states = full(), random_states(full(), 40, seed=5)
-    torques = []
-    for terms in (Terms(), MOTOR):
-        model = DifferentialModel(robot.replace(branches=()), terms)
-        base = base_parameters(model)
-        beta = parameter_values(model, base, standard_values(robot))
-        torques.append(model.instants(states)[:, base.index] @ beta)
-    np.testing.assert_allclose(torques[0], torques[1], rtol=1e-9, atol=1e-9 * np.abs(torques[1]).max())
-
-
 def test_base_parameters_are_written_and_valued_on_both_sides() -> None:
     model = DifferentialModel(full())
     base = base_parameters(model)

@@ -10,12 +10,10 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from designed import copies
 from hypothesis import given, settings, strategies as st
 
-import excite
 from excite.cli.design_run import show_sweep
 from excite.design.sweeps.cell import CELLS, Cell, cell_identities, cell_name, read_cell, value_name, write_cell
 from excite.design.sweeps.run_sweep import cells_left, read_sweep_file
@@ -226,26 +224,6 @@ def test_summary_fits_thirty_lines(table: SweepTable, root: Path, capsys: pytest
     assert lines[0] == "58 of 60 cells have a design within their limits; 1 exceeds limits; 1 infeasible."
     assert "48 more cells" in "\n".join(lines)
     assert not any("\x1b" in line for line in lines)
-
-
-@pytest.mark.slow
-def test_a_thousand_cells_are_in_one_table_figure_and_page(tmp_path: Path) -> None:
-    cells = [
-        Cell(f"s{seed}", Task("irp6", seed=seed), {"seed": str(seed), "tens": str(seed // 10)}) for seed in range(1000)
-    ]
-    copies(cells, tmp_path / "out", lambda number, content: content["criteria"].update(condition_number=50.0 + number))
-    assert cells_left(cells, tmp_path / "out").work == ()
-    table = sweep_table(cells, tmp_path / "out")
-    table.save(tmp_path / "out")
-    with (tmp_path / "out" / "campaign.csv").open(newline="", encoding="utf-8") as stream:
-        assert [line["cell"] for line in csv.DictReader(stream)] == [cell.name for cell in cells]
-    (figure,) = excite.draw(table).values()
-    assert [ax.get_title("left") for ax in figure.axes] == ["by seed", "by tens"]
-    for ax in figure.axes:
-        assert sum(np.size(line.get_xdata()) for line in ax.lines if line.get_marker() in (".", "^")) == 1000
-    page = excite.write_report(tmp_path / "out", tmp_path / "page.html").read_text(encoding="utf-8")
-    assert all(f">{cell.name}<" in page for cell in cells)
-    assert "1000 of 1000 cells have a design within their limits" in page
 
 
 def test_the_options_that_identify_a_cell_are_all_of_a_task() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import yaml
-from identified import result_of, two_links, with_estimate
+from identified import two_links
 
 import excite
 from excite.identification.identification import Identification, torque_target
@@ -160,19 +160,3 @@ def test_bad_options_are_refused(result: Identification, tmp_path: Path) -> None
         with pytest.raises(excite.InputError, match=message):
             excite.export_ensemble(result, "mjcf", tmp_path / options.pop("out", "e"), **options)
     assert not (tmp_path / "e").exists()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["irp6", "panda"])
-def test_mujoco_takes_every_robot_of_whole_arms(name: str, tmp_path: Path) -> None:
-    (tmp_path / "result.json").write_text("{}")
-    result = result_of(excite.load_robot(name), tmp_path)
-    beta = result.coefficients
-    size = np.maximum(np.abs(beta), 0.003 * np.abs(beta).max())
-    result = with_estimate(result, covariance=np.diag((0.1 * size) ** 2), degrees_of_freedom=100)
-    excite.export_ensemble(result, "mjcf", tmp_path / "e", samples=40)
-    assert len(robots(tmp_path / "e")) == 40
-    for path in robots(tmp_path / "e"):
-        model = mujoco.MjModel.from_xml_path(str(path))
-        assert np.all(model.body_mass[1:] > 0)
-        assert np.all(model.dof_frictionloss >= 0)

@@ -21,7 +21,7 @@ import excite
 from excite.design.design import Design
 from excite.export.motions.export_motion import export_motion
 from excite.export.motions.franka import ACCELERATION, JERK, VELOCITY, check_rates, fr3_velocities
-from excite.export.motions.motion_format import Interpolation, certify, deviation
+from excite.export.motions.motion_format import Interpolation, deviation
 from excite.export.motions.ros2 import Ros2Yaml
 from excite.export.motions.sampled_design import SampledDesign, breaks_of, sampled_design
 from excite.registry import TRAJECTORIES
@@ -216,24 +216,6 @@ def quintic(motion: SampledDesign) -> BPoly:
     """SciPy's own Hermite quintic through the samples."""
     samples = motion.samples
     return BPoly.from_derivatives(samples.time, np.stack([samples.q, samples.dq, samples.ddq], axis=1))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("rate", "breaks"), [(7.0, False), (20.0, True), (100.0, False)])
-def test_extrema_of_quintics_are_those_of_fine_samples(rate: float, breaks: bool) -> None:
-    motion = sampled_design(panda(), rate, breaks=breaks)
-    uses = {use.label: use for use in certify(motion, Interpolation.QUINTIC).uses}
-    fine = np.unique(
-        np.concatenate([np.linspace(a, b, 60) for a, b in zip(motion.time[:-1], motion.time[1:], strict=True)])
-    )
-    for order, quantity in enumerate(("position", "velocity", "acceleration")):
-        values = quintic(motion).derivative(order)(fine) if order else quintic(motion)(fine)
-        for joint, name in enumerate(motion.joints):
-            extreme = uses[f"joint {name} {quantity}"].extreme
-            low, high = values[:, joint].min(), values[:, joint].max()
-            slack = 1e-9 * max(abs(low), abs(high), 1e-6)
-            assert extreme <= low + slack or extreme >= high - slack  # never inside what is reached
-            assert min(abs(extreme - low), abs(extreme - high)) <= 2e-3 * (high - low) + slack
 
 
 def test_samples_at_the_breaks_make_approach_and_return_exact() -> None:
