@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 import json
 import pickle
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import click
 import numpy as np
 import pytest
+from commands import module_of
 
 import excite
 from excite.cli.design_commands import design
@@ -112,17 +112,13 @@ def test_task_files_are_strict(text: str, message: str, tmp_path: Path) -> None:
     assert message in str(refused.value)
 
 
-def test_every_option_is_a_flag_a_key_and_a_row_of_the_page(tmp_path: Path) -> None:
+def test_every_option_is_a_flag_a_key_and_a_row_of_the_page() -> None:
     flags = {parameter.name for parameter in design.params if isinstance(parameter, click.Option)}
     described = [option for part in PARTS.values() for option in options_of(part)]
     assert {field.name for field, option in described if not option.hidden} <= flags
     content = task_content(Task("irp6"))
     assert {field.name for field, option in described if not option.late} <= set(content) | set(content["limits"])
-    spec = importlib.util.spec_from_file_location("list_task_options", ROOT / "docs" / "list_task_options.py")
-    assert spec is not None
-    assert spec.loader is not None
-    page = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(page)
+    page = module_of(ROOT / "docs" / "list_task_options.py")
     assert (ROOT / "docs" / "task_options.md").read_text() == page.text()  # docs/list_task_options.py writes it anew
 
 

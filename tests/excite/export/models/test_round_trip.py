@@ -146,10 +146,9 @@ def test_the_robot_yaml_is_the_identified_robot(tmp_path: Path) -> None:
     read, written = excite.load_robot(str(tmp_path / "robot.yaml")), model_of_result(result).robot
     for mine, theirs in zip(read.links, written.links, strict=True):
         np.testing.assert_array_equal(mine.theta, theirs.theta)
-    again = result_of(read, tmp_path, true_standard(instantaneous_target(read, result.task, result.recipe)))
-    rigid, friction = predicted(result, states_of(instantaneous_target(read, result.task, result.recipe), 100))
-    samples = states_of(instantaneous_target(read, result.task, result.recipe), 100)
-    for mine, theirs in zip(predicted(again, samples), (rigid, friction), strict=True):
+    target = instantaneous_target(read, result.task, result.recipe)
+    again, samples = result_of(read, tmp_path, true_standard(target)), states_of(target, 100)
+    for mine, theirs in zip(predicted(again, samples), predicted(result, samples), strict=True):
         assert relative(mine, theirs) < RIGID
 
 
