@@ -20,11 +20,11 @@ from excite.design.design_folder import save_design
 from excite.design.design_json import load_design
 from excite.design.optimisation import design_trajectory
 from excite.design.start_results import read_starts
-from excite.storage.atomic import replacing, write_json
+from excite.storage.atomic import read_json, replacing, write_json
 from excite.storage.sampled_motion import motion_columns
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task
-from regressors.errors import InputError
+from regressors.errors import InputError, NumericalError
 
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"
 NAMES = ("q1", "q2", "q3", "q4", "q5")
@@ -266,6 +266,21 @@ def test_the_table_is_the_motion_to_the_last_bit_and_at_rest_at_both_ends(
     assert np.abs([design.samples.dq[[0, -1]], design.samples.ddq[[0, -1]]]).max() < 1e-12
 
 
+def test_limits_hold_in_the_samples(design: Design, table: tuple[list[str], np.ndarray]) -> None:
+    # Limits of the whole robot on the file's columns: the transmission's matrix is used on all five joints.
+    robot = design.task.limits.applied(design.robot)
+    q, dq, ddq = (np.column_stack([column(table, name, what) for name in NAMES]) for what in WHAT)
+    C = robot.transmission.coupling
+    at_drives = q @ C.T + robot.transmission.offset, dq @ C.T, ddq @ C.T
+    for limits, values in ((robot.limits, (q, dq, ddq)), (robot.transmission.limits, at_drives)):
+        assert np.all(values[0] >= limits.lower)
+        assert np.all(values[0] <= limits.upper)
+        assert np.all(np.abs(values[1]) <= limits.velocity)
+        assert np.all(np.abs(values[2]) <= limits.acceleration)
+    used = np.abs(ddq @ C.T).max(axis=0)[:3] / robot.transmission.limits.acceleration[:3]
+    assert used.max() > 0.9  # and the motion is not a small one
+
+
 # Complete or absent
 
 
@@ -297,6 +312,16 @@ def test_a_folder_that_is_not_there_or_closed(tmp_path: Path) -> None:
     for path, why in ((tmp_path / "none" / "file", "No such file or directory$"), (Path("/proc/file"), "")):
         with pytest.raises(InputError, match=rf"^cannot write {path}: {why}"), replacing(path):
             pass
+
+
+def test_json_that_cannot_be_written_leaves_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "file.json"
+    write_json(path, {"a": 0.1})
+    for content, error in (({"a": float("nan")}, NumericalError), ({"a": object()}, TypeError)):
+        with pytest.raises(error):
+            write_json(path, content)
+        assert read_json(path) == {"a": 0.1}
+    assert files_below(tmp_path) == {"file.json"}
 
 
 @pytest.mark.parametrize(("mask", "mode"), [(0o022, 0o644), (0o077, 0o600), (0o002, 0o664)])

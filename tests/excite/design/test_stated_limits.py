@@ -174,6 +174,14 @@ def test_a_solver_that_cannot_keep_them_is_named_with_the_remedy() -> None:
         excite.design_trajectory(task)
 
 
+def test_the_choice_round_trips_through_a_task_file() -> None:
+    for margin in ("auto", "none", None, 0.2):
+        task = excite.Task("ur10e", torque_margin=margin)
+        content = json.loads(json.dumps(task_content(task)))
+        assert content["torque_margin"] == ("none" if margin is None else margin)
+        assert task_from_options(content).limits == task.limits
+
+
 def test_stored_tasks_of_older_files_keep_leaving_them_out() -> None:
     content = task_content(excite.Task("ur10e"))
     content["torque_margin"] = None
