@@ -158,12 +158,33 @@ def test_rows_are_those_of_the_moving_coordinates(seed: int, data: st.DataObject
 # Identifiable parameters of each subset of motors (shared/paper/errata.md), as combinations of standard ones.
 X1, X3, X4 = "I1zz + I2xx + I3yy + n1^2 Ia1", "I2zz + l2^2 m3 + I3zz + n2^2 Ia2 + n3^2 Ia3", "I3zz + n3^2 Ia3"
 X2, X5, X6, X7 = "-I2xx + I2yy + l2^2 m3 + I3xx - I3yy", "-I3xx + I3yy", "m3c3x", "m2c2x + l2 m3"
+X2_AND_X5 = "-I2xx + I2yy + l2^2 m3"
+X3_LESS_X4 = "I2zz + l2^2 m3 + n2^2 Ia2"  # [KD96] section 5: what the second movement shows
+MOTORS = {
+    "123": (13, [X1, X2, X3, X4, X5, X6, X7]),
+    "2": (4, [X3_LESS_X4, X7]),
+    "3": (4, [X4, X6]),
+    "13": (8, [X1, X4, X5, X6]),
+    "23": (8, [X3, X4, X6, X7]),
+    "12": (9, [X1, X2_AND_X5, X3_LESS_X4, X6, X7]),  # with the forearm held at one angle, see below
+}
 
 
 def models(motion: PartialMotion) -> dict[str, RegressorModel]:
     """Both models of the IRp-6's first three axes, as a motion sees them."""
     robot = three_axes()
     return {"energy": EnergyModel(robot), "differential": PartialModel(DifferentialModel(robot), motion)}
+
+
+@pytest.mark.parametrize("model", ["energy", "differential"])
+@pytest.mark.parametrize("motors", MOTORS)
+def test_tasks_find_the_same(motors: str, model: str) -> None:
+    """Through the options of ``excite design``: ``--drives 1,3 --model energy``."""
+    target = target_of(built_in("irp6"), Task("irp6", drives=tuple(motors), model=model))
+    rank, inertial = MOTORS[motors]
+    assert target.base.rank == rank
+    assert list(target.base.expressions[: len(inertial)]) == inertial
+    assert target.motion.labels == tuple(f"z{k}" for k in motors)
 
 
 def numerical_rank(W: Array) -> int:
