@@ -11,12 +11,22 @@ from played import irp6
 from excite.friction.breakaway_torque import BreakAway
 from excite.friction.plan_match import PlannedRuns, PlannedWindow
 from excite.logs.log import Log
+from regressors.robot.friction.curve import Stribeck
+from regressors.robot.friction.curves import FrictionCurves, Side
 from regressors.samples import Array
 
 COUNT = 2 * np.pi / 4000 / 158  # of the motor's encoder, on the drive's side [rad]
 INERTIA, VISCOUS, STRIBECK = 8.0, 25.0, 0.12
 REST, RAMP, RATE = 0.8, 2.8, 8.4  # s, s, Nm/s
 CREEP, STIFFNESS, DAMPING = 2e-3, 7900.0, 500.0  # rad/s, Nm/rad, Nm s/rad
+
+STICKING = FrictionCurves(
+    {
+        "z1": Stribeck(Side(9.0, 25.0, 14.1, 0.12, 1.0)),
+        "z2": Stribeck(Side(11.0, 26.0, 16.8, 0.12, 1.0), Side(7.0, 26.0, 10.6, 0.12, 1.0)),
+        "z3": Stribeck(Side(12.0, 26.0, 18.0, 0.12, 1.0), Side(9.4, 26.0, 14.1, 0.12, 1.0)),
+    }
+)
 
 
 @cache

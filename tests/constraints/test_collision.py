@@ -19,15 +19,13 @@ from slow_dynamics import random_chain
 
 from constraints.certificate import ENCLOSED
 from constraints.clearance import Frames, link_poses
-from constraints.collision_limits import Clearance, Pair, collision_limits
+from constraints.collision_limits import Clearance, collision_limits
 from constraints.diagnosis import ContradictionError
 from constraints.geometry import Box, HalfSpace, Obstacle, Part, World
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.design import Design
-from excite.design.design_folder import design_content
 from excite.design.formulation import formulate
 from excite.design.optimisation import design_trajectory, limits_of
-from excite.design.task_file import task_from_options
 from excite.tasks.task import Task
 from excite.views.style import VERMILLION
 from excite.views.world_plot import _NEAREST_LINKS, _POSES, _SOME, clearance_figure, workspace_figure
@@ -147,19 +145,6 @@ def test_spheres_cover_a_capsule(radius: float, length: float, tolerance: float,
     assert np.all(nearest <= wide + 1e-9)
 
 
-def test_a_bound_is_met_where_surfaces_are_the_clearance_apart() -> None:
-    """Two spheres on one line: the function, its bound and its slope are the distance's there."""
-    robot = random_chain("r", np.random.default_rng(1))
-    name, small = robot.links[0].name, Capsule((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.1)
-    ball = Obstacle("ball", Capsule((1.0, 0.0, 0.0), (1.0, 0.0, 0.0), 0.2))
-    world = World((Part(name, small),), (ball,), clearance=0.05)
-    pair = Pair(name, (small,), "ball", "base", (ball.shape,), world.clearance)
-    limit = Clearance(robot, every_joint(robot), [pair], world)
-    np.testing.assert_allclose(limit.shown(limit.lower), 0.05, rtol=1e-14)
-    about = limit.shown(limit.lower + np.array([[-1e-7], [1e-7]]))
-    np.testing.assert_allclose(np.diff(about[:, 0]), 2e-7, rtol=1e-5)
-
-
 IIWA = built_in("iiwa7")
 ARM = (
     Part("base", Capsule((0.0, 0.0, 0.06), (0.0, 0.0, 0.09), 0.11)),
@@ -256,13 +241,6 @@ def test_a_motion_that_collides_is_certified_as_one_that_does() -> None:
     truly = {label for limit in made.nonlinear for label in limit.labels if nearest(free, label) < 0.02}
     assert truly
     assert truly <= broken
-
-
-def test_the_world_of_a_design_comes_back_from_its_file() -> None:
-    design = designed(ROOM)
-    task = task_from_options({**design_content(design)["task"]})
-    assert task == design.task.changed(robot=IIWA.name)
-    assert task.limits.world == ROOM
 
 
 # --- bad input -------------------------------------------------------------------------------------------------------

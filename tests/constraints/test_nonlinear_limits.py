@@ -41,10 +41,6 @@ def states(n: int, seed: int, count: int = 40) -> Samples:
     return Samples(np.arange(float(count)), q, dq, ddq, np.zeros_like(q))
 
 
-def held(robot: Robot, moving: list[int]) -> PartialMotion:
-    return of_joints(robot, moving)
-
-
 # --- torques ---------------------------------------------------------------------------------------------------------
 
 
@@ -75,7 +71,7 @@ def test_drive_torques_are_those_behind_the_coupling() -> None:
 def test_held_joints_bear_their_load_and_do_not_rub() -> None:
     """Joints 1 to 3 move: drive 4 turns along and rubs, drive 5 holds; all five have limits."""
     robot = built_in("irp6")
-    motion = held(robot, [0, 1, 2])
+    motion = of_joints(robot, [0, 1, 2])
     (limit,) = torque_limits(robot, standard_values(robot), 0.0, motion)
     moving = states(3, 3)
     whole = Samples(moving.time, *(x @ motion.matrix.T for x in (moving.q, moving.dq, moving.ddq, moving.dddq)))
@@ -127,7 +123,7 @@ def test_the_tool_is_where_pinocchio_has_it(robot: Robot) -> None:
     assert (box.labels, box.units) == (("tool x", "tool z"), ("m", "m"))
     np.testing.assert_array_equal([box.lower, box.upper], [[-1, 0], [1, INF]])
     for moving in (list(range(robot.n)), [1, 2]):
-        motion = held(robot, moving)
+        motion = of_joints(robot, moving)
         samples = states(len(moving), 6)
         parts = (samples.q, samples.dq, samples.ddq, samples.dddq)
         whole = Samples(samples.time, *(x @ motion.matrix.T for x in parts))
@@ -189,7 +185,7 @@ def test_slopes_are_derivatives(kind: int) -> None:
 
 
 MOTIONS = {
-    "all joints": lambda robot: held(robot, [0, 1, 2, 3, 4]),
+    "all joints": lambda robot: of_joints(robot, [0, 1, 2, 3, 4]),
     "two drives, an offset": lambda robot: dataclasses.replace(
         of_drives(robot, ["z2", "z4"]), offset=np.array([0.3, -0.1, 0.2, 0.4, -0.5])
     ),
@@ -313,19 +309,6 @@ def test_what_cannot_be_bounded_does_not_hold() -> None:
     assert not use.margin > -1
 
 
-def test_a_motion_at_rest_is_enclosed_by_what_it_is() -> None:
-    q = np.array([0.1, -0.4, 0.2, -2.0, 0.3, 1.5, 0.7])
-
-    def motion(t: Array) -> Samples:
-        return Samples(t, np.tile(q, (t.size, 1)), *np.zeros((3, t.size, 7)))
-
-    for limit in limits_of("panda"):
-        found = enclose(limit, motion, 3.0, np.zeros(7))
-        expected = limit.values(motion(np.zeros(1)))[0]
-        np.testing.assert_allclose(found.extrema.high, expected, atol=1e-9)
-        np.testing.assert_allclose(found.extrema.low, expected, atol=1e-9)
-
-
 # --- certificates ----------------------------------------------------------------------------------------------------
 
 
@@ -334,7 +317,7 @@ def test_certificates_say_how_they_were_found() -> None:
     motion, jerk = random_motion(robot, "fourier", 12, 0.1)
     for limit in linear_limits(robot):
         assert {use.method for use in limit_uses(limit, motion.extrema(limit))} == {EXACT}
-    (speed,) = (tool_speed(built_in("irp6"), POINT, 0.5).restricted(held(built_in("irp6"), [0, 1, 2])),)
+    (speed,) = (tool_speed(built_in("irp6"), POINT, 0.5).restricted(of_joints(built_in("irp6"), [0, 1, 2])),)
     (use,) = enclose(speed, motion.samples, motion.duration, jerk).uses(speed)
     dense = np.sqrt(0.5 * speed.values(motion.samples(np.linspace(0, 10, 20_001))).max())
     assert (use.method, use.unit, use.bound) == (ENCLOSED, "m/s", 0.5)

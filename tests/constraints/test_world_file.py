@@ -74,7 +74,6 @@ def test_a_task_file_names_a_world_or_holds_one(tmp_path: Path) -> None:
     ("old", "new", "message"),
     [
         ("radius: 0.08", "radius: 0", "robot[1] (line 4): radius must be greater than zero, given 0"),
-        ("size: [0.2, 0.3, 0.2]", "size: [0.2, 0, 0.2]", "objects.crate.box (line 10): size must be greater than zero"),
         ("normal: [0, 0, 2]", "normal: [0, 0, 0]", "objects.table.plane (line 7): normal must not be zero"),
         ("{sphere:", "{cone:", "objects.ball.cone (line 9): no such field; available: capsule, sphere, plane, box"),
         ("{sphere: {centre: [0, 0.7, 0.4], radius: 0.1}}", "{}", "objects.ball (line 9): expected one of capsule"),
@@ -164,7 +163,6 @@ def test_meshes_are_read_in_every_form(tmp_path: Path) -> None:
         ("a.dae", b"", "no reader for .dae; available: .stl, .obj"),
         ("a.stl", b"solid\nendsolid\n", "expected a mesh of finite corners, given 0 corners"),
         ("a.stl", b"solid\nvertex 1 2\n", "not a mesh"),
-        ("a.obj", b"v 1 2 nan\n", "expected a mesh of finite corners"),
         ("b.stl", None, "cannot read mesh"),
     ],
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import typing
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Protocol
@@ -53,7 +53,6 @@ class Runner:
 VECTOR = np.array([1.0, 2.0])
 LET_IN: list[tuple[Any, Any, Any]] = [
     (float, np.float32(0.5), 0.5),
-    (int, np.int64(3), 3),
     (bool, np.bool_(True), True),
     (str | Path, Path("x"), Path("x")),
     (Literal["short", "long"], "long", "long"),
@@ -61,7 +60,6 @@ LET_IN: list[tuple[Any, Any, Any]] = [
     (tuple[float, ...], [1, 2.5], (1, 2.5)),
     (tuple[float, float] | None, [1, 2], (1, 2)),
     (Sequence[float], VECTOR, (1.0, 2.0)),
-    (Iterable[str], {"x"}, {"x"}),
     (Mapping[str, float], {"x": 1}, {"x": 1}),
     (Callable[[str], None], print, print),
     (Array, [[1, 2]], np.array([[1.0, 2.0]])),
@@ -254,11 +252,8 @@ def of_arpack() -> None:
 
 FAILURES: dict[str, Callable[[], object]] = {
     "singular": lambda: np.linalg.inv(np.zeros((2, 2))),
-    "not positive definite": lambda: np.linalg.cholesky(-np.eye(2)),
     "nan in linear algebra": lambda: scipy.linalg.svd(np.full((2, 2), np.nan)),
     "overflow": lambda: np.array([1e308]) * 10,
-    "invalid": lambda: np.array([np.inf]) - np.inf,
-    "division": lambda: np.array([1.0]) / 0.0,
     "overflow of Python": lambda: 10.0**400,
     "nan to a whole number": lambda: int(float("nan")),
     "no convergence": of_arpack,

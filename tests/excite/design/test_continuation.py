@@ -98,10 +98,8 @@ def test_an_interruption_ends_it_with_the_best_so_far(interrupted: str, monkeypa
 def test_what_cannot_be_continued_is_refused() -> None:
     for options, message in (
         ({"trajectory": "bspline"}, "not for bspline; give `intervals`"),
-        ({"trajectory": "waypoints"}, "not for waypoints; give `intervals`"),
         ({"trajectory": "sines"}, "not for sines; give a number"),
         ({"harmonics": "many"}, "harmonics: expected a whole number, or auto, given"),
-        ({"harmonics": 5.5}, "harmonics: expected a whole number, or auto, given"),
         ({"harmonics": 5, "bandwidth": 1.0}, "give both, or neither"),
         ({"bandwidth": -1.0}, "bandwidth"),
     ):

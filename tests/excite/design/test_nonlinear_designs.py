@@ -236,20 +236,15 @@ def test_a_design_is_told_and_can_be_run_again(here: Here) -> None:
 
 BAD = {
     "--tool-box 1": "expected L:U for x, y and z, such as -1:1,-1:1,0: ; given '1'",
-    "--tool-box=-1:1,-1:1": "expected L:U for x, y and z",
     "--tool-box -1:1,-1:1,0:a": "given '-1:1,-1:1,0:a'",
-    "--tool-box -1:1,-1:1,0:inf": "expected L:U for x, y and z",
-    "--tool-box -1:1,-1:1:2,0:1": "expected L:U for x, y and z",
     "--tool-box :,:,:": "tool box: no bound is given",
     "--tool-box :,:,1:0": "tool box, z: the lower bound 1 m must be below the upper one 0 m",
     "--tool-box :,:,5:": "tool z beyond 5 m by",
     "--tool-speed 0": "'--tool-speed': must be a number from 1e-09 to 1000000 m/s, given 0",
-    "--tool-speed nan": "'--tool-speed': must be a number from 1e-09 to 1000000 m/s, given nan",
     "--tool-point 0,0 --tool-speed 1": "expected three numbers separated by commas, given '0,0'",
     "--tool-point 0,0,0.1 --floor none": "--tool-point needs a limit of the tool, but none is given; "
     "give --tool-box, --tool-speed or --floor",
     "--torque-margin 1": "'--torque-margin': must be a number from 0 to 0.999, given 1",
-    "--torque-margin nan": "'--torque-margin': must be a number from 0 to 0.999, given nan",
     "--torque-margin 0.95": "drive z1 torque: friction of 28 Nm exceeds the limit of 331.8 Nm",
     "--tool-speed 1 --solver ipopt": "limits of torques, of the tool and of collisions are for the solver sqp, not",
 }
@@ -263,7 +258,6 @@ def test_bad_options(here: Here) -> None:
 def test_bad_tasks() -> None:
     for options, message in (
         ({"tool_box": ((0, 1), (0, 1))}, "tool_box needs a lower and an upper bound for each of x, y, z"),
-        ({"tool_box": ((0, 1), (0, 1), (0,))}, "tool_box needs a lower and an upper bound"),
         ({"tool_point": (0, 1), "tool_speed": 1.0}, "tool_point needs three finite numbers, given 0.0, 1.0"),
         ({"tool_point": (0, np.nan, 1), "tool_speed": 1.0}, "`tool_point` must be a number from -10000 to 10000 m"),
     ):

@@ -14,7 +14,6 @@ from excite.design.design_json import read_precision_target
 from excite.information.half_widths import (
     ABOUT_ZERO,
     allowed_half_widths,
-    group_of,
     half_width_factor,
     precision_scales,
     residual_degrees_of_freedom,
@@ -73,8 +72,6 @@ def test_friction_that_is_not_described_is_not_asked_for_unless_scaled(ur10e: Id
 def test_targets_that_mean_nothing() -> None:
     for given, message in (
         ({"share": 0.0}, "above zero"),
-        ({"share": True}, "number"),
-        ({"share": float("inf")}, "above zero"),
         ({"share": None}, "nothing is asked"),
         ({"level": 1.0}, "between 0 and 1"),
         ({"scales": {"X1": -1.0}}, "above zero"),
@@ -91,19 +88,6 @@ def test_unknown_parameters_and_values(irp6: IdentificationTarget, ur10e: Identi
         allowed_half_widths(PrecisionTarget(parameters={"F2c": 0.1}), ur10e)
     with pytest.raises(InputError, match="asks nothing"):
         allowed_half_widths(PrecisionTarget(None, groups={"friction": 0.1}), ur10e)
-
-
-def test_groups() -> None:
-    for kind, unit, group in (
-        ("mass", "kg", "gravity"),
-        ("first moment", "kg m", "gravity"),
-        ("combination", "kg m", "gravity"),
-        ("combination", "kg m^2", "inertia"),
-        ("rotor", "kg m^2", "inertia"),
-        ("stribeck", "Nm", "friction"),
-        ("springs", "Nm/rad", None),
-    ):
-        assert group_of(kind, unit) == group
 
 
 ROWS, COLUMNS, REPEATS = 40, 3, 4000

@@ -205,13 +205,11 @@ def test_what_nothing_is_known_of_stays_unknown() -> None:
 
 REFUSED = (
     ({"weighted": True}, "--weighted divides rows by the noise of their equations, which is not given; give --noise"),
-    ({"prior": 0.0}, "--prior must be a number from 1e-09 to 1e+09, given 0"),
     ({"scale": "prior"}, "--scale prior needs prior knowledge, but none is given; give --prior"),
-    ({"scale": "value", "base": "orthonormal"}, "columns of the orthonormal base are not single parameters"),
     ({"scale": "inch"}, "no scale named 'inch'; available: unit, prior, value"),
+    ({"scale": "value", "base": "orthonormal"}, "columns of the orthonormal base are not single parameters"),
     ({"prior": 0.2, "scale": "prior", "offset": True}, "no prior deviation is known for F1o, F2o, F3o"),
     ({"scale": "value", "offset": True}, "scale value: values are zero or not known for F1o, F2o, F3o"),
-    ({"prior": KNOWN[:1], "scale": "prior"}, "no prior deviation is known for X1, X2, X3, X4, X5, X6, F1c"),
     ({"prior": 0.2, "model": "load"}, "prior: the description of 'irp6' states no parameter of this model; give"),
     ({"prior": (Belief("X9", 1.0, 1.0),)}, "no parameter named 'X9'; available: X1, X2"),
     ({"weighted": True, "noise": (1.0, 2.0)}, "noise needs one value, or 3 for q1, q2, q3; given 2"),
@@ -242,13 +240,10 @@ def test_files_that_do_not_say_what_is_known(tmp_path: Path) -> None:
             "X7: {value: 8.1}\n",
             "X7 (line 1): expected finite numbers {value: ..., deviation: ...}, given a",
         ),
-        (read_prior, "X7: {value: 8.1, deviation: 1}\nX1: 3\n", "X1 (line 2): expected finite numbers"),
         (read_prior, "X7: {value: 8.1, deviation: .inf}\n", "X7 (line 1): deviation must be a number"),
-        (read_prior, "X7: {value: yes, deviation: true}\n", "X7 (line 1): expected finite numbers"),
         (read_prior, "- 3\n", "expected a mapping of fields, given a list of 1"),
         (read_prior, "X7: [\n", "not valid YAML"),
         (read_task_file, "prior: [1]\n", "prior (line 1): expected a relative uncertainty or a mapping of parameters"),
-        (read_task_file, "prior: much\n", "mapping of parameters, given 'much'"),
         (
             read_task_file,
             "prior: {X7: {deviation: 1}}\n",

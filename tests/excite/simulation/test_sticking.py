@@ -9,6 +9,7 @@ from functools import cache
 import casadi as ca
 import numpy as np
 import pytest
+from breakaway_ramps import STICKING
 from motions import order_of
 from scipy.integrate import solve_ivp
 
@@ -193,13 +194,6 @@ def test_a_distance_that_no_step_resolves_stays_bounded() -> None:
 
 # --- whole robots ----------------------------------------------------------------------------------------------------
 
-CURVES = FrictionCurves(
-    {
-        "z1": Stribeck(Side(9.0, 25.0, 14.1, 0.12, 1.0)),
-        "z2": Stribeck(Side(11.0, 26.0, 16.8, 0.12, 1.0), Side(7.0, 26.0, 10.6, 0.12, 1.0)),
-        "z3": Stribeck(Side(12.0, 26.0, 18.0, 0.12, 1.0), Side(9.4, 26.0, 14.1, 0.12, 1.0)),
-    }
-)
 C = np.array([[1.0, 0, 0], [0, 1, 0], [0, 1, 1]])
 
 
@@ -208,7 +202,7 @@ def of_irp6() -> Simulation:
     family = Fourier(4.0, 4)
     motion = Trajectory(family, np.random.default_rng(0).normal(0.0, 0.25, (3, family.size)))
     settings = SimulationSettings(rate=1000.0, torque_limits=False, controller="pd", breakaway="auto")
-    return simulate_motion(built_in("irp6"), Task("irp6"), motion, settings, friction=CURVES)
+    return simulate_motion(built_in("irp6"), Task("irp6"), motion, settings, friction=STICKING)
 
 
 def test_the_energy_balance_closes() -> None:
@@ -229,7 +223,7 @@ def test_friction_reaches_the_joints_through_the_coupling() -> None:
     s = dahl_direction(z, sticking.distance)
     settled = np.all(np.abs(s - np.sign(dz)) < 1e-9, axis=1)
     assert settled.mean() > 0.5
-    f = np.column_stack([CURVES.curve(f"z{k + 1}").torque(dz[:, k]) for k in range(3)])
+    f = np.column_stack([STICKING.curve(f"z{k + 1}").torque(dz[:, k]) for k in range(3)])
     np.testing.assert_allclose(lost[settled], (f @ C)[settled], atol=1e-6)
     turning = ~settled & (np.abs(dz).max(axis=1) > 0)
     bounds = np.array([14.1, 16.8, 18.0]) + 26.0 * np.abs(dz[turning])
@@ -239,7 +233,7 @@ def test_friction_reaches_the_joints_through_the_coupling() -> None:
 def test_every_drive_holds_its_own_torque() -> None:
     """Joint 2 bears more than either drive could; one drive breaks loose while the other one keeps its coordinate."""
     robot = with_locked_joints(built_in("irp6"), [0, 1, 2])
-    plant, _ = plant_of(robot, CURVES)
+    plant, _ = plant_of(robot, STICKING)
     sticking = Sticking(1e-5, tuple(leads(plant, np.zeros(3)) * np.sqrt(1e-5)))
 
     def moved(at_drives: list[float]) -> Array:

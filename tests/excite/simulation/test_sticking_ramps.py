@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from breakaway_ramps import STICKING
 from commands import Here
 from pinocchio_chains import chain_model
 
@@ -21,17 +22,8 @@ from excite.tasks.reference import GivenTorque, SampledMotion
 from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
 from regressors.readers.library import built_in
-from regressors.robot.friction.curve import Stribeck
-from regressors.robot.friction.curves import FrictionCurves, Side
 from regressors.samples import Array, Samples
 
-CURVES = FrictionCurves(
-    {
-        "z1": Stribeck(Side(9.0, 25.0, 14.1, 0.12, 1.0)),
-        "z2": Stribeck(Side(11.0, 26.0, 16.8, 0.12, 1.0), Side(7.0, 26.0, 10.6, 0.12, 1.0)),
-        "z3": Stribeck(Side(12.0, 26.0, 18.0, 0.12, 1.0), Side(9.4, 26.0, 14.1, 0.12, 1.0)),
-    }
-)
 POSE = np.array([0.2, -0.3, 0.25, 0.1, 0.0])
 RATE = 1000.0
 REST, RISE = 0.5, 1.0
@@ -55,7 +47,7 @@ def of(drive: str, largest: tuple[float, ...], controller: str = "pd") -> Simula
     motion = SampledMotion(Samples(given.time[[0, -1]], still + POSE, still, still, still))
     settings = SimulationSettings(rate=RATE, controller=controller, bandwidth=8.0, breakaway="auto")
     task = Task("irp6", joints=("1", "2", "3", "4", "5"))
-    return simulate_motion(built_in("irp6"), task, motion, settings, friction=CURVES, ramps=given)
+    return simulate_motion(built_in("irp6"), task, motion, settings, friction=STICKING, ramps=given)
 
 
 def drives(found: Simulation, values: Array) -> Array:

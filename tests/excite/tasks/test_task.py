@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 import json
 import pickle
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import click
 import numpy as np
 import pytest
+from commands import module_of
 
 import excite
 from excite.cli.design_commands import design
@@ -73,17 +73,12 @@ def test_old_names_are_read_with_a_warning() -> None:
 
 BAD = [
     ({"period": True}, "period: expected a number, given True"),
-    ({"period": "8"}, "period: expected a number, given '8'"),
     ({"harmonics": 2.5}, "harmonics: expected a whole number, or auto, given 2.5"),
-    ({"harmonics": True}, "harmonics: expected a whole number, or auto, given True"),
     ({"friction": 1.5}, "friction: expected all, none, or names or numbers of drives, given 1.5"),
     ({"noise": [0.1, True]}, "noise: expected a number, or a list of numbers, given [0.1, True]"),
-    ({"noise": "0.1"}, "noise: expected a number, or a list of numbers, given '0.1'"),
     ({"position": [1.0, 2.0]}, "position: expected a list of pairs [lower, upper], given [1.0, 2.0]"),
-    ({"position": [[1.0]]}, "position: expected a list of pairs [lower, upper], given [[1.0]]"),
     ({"sensor_xyz": 0.1}, "sensor_xyz: expected three numbers, given 0.1"),
     ({"joints": 3}, "joints: expected a list of names, given 3"),
-    ({"joints": [1.5]}, "joints: expected a list of names, given [1.5]"),
     ({"seed": None}, "seed: expected a whole number, given nothing"),
     ({"via": [[0.0], "a"]}, "via: expected a list of poses, given [[0.0], 'a']"),
     ({"criterion": "mine"}, "no criterion named 'mine'; available: condition, frobenius, sigma-min, logdet, trace"),
@@ -102,12 +97,10 @@ def test_values_of_another_type_are_refused(options: dict[str, object], message:
 BAD_FILES = [
     ("period: true\n", "period (line 1): "),
     ("period: 1_0\n", "period (line 1): '1_0' is not a number: write it without underscores"),
-    ("harmonics: 5.5\n", "harmonics (line 1): "),
-    ("friction: 1.5\n", "friction (line 1): "),
     ("noise: [0.5, yes please]\n", "noise[2] (line 1): "),
+    ("friction: 1.5\n", "friction (line 1): "),
     ("limits: {velocity: true}\n", "limits.velocity"),
     ("limits: {speed: 1}\n", "limits.speed (line 1): "),
-    ("starts: '12'\n", "starts (line 1): "),
 ]
 
 
@@ -119,17 +112,13 @@ def test_task_files_are_strict(text: str, message: str, tmp_path: Path) -> None:
     assert message in str(refused.value)
 
 
-def test_every_option_is_a_flag_a_key_and_a_row_of_the_page(tmp_path: Path) -> None:
+def test_every_option_is_a_flag_a_key_and_a_row_of_the_page() -> None:
     flags = {parameter.name for parameter in design.params if isinstance(parameter, click.Option)}
     described = [option for part in PARTS.values() for option in options_of(part)]
     assert {field.name for field, option in described if not option.hidden} <= flags
     content = task_content(Task("irp6"))
     assert {field.name for field, option in described if not option.late} <= set(content) | set(content["limits"])
-    spec = importlib.util.spec_from_file_location("list_task_options", ROOT / "docs" / "list_task_options.py")
-    assert spec is not None
-    assert spec.loader is not None
-    page = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(page)
+    page = module_of(ROOT / "docs" / "list_task_options.py")
     assert (ROOT / "docs" / "task_options.md").read_text() == page.text()  # docs/list_task_options.py writes it anew
 
 
@@ -246,7 +235,6 @@ def test_what_is_carried_is_no_option_of_the_command_line() -> None:
 
 
 BAD_FRICTION = [
-    ({"load_share": 1.5}, "load_share: expected all, none, or names or numbers of drives, given 1.5"),
     ({"root_friction": [True]}, "root_friction: expected all, none, or names or numbers of drives, given [True]"),
     ({"stribeck": {"1": 2}}, "stribeck: expected all, none, or names or numbers of drives, given {'1': 2}"),
     ({"stribeck_speed": 0.0}, "`stribeck_speed` must be a number from 1e-09 to 1000000 rad/s or m/s, given 0"),

@@ -222,19 +222,6 @@ def test_hand_written_model(tmp_path: Path) -> None:
     np.testing.assert_allclose(drives, expected, rtol=1e-12)
 
 
-def test_poses_of_links_equal_those_of_mujoco(tmp_path: Path) -> None:
-    path = written(tmp_path, HAND_WRITTEN)
-    robot, model = read_mjcf(path, tip="hand"), mujoco.MjModel.from_xml_path(path)
-    q = np.random.default_rng(4).uniform(-1, 1, 4)
-    T, data = np.eye(4), mujoco.MjData(model)
-    data.qpos[[model.joint(name).qposadr[0] for name in robot.joint_names]] = q
-    mujoco.mj_kinematics(model, data)
-    for joint, position in zip(robot.joints, q, strict=True):
-        T = T @ joint.motion(position)
-    np.testing.assert_allclose(T[:3, :3], data.body("hand").xmat.reshape(3, 3), atol=1e-12)
-    np.testing.assert_allclose(T[:3, 3], data.joint("tilt").xanchor, atol=1e-12)
-
-
 def arm(inside: str = "", *, joint: str = 'name="j"', after: str = "", option: str = "") -> str:
     """One moving body a, what is inside it, and what follows the world."""
     return (
@@ -317,7 +304,6 @@ BROKEN = {
     "nothing moves": ("<mujoco/>", {}, "arm.xml: no moving joint below link 'world'"),
     "no such body": (arm(), {"tip": "hand"}, "no link in arm.xml named 'hand'; available: world, a"),
     "fork": (arm(FINGERS), {}, "2 moving chains start from link 'world'; choose the last link with `tip` (`tip='a'`"),
-    "ball": (arm(further("b", 'name="k" type="ball"')), {"tip": "b"}, "joint 'k' on the chain is ball, expected"),
     "free": (arm(further("b", 'name="k"'), joint='name="j" type="free"'), {}, "joint 'j' on the chain is free, expect"),
     "mimic": (arm(further("b", 'name="k"'), after=COUPLED), {}, "joint 'k' off the chain mimics joint 'j' on the chai"),
     "closed loop": (arm(further("b", 'name="k"'), after=LOOP), {}, "the equality <connect> on body 'b' and body 'worl"),

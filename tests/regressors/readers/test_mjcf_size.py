@@ -47,7 +47,6 @@ LARGE: dict[str, tuple[str, str, dict[str, bytes]]] = {
         {},
     ),
     "cube": (model('<texture name="t" builtin="flat" width="20000" height="20000"/>'), r"about 14\.4 GB of memory", {}),
-    "textures": (model('<texture type="2d" builtin="flat" width="9000" height="9000"/>' * 10), r"about 4\.86 GB", {}),
     "image in a folder": (
         model(IMAGE, head='<compiler texturedir="images"/>'),
         r"t\.png, an image of 50000 x 50000",

@@ -19,7 +19,6 @@ from regressors.robot.inertia import pseudo_inertia, skew, transport
 from regressors.robot.robot import Robot
 
 NAMES = ("iiwa7", "irp6", "irp6-full", "panda", "ur10e")
-INF = np.inf
 EXAMPLE_ROBOTS = Path("cmeel.prefix", "share", "example-robot-data", "robots")
 
 
@@ -74,49 +73,6 @@ def test_built_in_robot_is_complete(name: str) -> None:
     known = [link.theta for link in robot.links if link.theta is not None]
     assert len(known) == (0 if name == "iiwa7" else robot.n)
     assert all(np.linalg.eigvalsh(pseudo_inertia(theta))[0] > 0 for theta in known)
-
-
-# In degrees where the data sheet is: position, velocity, acceleration, jerk, torque.
-LIMITS = {
-    "panda": (
-        [-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973],
-        [2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973],
-        [2.175] * 4 + [2.61] * 3,
-        [15, 7.5, 10, 12.5, 15, 20, 20],
-        [7500, 3750, 5000, 6250, 7500, 10000, 10000],
-        [87] * 4 + [12] * 3,
-    ),
-    "ur10e": (
-        np.deg2rad([-360] * 6),
-        np.deg2rad([360] * 6),
-        np.deg2rad([120, 120, 180, 180, 180, 180]),
-        [INF] * 6,
-        [INF] * 6,
-        [330, 330, 150, 56, 56, 56],
-    ),
-    "iiwa7": (
-        np.deg2rad([-170, -120, -170, -120, -170, -120, -175]),
-        np.deg2rad([170, 120, 170, 120, 170, 120, 175]),
-        np.deg2rad([98, 98, 100, 130, 140, 180, 180]),
-        [INF] * 7,
-        [INF] * 7,
-        [176, 176, 110, 110, 110, 40, 40],
-    ),
-    "irp6": (
-        [-2.96706, -0.69813, -0.69813, -1.5708, -3.14159],
-        [2.96706, 0.69813, 0.69813, 1.6057, 3.14159],
-        *4 * [[INF] * 5],
-    ),
-}
-LIMITS["irp6-full"] = LIMITS["irp6"]
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_limits_are_those_of_the_data_sheet(name: str) -> None:
-    given = built_in(name).limits
-    found = (given.lower, given.upper, given.velocity, given.acceleration, given.jerk, given.torque)
-    for array, expected in zip(found, LIMITS[name], strict=True):
-        assert np.array_equal(array, expected)
 
 
 # irp6 ----------------------------------------------------------------------------------------------------------------
@@ -289,11 +245,9 @@ def test_built_in_name_wins_over_a_file(tmp_path: Path, monkeypatch: pytest.Monk
     ("spec", "base", "message"),
     [
         ("kr6", None, "no robot 'kr6': built-in robots are iiwa7, irp6, irp6-full, panda, ur10e, and a file of that n"),
-        ("missing.yaml", None, "no robot 'missing.yaml': built-in robots are"),
         ("robot.txt", None, "'robot.txt': a robot's file ends in .yaml, .yml, .urdf, .xml, .xacro, .mjcf, .csv"),
         ("folder.yaml", None, "cannot read 'folder.yaml'"),
         ("nul\0.yaml", None, "spec: expected text or a path that a file can have, given"),
-        ("irp6", "base", "`base` and `tip` choose a chain of a URDF, xacro or MJCF file, but 'irp6' is none"),
         ("robot.yaml", "base", "`base` and `tip` choose a chain of a URDF, xacro or MJCF file, but 'robot.yaml' is no"),
     ],
 )

@@ -147,12 +147,6 @@ def test_limits_of_drives_shift_by_the_resting_pose() -> None:
         assert seen == set(whole) - still
 
 
-def test_drives_of_resting_joints_have_no_parameters() -> None:
-    reduced = with_locked_joints(built_in("irp6"), [0, 2])
-    names = DifferentialModel(reduced, Terms(offset=True)).names[-8:]
-    assert names == ("Iar1", "Iar3", "F1c", "F3c", "F1v", "F3v", "F1o", "F3o")
-
-
 def assert_all_is_explained(whole: Robot, reduced: Robot, moving: list[int], samples: Samples) -> None:
     """Every column of the whole robot in the moving joints' rows is a combination of the reduced robot's columns."""
     W = DifferentialModel(whole).assemble(samples).reshape(samples.time.size, whole.n, -1)[:, moving]

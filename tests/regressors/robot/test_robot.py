@@ -228,8 +228,6 @@ BROKEN: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     "no joints": (lambda d: d.pop("joints"), "not a robot description: 'joints' is missing"),
     "no structure": (lambda d: d["structure"].pop("zero"), "not a robot description: 'zero' is missing"),
     "joints of text": (lambda d: _changed(d, "abc", "joints"), "not a robot description: "),
-    "another field": (lambda d: _changed(d, 3, "joints", 0, "wheels"), "not a robot description: "),
-    "limits of text": (lambda d: _changed(d, ["x"] * 5, "limits", "lower"), "not a robot description: "),
     "gear": (lambda d: _changed(d, "Magic", "transmission", "drives", 0, "ratio", "type"), "'Magic' is missing"),
     "crossed limits": (lambda d: _changed(d, [9.0] * 5, "limits", "lower"), "joint q1: lower position limit 9 must be"),
     "count": (lambda d: d["links"].pop(), "robot 'irp6': 5 joints, but 4 links and 5 limits"),

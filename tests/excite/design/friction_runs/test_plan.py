@@ -355,7 +355,6 @@ WITHOUT_VELOCITY = built_in("ur10e").replace(limits=replace(built_in("ur10e").li
 def test_what_cannot_be_planned() -> None:
     for changes, message in (
         ({"drives": ("z9",)}, r"no drive named 'z9'; available: 1 \(z1\)"),
-        ({"joints": ("elbow",)}, r"no joint named 'elbow'; available: 1 \(q1\)"),
         ({"joints": ("1",), "drives": ("1",)}, "give joints or drives, not both"),
         ({"drives": ("1", "z1")}, "duplicate coordinates: z1, z1"),
         ({"pose": np.zeros(3)}, "pose needs 5 numbers, one per joint q1, q2, q3, q4, q5; given 3"),
@@ -367,9 +366,8 @@ def test_what_cannot_be_planned() -> None:
             r"z2: no speed leaves .* in a stroke of 0 rad",
         ),
         ({"robot": WITHOUT_VELOCITY}, r"shoulder_pan_joint: no velocity limit bounds it.*`velocity`"),
-        ({"percent": (50.0, 101.0)}, "`percent` must be a number from 1e-06 to 100 %, given 101"),
-        ({"percent": ()}, "given none"),
         ({"percent": (50.0, 50.0)}, "duplicate speeds in `percent`"),
+        ({"percent": ()}, "given none"),
         ({"rate": 20.0}, "20 samples per second leave 4 in a window of 0.2 s, .* must be 50 or more"),
         ({"shortest": 3.0, "longest": 2.0}, "longest window 2 s is below the shortest one, 3 s"),
         ({"repeats": 0}, "`repeats` must be 1 or more"),

@@ -16,7 +16,6 @@ from constraints.linear import LinearConstraint
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import candidates, combinations, promising_motion, random_motion
 from excite.design.problem import Problem
-from excite.design.single_start import optimise_start
 from excite.design.solvers.descent import SqpOptions
 from excite.design.solvers.ipopt import Ipopt
 from excite.design.solvers.solver import Attempt, Solver, SolverResult, Status
@@ -160,16 +159,6 @@ def test_of_several_starts_nothing_better_is_thrown_away(method: Solver, problem
     assert found.value == value_of(problem, found.x) == min(found.history)
     assert found.value <= min(value_of(problem, x) for x in starts)
     assert found.value == min(value for value, _ in seen)
-
-
-@pytest.mark.slow
-def test_the_same_start_gives_the_same_bytes(method: Solver, problem: Problem) -> None:
-    first, second = (optimise_start(problem, method, seed=3, start=5, folder=None) for _ in range(2))
-    assert np.array(first.x).tobytes() == np.array(second.x).tobytes()
-    assert (first.value, first.history, first.status) == (second.value, second.history, second.status)
-    assert first.value == problem.exact_value(np.array(first.x))
-    other = optimise_start(problem, method, seed=3, start=6, folder=None)
-    assert other.x != first.x
 
 
 @pytest.mark.slow
