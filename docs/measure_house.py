@@ -16,15 +16,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 81_350,
-    "lines of code": 49_805,
+    "lines": 80_324,
+    "lines of code": 49_206,
     "files": 374,
-    "classes": 751,
+    "classes": 700,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 18,
     "imports inside functions": 69,
     "look-ups of built-in parts by name": 17,
-    "lines of code of tests": 36_345,
+    "lines of code of tests": 35_359,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 140,

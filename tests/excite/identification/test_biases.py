@@ -157,7 +157,7 @@ def test_where_friction_holds_the_change_without_slow_rows_enters(stuck: Identif
     wider = allowing_for_standstill(plain, estimator, result.observations, context_of(result))
     change = other.values - plain.values
     np.testing.assert_allclose(wider.covariance, plain.covariance + np.outer(change, change), rtol=1e-6)
-    truth = np.array([irp6().transmission.drives[2].coulomb])
+    truth = np.array([result.target.robot.transmission.drives[2].coulomb])
     place = result.names.index("F3c")
     assert abs(plain.values[place] - truth) > plain.half_width[place]
     assert abs(plain.values[place] - truth) < wider.half_width[place]
