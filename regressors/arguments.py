@@ -262,4 +262,4 @@ _PLAIN: dict[Any, tuple[Check, str]] = {
     type(None): (_only(lambda value: value is None), "None"),
     Path: (_file, "a path that a file can have"),
 }
-_OBJECTS = {"Identification": "a result of `identify`"}
+_OBJECTS = {"Identification": "a result of `identify`", "Played": "a simulation", "Measured": "a simulation"}

@@ -193,11 +193,6 @@ class ModelChoice:
             raise self.friction_curves.missing()
         return self.friction_curves
 
-    @property
-    def terms(self) -> Terms:
-        """Optional columns beside the links' parameters, of drives that are chosen by number or not at all."""
-        return self._terms(lambda chosen: chosen if isinstance(chosen, bool) else tuple(int(name) for name in chosen))
-
     def terms_of(self, robot: Robot) -> Terms:
         """Optional columns beside the links' parameters, for the drives of a robot whose friction is not known.
 
@@ -206,10 +201,10 @@ class ModelChoice:
         robot : Robot
             With its moving joints only.
         """
-        return self._terms(lambda chosen: numbers_of(chosen, robot, self.known_friction))
-
-    def _terms(self, numbers: Callable[[DriveChoice], bool | tuple[int, ...]]) -> Terms:
         from regressors.robot.columns import Terms
+
+        def numbers(chosen: DriveChoice) -> bool | tuple[int, ...]:
+            return numbers_of(chosen, robot, self.known_friction)
 
         friction = numbers(self.friction)
         return Terms(

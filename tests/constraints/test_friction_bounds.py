@@ -12,10 +12,11 @@ from hypothesis import given, settings, strategies as st
 from pinocchio_chains import drive_torques, joint_torques
 from slow_dynamics import random_chain
 
-from constraints.drive_friction import friction_bound
+from constraints.drive_friction import drive_friction, friction_bound
 from constraints.torque import torque_limits
 from regressors.errors import InputError, UnknownName
 from regressors.models.nominal import standard_values
+from regressors.models.partial import of_joints
 from regressors.readers.library import built_in
 from regressors.robot.friction.curve import (
     CoulombViscous,
@@ -69,6 +70,7 @@ WARM = {
     "coulomb-viscous": Warm(CURVES["coulomb-viscous"], 32.0, OIL[0], range=(20.0, 45.0)),
     "sides of their own": Warm(CURVES["coulomb-viscous"], 25.0, *OIL, range=(20.0, 45.0)),
     "rising": Warm(RISING, 45.0, *OIL, range=(20.0, 45.0)),
+    "more viscous when warm": Warm(CURVES["coulomb-viscous"], 32.0, Slope(0.1, 0.3), range=(20.0, 45.0)),
     "table": Warm(TABLE, 32.0, *OIL, range=(20.0, 45.0)),
 }
 
@@ -198,6 +200,8 @@ def test_joints_of_a_robot_without_a_transmission(share: float) -> None:
     expected[:, 1] = (1 + share) * expected[:, 1] + 4.0 * dq[:, 1]
     np.testing.assert_allclose(limit.values(samples), expected, atol=1e-9)
     np.testing.assert_allclose(limit.upper - 0.8 * robot.limits.torque, [0, -8.0, 0, 0, 0, 0], atol=1e-9)
+    largest = drive_friction(robot, {}, of_joints(robot, range(6)), known).largest[1]
+    assert largest == pytest.approx(4.0 * robot.limits.velocity[1] + 12.0)
     np.testing.assert_allclose(limit.lower + 0.8 * robot.limits.torque, [0, 12.0, 0, 0, 0, 0], atol=1e-9)
 
 

@@ -252,16 +252,12 @@ def test_a_planar_arm_of_two_links_with_a_coupling_by_hand() -> None:
 def test_locked_drives_do_no_work(locked: list[str], moved: list[int]) -> None:
     """Torques along the motion ``q = N s`` are ``N' tau`` of the whole robot."""
     robot, rng = fully_described("irp6-full"), np.random.default_rng(51)
-    held = [k for k in range(5) if k not in moved]
     z = np.zeros((5, len(moved)))
     z[moved] = robot.transmission.coupling[np.ix_(moved, moved)]
     N = np.linalg.solve(robot.transmission.coupling, z)
     part = Samples(np.zeros(20), *rng.uniform(-0.3, 0.3, (3, 20, len(moved))), np.zeros((20, len(moved))))
     whole = Samples(part.time, *(getattr(part, name) @ N.T for name in ("q", "dq", "ddq", "dddq")))
     reduced = with_locked_drives(robot, locked)
-    assert [robot.transmission.drives[k].name for k in held] == [
-        d.name for d in reduced.transmission.drives[:5] if d.rests
-    ]
     np.testing.assert_allclose(described_torque(reduced, part), described_torque(robot, whole) @ N, atol=1e-10)
 
 
