@@ -228,7 +228,7 @@ def faster(path: Path, times: float) -> None:
 @pytest.mark.slow
 def test_a_motion_that_is_too_fast_ends_with_status_one_and_identify_leaves_those_rows_out(here: Here) -> None:
     faster(here.cwd / "fast.csv", 3.5)
-    fast = ("simulate", "irp6", "--trajectory", "fast.csv", "--out", "run.csv", *RATE)
+    fast = ("simulate", "irp6", "--trajectory", "fast.csv", "--periods", "4", "--out", "run.csv", *RATE)
     refused = here.run(*fast)
     assert (refused.returncode, refused.stdout, (here.cwd / "run.csv").exists()) == (1, "", False)
     assert re.search(r"a limit: drive z[123] acceleration is .*% of what is allowed.*--beyond-limits", refused.stderr)
