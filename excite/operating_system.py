@@ -1,4 +1,4 @@
-"""What operating systems do differently: signals, renames onto open files, folders on disk, locks, processes.
+"""What operating systems do differently: renames onto open files, folders on disk, locks, processes.
 
 Every function asks whether the system has what it needs, and not for its name, so that a missing call can be simulated.
 """
@@ -7,12 +7,9 @@ from __future__ import annotations
 
 import errno
 import os
-import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -21,25 +18,6 @@ _RENAME_SECONDS = 2.0  # a virus scanner or an indexer holds a file for less
 _RENAME_STEP = 0.02
 _NO_FOLDER_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EACCES)
 _SYNCHRONIZE, _STILL_RUNNING = 0x00100000, 0x102  # of the Windows API
-
-
-def known_signals(*names: str) -> tuple[signal.Signals, ...]:
-    """Those of the named signals that this system has: Windows has no SIGHUP."""
-    return tuple(getattr(signal, name) for name in names if hasattr(signal, name))
-
-
-@contextmanager
-def signals_held(*signals: signal.Signals) -> Iterator[None]:
-    """Block signals until the block ends; processes started in it inherit that. Nothing where signals have no mask."""
-    mask: Any = getattr(signal, "pthread_sigmask", None)
-    if mask is None:
-        yield
-        return
-    before = mask(signal.SIG_BLOCK, set(signals))
-    try:
-        yield
-    finally:
-        mask(signal.SIG_SETMASK, before)
 
 
 def replace_file(source: str | Path, destination: str | Path) -> None:

@@ -97,7 +97,7 @@ def fit_friction(
         model = _rigid(robot, parameters, settings)
         read = read_logs(logs, robot, mapping, tuple(drop), progress)
         for part in (part for log in read for part in segments(log)):
-            check_log(part, robot, ())  # a drive that breaks away moves by microns
+            check_log(part, robot, may_rest=True)  # a drive that breaks away moves by microns
         runs = _plan(robot, plan)
         progress("fitting curves to windows of constant speed")
         curves = characteristics(robot, read, settings, model, _wanted(robot, drives, runs, plan), runs)

@@ -191,7 +191,9 @@ _NOISE_STRETCH = 2**16  # instants of a long log that its noise is determined fr
 _SIGNALS = ("butterworth", "savitzky-golay", "fourier", "differences")  # linear in the positions
 
 
-def motion_noise(part: PreparedLog, recipe: Recipe, what: str, seed: int = 0) -> tuple[Array, float] | None:
+def motion_noise(
+    part: PreparedLog, target: IdentificationTarget, recipe: Recipe, what: str, seed: int = 0
+) -> tuple[Array, float] | None:
     """Draw noise of a derivative, of the size that was filtered out of a log's positions, shape (N, n).
 
     It is as random as the measured one after the filter, and zero in long logs where it is below `SHARE`; the second
@@ -209,9 +211,11 @@ def motion_noise(part: PreparedLog, recipe: Recipe, what: str, seed: int = 0) ->
     passed = method.motion(uniform.time, white)
     if whole and passed.samples.q.shape != part.samples.q.shape:
         return None
-    smooth = method.motion(uniform.time, uniform.q).samples.q  # not that of the part, which may be delayed
-    used = ~within(passed.samples.time, part.left_out)  # impacts and gaps are no noise
-    left = np.std((uniform.q[passed.kept] - smooth)[used], axis=0) if np.any(used) else np.zeros(white.shape[1])
+    smooth = method.motion(uniform.time, uniform.q).samples  # not those of the part, which may be delayed
+    # impacts and gaps are no noise, and neither is how a drive sticks and slips
+    moving = np.all(np.abs(smooth.dq @ drive_rows(target.robot).T) >= (recipe.standstill or 0.0), axis=1)
+    used = ~within(passed.samples.time, part.left_out) & moving
+    left = np.std((uniform.q[passed.kept] - smooth.q)[used], axis=0) if np.any(used) else np.zeros(white.shape[1])
     size = left / np.maximum(np.std(white[passed.kept] - passed.samples.q, axis=0), 1e-6)
     values = size * getattr(passed.samples, what)
     signal = np.sqrt(np.mean(getattr(part.samples, what) ** 2, axis=0))
@@ -230,7 +234,9 @@ def allowing_for_motion_noise(estimate: Estimate, estimator: Estimator, context:
     if estimate.method not in METHODS:
         return estimate
     what = "ddq" if context.target.model.window is None else "dq"
-    noises = [motion_noise(part, context.recipe, what, seed) for seed, part in enumerate(context.prepared)]
+    noises = [
+        motion_noise(part, context.target, context.recipe, what, seed) for seed, part in enumerate(context.prepared)
+    ]
     known = [noise for noise in noises if noise is not None]
     if len(known) < len(noises) or (share := max(share for _, share in known)) < SHARE:
         return estimate

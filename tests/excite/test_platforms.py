@@ -19,9 +19,7 @@ from excite.operating_system import (
     ForkSafeThread,
     can_fork,
     is_running,
-    known_signals,
     replace_file,
-    signals_held,
     sync_folder,
 )
 
@@ -141,18 +139,6 @@ def test_a_file_that_another_program_has_open_is_replaced_later(
     monkeypatch.setattr(operating_system, "_refuses_open_files", lambda: True)
     replace_file(tmp_path / "new", tmp_path / "old")
     assert ((tmp_path / "old").read_text(encoding="utf-8"), len(tries)) == ("new", 3)
-
-
-def test_signals_of_this_system(monkeypatch: pytest.MonkeyPatch) -> None:
-    import signal
-
-    assert known_signals("SIGINT", "SIGNONE") == (signal.SIGINT,)
-    with signals_held(signal.SIGINT):
-        assert signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
-    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
-    monkeypatch.delattr(signal, "pthread_sigmask")
-    with signals_held(signal.SIGINT):
-        pass
 
 
 def test_processes_and_folders(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
+import scipy.stats
 
 from regressors.errors import InputError, percent
 from regressors.samples import Array, Index
@@ -215,6 +216,18 @@ def left_out(
             break
         weights = result.weights
     return result
+
+
+_DOUBT = 0.05  # probability of calling one parameter different that is not
+
+
+def differ(one: BlockStatistics, other: BlockStatistics, weights: Array) -> bool:
+    """Whether two sets of rows estimate half of the parameters clearly differently, by the scatter over the blocks."""
+    change = _estimates(other, None, weights) - _estimates(one, None, weights)  # without one block after the other
+    found = least_squares_of_products(other.total, weights) - least_squares_of_products(one.total, weights)
+    deviation = np.array([jackknife(column) for column in change.T])
+    most = scipy.stats.t.isf(_DOUBT / 2, len(change) - 1)
+    return bool(np.count_nonzero(np.abs(found) > most * deviation) > found.size / 2)
 
 
 def least_squares_of_products(products: Array, weights: Array) -> Array:

@@ -15,7 +15,7 @@ import numpy as np
 
 from excite.identification.biases import SPEEDS, least_speeds, standstill_candidates, typical_speed
 from excite.identification.choices.cutoff_and_timing import choose_cutoff_and_timing, choose_delay
-from excite.identification.choices.left_out import Choice, LeftOut, best_of, candidates_of, jackknife
+from excite.identification.choices.left_out import Choice, LeftOut, best_of, candidates_of, differ, jackknife
 from excite.identification.choices.scoring import Mask, Scoring
 from excite.identification.equations import nearest
 from excite.identification.recipe import Recipe
@@ -150,7 +150,8 @@ _KEPT_WORTH = 0.01  # of the score: below that every row stays
 def choose_standstill(scoring: Scoring, recipe: Recipe, least: float = 0.0) -> tuple[Recipe, tuple[Choice, ...]]:
     """Choose the speed below which rows are left out, by the rows that every candidate keeps.
 
-    The smallest speed is taken that is as good as the best within a standard error, and clearly better than none.
+    The smallest speed is taken that is as good as the best within a standard error, and clearly better than none; and
+    the next one, as long as its rows give clearly other estimates and the others are predicted no worse.
     """
     parts = scoring.parts(recipe)
     candidates = standstill_candidates(scoring.target, parts)
@@ -166,6 +167,11 @@ def choose_standstill(scoring: Scoring, recipe: Recipe, least: float = 0.0) -> t
     best = allowed[best_of(allowed)]
     reason = "rows of slow drives are kept: without them the others are predicted no better"
     chosen = next(v for v, errors in allowed.items() if not best.is_better(errors, _KEPT_WORTH))
+    for faster in candidates[candidates.index(chosen) + 1 :] if chosen else ():
+        still = differ(statistics[chosen], statistics[faster], scores[chosen].weights)
+        if not still or scores[chosen].is_better(scores[faster], _KEPT_WORTH):
+            break
+        chosen = faster
     value = float(f"{chosen:.3g}")
     if chosen:
         reason = (

@@ -203,16 +203,24 @@ def test_the_noise_has_the_size_that_passes_the_filter(exact, stretch, delay, mo
     clean = prepare(exact, irp6(), target, recipe)
     for seed in (1, 2):
         part = prepare(noisy(exact, 0.0, NOISE, seed), irp6(), target, recipe)
-        drawn, _ = motion_noise(part, recipe, "ddq", seed)
+        drawn, _ = motion_noise(part, target, recipe, "ddq", seed)
         assert drawn.shape == part.samples.q.shape
         measured = np.std(part.samples.ddq - clean.samples.ddq, axis=0)
         np.testing.assert_allclose(np.std(drawn, axis=0), measured, rtol=0.2)
 
 
+def test_what_happens_at_standstill_is_no_noise_of_the_motion(exact: Log) -> None:
+    slow = np.min(np.abs(exact.dq @ C.T), axis=1) < 0.04
+    shaken = exact.q + 1e-4 * slow[:, None] * np.random.default_rng(0).normal(size=exact.q.shape)
+    part = prepare(replace(exact, q=shaken), irp6(), target := target_of(irp6(), TASK), RECIPE)
+    every, moving = (motion_noise(part, target, replace(RECIPE, standstill=v), "ddq")[1] for v in (0.0, 0.08))
+    assert moving < 0.2 * every
+
+
 def test_motions_that_are_no_linear_function_of_positions_have_none_nor_exact_ones(exact: Log) -> None:
-    part = prepare(exact, irp6(), target_of(irp6(), TASK), RECIPE)
+    part = prepare(exact, irp6(), target := target_of(irp6(), TASK), RECIPE)
     for change in ({"average": True, "period": 2.0}, {"measured_velocity": True}, {"signals": "spline"}):
-        assert motion_noise(part, replace(RECIPE, **change), "ddq") is None
+        assert motion_noise(part, target, replace(RECIPE, **change), "ddq") is None
     result = found(TASK, noisy(exact, 0.3, 0.0, 0), recipe=RECIPE)
     assert not any("noise in the motion" in note for note in result.estimate.notes)
 

@@ -243,23 +243,15 @@ def lasting(log: Log, seconds: float) -> Log:
 @pytest.mark.parametrize(
     ("predicted", "measured", "factor"),
     [
-        (identification_seconds(many(800, 5), chosen=True), 1.48, 3),
-        (identification_seconds(many(8000, 5), chosen=False), 0.23, 3),
-        (identification_seconds(many(8000, 7), chosen=True), 5.97, 3),
         (identification_seconds(many(2000, 5, logs=5), chosen=True), 4.73, 3),
         (identification_seconds(many(100_000, 6), chosen=True), 12.9, 3),
         (identification_seconds(many(100_000, 6), chosen=False), 2.63, 3),
-        (identification_seconds(many(2_000_000, 6), chosen=True), 30.3, 3),
         (verification_seconds(many(20_000, 6)[0], simulated=True), 5.04, 4),
-        (verification_seconds(many(8000, 6)[0], simulated=True), 4.49, 4),
         (verification_seconds(many(8000, 7)[0], simulated=True), 4.38, 4),
-        (verification_seconds(many(2000, 7)[0], simulated=True), 2.69, 4),
         (verification_seconds(lasting(many(600_000, 7)[0], 600.0), simulated=True), 14.5, 4),
         (campaign_seconds(63, 72, 6), 2.19, 3),
-        (campaign_seconds(119, 84, 7), 6.19, 3),
         (campaign_seconds(127, 84, 1), 0.59, 3),
         (study_seconds([10.0], 5, 2000.0, 100, 4), 3.54, 3),
-        (study_seconds([10.0], 6, 500.0, 1000, 4), 4.58, 3),
     ],
 )
 def test_rules_are_near_what_was_measured(predicted: float, measured: float, factor: float) -> None:

@@ -14,6 +14,7 @@ from excite.identification.choices.left_out import (
     NEGLIGIBLE,
     BlockStatistics,
     LeftOut,
+    differ,
     least_squares_of_products,
     left_out,
     time_blocks,
@@ -204,3 +205,12 @@ def test_a_quick_estimate_selects_and_a_careful_one_decides() -> None:
     assert (careful[0], careful.count(4)) == (3, 8)
     gains_nothing = choose_columns(statistics, ALWAYS, OPTIONAL, lambda columns: lambda *_: np.zeros(len(columns)))
     assert gains_nothing[0] == []
+
+
+@pytest.mark.parametrize("bias", [0.0, 0.3])
+def test_rows_that_the_model_fails_in_give_other_estimates(bias: float) -> None:
+    rng = np.random.default_rng(4)
+    W, blocks, slow = rng.normal(size=(600, 1, 3)), np.repeat(np.arange(6), 100), np.arange(600) % 5 == 0
+    y = W @ [1.0, 2.0, 3.0] + 0.1 * rng.normal(size=(600, 1)) + bias * slow[:, None] * W.sum(axis=2)
+    every, fast = (BlockStatistics.of([W[rows]], [y[rows]], [blocks[rows]]) for rows in (slow | True, ~slow))
+    assert differ(every, fast, np.ones(1)) == (bias > 0)
