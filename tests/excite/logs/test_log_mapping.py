@@ -45,6 +45,7 @@ def test_units(written):
         ("velocity", "unit: ticks/s, ticks: 100", 50.0, np.pi),
         ("temperature", "unit: degC", 20.0, 20.0),
         ("temperature", "unit: K", 293.15, 20.0),
+        ("temperature", "unit: K, offset: 273.15", 293.15, 20.0),
         ("temperature", "unit: degF", 68.0, 20.0),
     ):
         mapping = f"{HEAD}joints: [a]\n" + ("" if channel == "position" else "position: {columns: [2], unit: rad}\n")
