@@ -16,6 +16,7 @@ import numpy as np
 
 from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
+from excite.logs.event import within
 from regressors.errors import percent
 from regressors.models.load import PayloadModel
 from regressors.samples import Array, Index, Samples
@@ -64,7 +65,7 @@ def obvious_faults(names: tuple[str, ...], parts: tuple[PreparedLog, ...]) -> It
         y, dq = part.log.effort, part.samples.dq
         if y is None:
             continue
-        yield from _clipped(names, y)
+        yield from _clipped(names, y[~within(part.log.time, part.saturated)])
         both_ways = np.minimum(np.mean(dq > 0, axis=0), np.mean(dq < 0, axis=0)) > 0.2
         if np.all(y >= 0) and np.any(y > 0) and both_ways.all() and len(names) > 1:
             yield Fault(
