@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from regressors.errors import InputError, UnknownName, about, check_names
+from regressors.errors import UnknownName, about, check_names
 from regressors.robot.friction.curve import (
     CoulombViscous as CoulombViscous,
     FrictionCurve as FrictionCurve,
@@ -136,24 +136,14 @@ class FrictionCurves:
     def along(self, robot: Robot) -> FrictionCurves:
         """Curves of a robot with locked joints: those of drives that turn along with another count with that one's.
 
-        With ``dz_k = a dz`` they add up to ``F_c + |a| F_c,k``, ``F_v + a^2 F_v,k`` and ``F_o + a F_o,k``. The curve of
-        a drive is that of all that turns along where these have none.
-
-        Raises
-        ------
-        InputError
-            Curves of both, of which one is not Coulomb and viscous friction.
+        With ``dz_k = a dz``, Coulomb and viscous friction of both add up: ``F_c + |a| F_c,k``, ``F_v + a^2 F_v,k`` and
+        ``F_o + a F_o,k``. Of other kinds the curve of the drive in front is that of all that turns along.
         """
         curves, uncertainty = dict(self.curves), dict(self.uncertainty)
         for name, leader, a in drives_along(robot):
-            if (further := self.curve(name)) is None or (own := curves.get(leader)) is None:
-                continue
+            own, further = curves.get(leader), self.curve(name)
             if not (isinstance(own, CoulombViscous) and isinstance(further, CoulombViscous)):
-                raise InputError(
-                    f"drive {name} turns along with drive {leader}, since a joint is locked, and only Coulomb and "
-                    f"viscous friction of both can be added: give a curve of {leader} that holds for both, and none of "
-                    f"{name}"
-                )
+                continue
             factors = {"coulomb": abs(a), "viscous": a**2, "offset": a}
             total = {part: getattr(own, part) + factor * getattr(further, part) for part, factor in factors.items()}
             curves[leader] = CoulombViscous(**total)
