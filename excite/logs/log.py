@@ -200,6 +200,12 @@ def channels_of(log: Log) -> dict[str, Any]:
     return {name: x for name in _CHANNELS if (x := getattr(log, name)) is not None}
 
 
+def integrate_rates(time: Array, rates: Array) -> Array:
+    """Integrals of rates from the first instant on, by the trapezoidal rule, shape (N, n)."""  # rates (N, n)
+    steps = (rates[1:] + rates[:-1]) / 2 * np.diff(time)[:, None]
+    return np.vstack([np.zeros(rates.shape[1]), np.cumsum(steps, axis=0)])
+
+
 def counted(count: int, what: str) -> str:
     """How many there are of something, such as ``1 row`` or ``2 rows``."""
     return f"{count} {what}{'s' * (count != 1)}"

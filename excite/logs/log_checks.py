@@ -8,11 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from excite.logs.event import LONGEST, gaps, plateaus
 from excite.logs.excitation import mean_speed, moves, span_ends
-from excite.logs.log import Log
+from excite.logs.log import Log, integrate_rates
 from regressors.errors import InputError
 from regressors.readers.library import built_in, built_in_names
 from regressors.robot.robot import Robot
@@ -134,7 +133,7 @@ def _velocities(case: _Case) -> Findings:
     if dq is None:
         return
     first, last = span_ends(case.log)
-    path = cumulative_trapezoid(dq, time, axis=0, initial=0)
+    path = integrate_rates(time, dq)
     mean = (path[last] - path[first]) / (time[last] - time[first])[:, None]
     for k in np.flatnonzero(case.moved):
         slope, velocity = case.speed[:, k], mean[:, k]

@@ -7,10 +7,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from excite.logs.guess.units import Clock
-from excite.logs.log import WRENCH
+from excite.logs.log import WRENCH, integrate_rates
 from excite.logs.recordings.recording import ColumnName, Contents, Recording, StreamContents, parsed_name
 from regressors.robot.robot import Robot
 from regressors.samples import Array
@@ -219,7 +218,7 @@ def motion_columns(time: Array, values: Array, clock: int) -> tuple[tuple[int, .
 
 def _pairs(time: Array, values: Array, clock: int) -> list[tuple[int, int]]:
     """Columns of which the second is the rate of change of the first."""
-    area = cumulative_trapezoid(values, time, axis=0, initial=0)
+    area = integrate_rates(time, values)
     moved = _unit(values[_WIDTH:] - values[:-_WIDTH])
     integral = _unit(area[_WIDTH:] - area[:-_WIDTH])
     alike = np.abs(moved.T @ integral)  # (positions, velocities)

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from excite.logs.event import LEAST, STEPS
+from excite.logs.log import integrate_rates
 from excite.logs.mapping import SECONDS, PositionSection, VelocitySection
 from excite.logs.recordings.recording import Contents, Numbers, Recording, StreamContents, is_clock, parsed_name
 from regressors.samples import Array
@@ -156,7 +156,7 @@ _OF_FILE = "as the file says"
 def velocity_ratios(time: Array, q: Array, dq: Array) -> Array:
     """Ratio of velocities to the rate of change of positions, shape (n,); NaN of joints that do not move alike."""
     # time (N,); q, dq (N, n)
-    area = cumulative_trapezoid(dq, time, axis=0, initial=0)
+    area = integrate_rates(time, dq)
     width = max(1, min(20, time.size // 10))
     moved, integral = q[width:] - q[:-width], area[width:] - area[:-width]
     power, both, square = (np.sum(a * b, axis=0) for a, b in ((moved, moved), (moved, integral), (integral, integral)))
