@@ -37,7 +37,6 @@ from numpy.typing import NDArray
 from excite.identification.covariance import METHODS, divisors, group_scale, with_covariance
 from excite.identification.equations import (
     drive_directions,
-    drive_rows,
     equations,
     friction_drives,
     instant_columns,
@@ -50,12 +49,13 @@ from excite.identification.observations import Observations, row_stretches
 from excite.identification.preparation import PreparedLog, chosen_method
 from excite.identification.recipe import Recipe
 from excite.identification.streamed_rows import StreamedRows
-from excite.information.target import IdentificationTarget
+from excite.information.target import IdentificationTarget, least_speeds, typical_speed
 from excite.logs.event import within
 from excite.logs.excitation import runs
 from excite.logs.signals.method import resample
 from regressors.errors import ExciteError, InputError, percent
-from regressors.samples import Array
+from regressors.robot.friction.load_and_temperature import friction_rows
+from regressors.samples import Array, Samples
 
 _SLOW = 0.1  # of the typical speed: rows of slower drives are compared with the others
 _FASTER = 2.0  # of the speed below which rows are left out
@@ -71,7 +71,7 @@ def allowing_for_standstill(
     if estimate.method not in METHODS or None in (target.model.torque_equations(), target.model.coulomb_friction()):
         return estimate
     shown = _held(observations)
-    speed = _FASTER * recipe.standstill if recipe.standstill else _SLOW * typical_speed(target, _thinned(context))
+    speed = _FASTER * recipe.standstill if recipe.standstill else _SLOW * typical_speed(target.robot, _thinned(context))
     fast = fast_rows(shown, context, speed)
     if fast.all() or not (recipe.standstill or fails_near_standstill(estimate, shown, fast)):
         return estimate
@@ -102,10 +102,10 @@ def _held(observations: Observations) -> Observations:
     return observations.rows(np.concatenate(rows))
 
 
-def _thinned(context: Context) -> list[PreparedLog]:
-    """The logs at few instants, as far as these are."""
-    steps = ((part, max(1, part.samples.time.size // _INSTANTS)) for part in context.prepared)
-    return [replace(part, samples=part.samples.rows(slice(None, None, step))) for part, step in steps]
+def _thinned(context: Context) -> list[Samples]:
+    """Few instants of the logs."""
+    samples = [part.samples for part in context.prepared]
+    return [each.rows(slice(None, None, max(1, each.time.size // _INSTANTS))) for each in samples]
 
 
 def fast_rows(observations: Observations, context: Context, speed: float) -> NDArray[np.bool_]:
@@ -114,7 +114,7 @@ def fast_rows(observations: Observations, context: Context, speed: float) -> NDA
     for log, part in enumerate(context.prepared):
         rows = np.flatnonzero(observations.log == log)
         instants, which = np.unique(nearest(part.samples.time, observations.time[rows]), return_inverse=True)
-        speeds = least_speeds(replace(part, samples=part.samples.rows(instants)), context.target)
+        speeds = least_speeds(context.target, part.samples.rows(instants))
         fast[rows] = speeds[which, observations.equation[rows]] >= speed
     return fast
 
@@ -140,7 +140,6 @@ def fails_near_standstill(estimate: Estimate, observations: Observations, fast: 
 
 
 SPEEDS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)  # candidates, of the typical speed of the drives that move
-_NOTHING = 1e-12  # of a drive's torque in an equation
 
 
 def without_standstill(part: PreparedLog, target: IdentificationTarget, speed: float | None) -> PreparedLog:
@@ -150,7 +149,7 @@ def without_standstill(part: PreparedLog, target: IdentificationTarget, speed: f
     equations = target.model.torque_equations()
     if equations is None:
         raise InputError("`standstill` is for models of joint torques at single instants")
-    slow = least_speeds(part, target) < speed
+    slow = least_speeds(target, part.samples) < speed
     labels = [name for name, _ in target.model.row_labels]
     each = ", ".join(f"{percent(share)} of {name}" for name, share in zip(labels, slow.mean(axis=0), strict=True))
     note = f"rows left out while a drive is slower than {speed:.3g} rad/s (m/s), where friction may hold it: {each}"
@@ -163,25 +162,8 @@ def standstill_candidates(target: IdentificationTarget, parts: Sequence[Prepared
     """Speeds for `without_standstill` to choose from, `SPEEDS` times the typical speed of the drives that move."""
     if target.model.torque_equations() is None:
         return (0.0,)
-    typical = typical_speed(target, parts)
+    typical = typical_speed(target.robot, [part.samples for part in parts])
     return tuple(share * typical for share in SPEEDS) if typical > 0 else (0.0,)
-
-
-def typical_speed(target: IdentificationTarget, parts: Sequence[PreparedLog]) -> float:
-    """Median over the drives that move of the root mean square of their speed; 0 where none does [rad/s or m/s]."""
-    speeds = np.concatenate([part.samples.dq for part in parts]) @ drive_rows(target.robot).T
-    sizes = np.sqrt(np.mean(speeds**2, axis=0))
-    return float(np.median(sizes[sizes > 0])) if np.any(sizes > 0) else 0.0
-
-
-def least_speeds(part: PreparedLog, target: IdentificationTarget) -> Array:
-    """Least speed of the drives whose torque each equation contains, shape (N, r); infinite where there is none."""
-    equations = target.model.torque_equations()
-    assert equations is not None
-    rows = drive_rows(target.robot)
-    speed = np.abs(part.samples.dq @ rows.T)
-    acts = np.abs(rows @ equations.directions) > _NOTHING
-    return np.column_stack([np.min(speed, axis=1, where=drives, initial=np.inf) for drives in acts.T])
 
 
 SHARE = 0.01  # noise over signal of an acceleration below which parameters are pulled by less than 1e-4
@@ -213,7 +195,7 @@ def motion_noise(
         return None
     smooth = method.motion(uniform.time, uniform.q).samples  # not those of the part, which may be delayed
     # impacts and gaps are no noise, and neither is how a drive sticks and slips
-    moving = np.all(np.abs(smooth.dq @ drive_rows(target.robot).T) >= (recipe.standstill or 0.0), axis=1)
+    moving = np.all(np.abs(smooth.dq @ friction_rows(target.robot).T) >= (recipe.standstill or 0.0), axis=1)
     used = ~within(passed.samples.time, part.left_out) & moving
     left = np.std((uniform.q[passed.kept] - smooth.q)[used], axis=0) if np.any(used) else np.zeros(white.shape[1])
     size = left / np.maximum(np.std(white[passed.kept] - passed.samples.q, axis=0), 1e-6)
@@ -310,7 +292,7 @@ def friction_mismatch(estimate: Estimate, observations: Observations, context: C
 
 def bumps(target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe) -> Array:
     """Torque of every bump of every drive in the equations, shape (m, k)."""
-    C = drive_rows(target.robot)
+    C = friction_rows(target.robot)
     fastest = np.max([np.abs(part.samples.dq @ C.T).max(axis=0) for part in parts], axis=0)
 
     def torques(part: PreparedLog) -> Array:

@@ -21,7 +21,7 @@ from excite.identification.streamed_rows import HELD, Decimation, RowSource, Str
 from excite.information.target import IdentificationTarget
 from excite.logs.event import within
 from regressors.errors import InputError
-from regressors.robot.friction.load_and_temperature import drives_with_friction
+from regressors.robot.friction.load_and_temperature import friction_rows
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
 
@@ -194,7 +194,7 @@ def friction_drives(target: IdentificationTarget, samples: Samples) -> DirectedF
     place = {int(column): k for k, column in enumerate(target.base.index)}
     used = [k for k, column in enumerate(friction.columns) if int(column) in place]
     columns = tuple(place[int(friction.columns[k])] for k in used)
-    C = drive_rows(target.robot)
+    C = friction_rows(target.robot)
     drives = tuple(int(np.flatnonzero(np.all(row == C, axis=1))[0]) for row in friction.coupling[used])
     return DirectedFriction(columns, drives, friction.magnitudes(samples)[:, used], friction.rows[used])
 
@@ -223,7 +223,7 @@ def listed(sizes: Sizes | None) -> str:
 
 def drive_directions(robot: Robot, samples: Samples, sign_width: Sizes | None, breakaway: Sizes | None) -> Array | None:
     """Direction of the friction of each moving drive along a motion of the joints, from -1 to 1, shape (N, k)."""
-    rows = drive_rows(robot)
+    rows = friction_rows(robot)
     for what, given in (("sign_width", sign_width), ("breakaway", breakaway)):
         if isinstance(given, tuple) and len(given) != len(rows):
             raise InputError(f"`{what}` needs one value, or {len(rows)}, one per moving drive; given {len(given)}")
@@ -231,11 +231,6 @@ def drive_directions(robot: Robot, samples: Samples, sign_width: Sizes | None, b
     if np.any(distance):
         return measured_direction(samples.q @ rows.T, np.maximum(distance, _ZERO))
     return np.asarray(np.tanh(samples.dq @ rows.T / np.maximum(width, _ZERO))) if np.any(width) else None
-
-
-def drive_rows(robot: Robot) -> Array:
-    """Rows of C of the drives that have friction, shape (k, n)."""
-    return np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
 
 
 def measured_direction(z: Array, distance: float | Array) -> Array:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.identification.equations import drive_directions, drive_rows, predicted_rows
+from excite.identification.equations import drive_directions, predicted_rows
 from excite.identification.preparation import HELD, PreparedLog, measured_channel
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, target_of
@@ -24,6 +24,7 @@ from regressors.robot.friction.load_and_temperature import (
     carried_along,
     drive_temperatures,
     drives_with_friction,
+    friction_rows,
     moving_drive_numbers,
     temperature_notes,
 )
@@ -54,7 +55,7 @@ def beside_curves(task: Task, robot: Robot, friction: FrictionCurves) -> Task:
 def _missing_curves(samples: Samples, target: IdentificationTarget, friction: FrictionCurves) -> tuple[str, ...]:
     """Notes on the drives without a curve that move in a log: identified with the rest, or frictionless as asked."""
     robot, numbers = target.robot, moving_drive_numbers(target.robot)
-    turned = np.ptp(samples.q @ drive_rows(robot).T, axis=0) > HELD
+    turned = np.ptp(samples.q @ friction_rows(robot).T, axis=0) > HELD
     turning = [name for (name, _), turns in zip(drives_with_friction(robot), turned, strict=True) if turns]
     without = [name for name in turning if friction.curve(name) is None]
     columns = {column.owner for column in target.model.standard_columns if column.kind in (COULOMB, VISCOUS)}

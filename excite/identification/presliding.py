@@ -15,7 +15,6 @@ import scipy.optimize
 
 from excite.identification.equations import (
     DirectedFriction,
-    drive_rows,
     friction_drives,
     listed,
     measured_direction,
@@ -31,6 +30,7 @@ from excite.tasks.task import Task
 from regressors.models.base import triangular_factor
 from regressors.robot.columns import COULOMB
 from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.friction.load_and_temperature import friction_rows
 from regressors.samples import Array, Samples
 
 WIDTHS = 10.0 ** np.arange(-3.5, -0.4, 0.5)  # of the drives' typical speed
@@ -58,7 +58,7 @@ def presliding_candidates(
     # friction remembers every row, those too that make no equations later
     equations = [streamed_equations(target, replace(part, left_out=()), plain) for part in parts]
     drives = [friction_drives(target, part.samples) for part in parts]
-    C = drive_rows(target.robot)
+    C = friction_rows(target.robot)
     used = sorted(set(drives[0].drives)) if friction is None else list(range(len(C)))
     score = _score(target, parts, equations, drives, friction)
     paths, speeds = ([getattr(part.samples, name) @ C.T for part in parts] for name in ("q", "dq"))

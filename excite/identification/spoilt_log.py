@@ -41,7 +41,7 @@ from regressors.models.load import PayloadModel
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.robot.columns import BODY_KINDS, COULOMB, OFFSET, ROTOR
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.friction.load_and_temperature import drives_with_friction, moving_drive_numbers
+from regressors.robot.friction.load_and_temperature import drives_with_friction, friction_rows, moving_drive_numbers
 from regressors.robot.plausibility import implausible_inertias
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
@@ -248,7 +248,7 @@ def _chosen(part: PreparedLog, robot: Robot, most: int, least_speed: float) -> I
     """Rows of some instants that make equations, while all drives move where there are such."""
     rows = ~within(part.samples.time, part.left_out)
     rows = rows if rows.any() else ~rows
-    speed = np.abs(part.samples.dq @ np.array([row for _, row in drives_with_friction(robot)]).T)
+    speed = np.abs(part.samples.dq @ friction_rows(robot).T)
     moving = rows & np.all(speed >= least_speed * np.sqrt(np.mean(speed**2, axis=0)), axis=1)
     kept = np.flatnonzero(moving if np.count_nonzero(moving) > most // 4 else rows)
     return np.asarray(kept[np.unique(np.linspace(0, kept.size - 1, most).astype(int))])

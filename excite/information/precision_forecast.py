@@ -3,6 +3,15 @@
 Information adds, so that n runs of a motion with covariance C leave ``C / n``, and ``(n C^-1 + P)^-1`` after earlier
 experiments with the information P; their rows also settle the estimate of the noise, see
 `excite.information.half_widths`.
+
+Friction may hold a drive near standstill, so that identification leaves rows of slow drives out, and allows for the
+change d of the estimate without those of twice that speed [`excite.identification.biases`]. With V(v) of the rows in
+which every drive is faster than v times the typical speed, or its own where that is less, the variance of d is
+``V(2 v) - V(v)`` [Hausman 1978], and
+
+    C = V(v) + chi2(p, 1) (V(2 v) - V(v))
+
+is exceeded by no parameter's ``V(v) + d d'`` with probability p.
 """
 
 from __future__ import annotations
@@ -14,6 +23,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy.special
 
 from excite.information.earlier_precision import InformationInHand
 from excite.information.half_widths import (
@@ -23,12 +33,13 @@ from excite.information.half_widths import (
     residual_degrees_of_freedom,
     torque_precision,
 )
-from excite.information.target import IdentificationTarget, inverse_half
+from excite.information.target import IdentificationTarget, inverse_half, least_speeds, typical_speed, usual_speeds
 from excite.storage.codec import INLINE, Beside, named
 from excite.tasks.precision_target import PrecisionTarget
 from regressors.samples import Array, Samples
 
 _MOST_RUNS = 10**9
+SLOW = 0.2  # of the typical speed: rows of slower drives are not counted on
 _WORTH = 1.05  # times narrower, from which a change is said to help
 
 
@@ -127,8 +138,19 @@ class RunInformation:
     ) -> RunInformation:
         """Of a motion, at the instants that the model requires, for the noise of each equation."""
         W = target.model.assemble(samples)[:, target.base.index]
-        half = inverse_half(W / np.tile(noise, W.shape[0] // noise.size)[:, None])
-        return cls(target, precision, half, W.shape[0], seconds, in_hand)
+        W /= np.tile(noise, W.shape[0] // noise.size)[:, None]
+        rows = W.shape[0]
+        if target.model.torque_equations() is None or target.model.coulomb_friction() is None:
+            return cls(target, precision, inverse_half(W), rows, seconds, in_hand)
+        usual, typical = usual_speeds(target.robot, [samples]), typical_speed(target.robot, [samples])
+        least = least_speeds(target, samples, np.minimum(usual, typical)).ravel()  # a slower drive by its own speed
+        near, far = (inverse_half(W[least >= share]) for share in (SLOW, 2.0 * SLOW))
+        chi2 = scipy.special.chdtri(1, 1.0 - precision.probability)
+        C = (1.0 - chi2) * near @ near.T + chi2 * far @ far.T
+        size = np.sqrt(np.diag(C))
+        values, vectors = np.linalg.eigh(C / np.outer(size, size))
+        half = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+        return cls(target, precision, half, int(np.count_nonzero(least >= SLOW)), seconds, in_hand)
 
     @cached_property
     def torques(self) -> TorquePrecision | None:

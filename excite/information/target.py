@@ -9,7 +9,7 @@ own, with the second gap of the singular values behind it, and base columns are 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -39,7 +39,7 @@ from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, drive_names, of_drives, of_joints
 from regressors.numerical import ROUNDING, numerical_work
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.friction.load_and_temperature import drives_with_friction, moving_drive_numbers
+from regressors.robot.friction.load_and_temperature import drives_with_friction, friction_rows, moving_drive_numbers
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -144,13 +144,39 @@ def target_of(
     return IdentificationTarget(moving, motion, model, base, {name: transforms[name] for name in CONVENTIONS})
 
 
-_NOTHING = 1e-12  # of a drive's velocity along the motion
+_NOTHING = 1e-12  # of a drive's velocity along the motion, or of its torque in an equation
 
 
 def turning_drives(target: IdentificationTarget) -> tuple[str, ...]:
     """Names of the drives that turn in a target's motions."""
     drives = drives_with_friction(target.robot)
     return tuple(name for name, row in drives if np.any(np.abs(row @ target.motion.matrix) > _NOTHING))
+
+
+def usual_speeds(robot: Robot, motions: Sequence[Samples]) -> Array:
+    """Root mean square of the speed of each drive with friction, shape (k,) [rad/s or m/s]."""
+    speeds = np.concatenate([samples.dq for samples in motions]) @ friction_rows(robot).T
+    return np.asarray(np.sqrt(np.mean(speeds**2, axis=0)))
+
+
+def typical_speed(robot: Robot, motions: Sequence[Samples]) -> float:
+    """Median of `usual_speeds` over the drives that move; 0 where none does [rad/s or m/s]."""
+    usual = usual_speeds(robot, motions)
+    return float(np.median(usual[usual > 0])) if np.any(usual > 0) else 0.0
+
+
+def least_speeds(target: IdentificationTarget, samples: Samples, unit: Array | float = 1.0) -> Array:
+    """Least speed of the drives whose torque each equation contains, shape (N, r); infinite where there is none.
+
+    In units of a speed for each drive, shape (k,); drives whose unit is zero do not count.
+    """
+    equations = target.model.torque_equations()
+    assert equations is not None
+    rows = friction_rows(target.robot)
+    speed = np.abs(samples.dq @ rows.T)
+    speed = np.divide(speed, unit, out=np.full(speed.shape, np.inf), where=np.greater(unit, 0.0))
+    acts = np.abs(rows @ equations.directions) > _NOTHING
+    return np.column_stack([np.min(speed, axis=1, where=drives, initial=np.inf) for drives in acts.T])
 
 
 def left_out_notes(asked: ModelChoice, target: IdentificationTarget, curves: FrictionCurves) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ import numpy as np
 from excite.simulation.plant import Plant
 from excite.tasks.reference import GivenTorque
 from regressors.errors import InputError, UnknownName
-from regressors.robot.friction.load_and_temperature import drives_with_friction, smooth_direction
+from regressors.robot.friction.load_and_temperature import drives_with_friction, friction_rows, smooth_direction
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array
@@ -227,11 +227,6 @@ class Sticking:
 
     distance: float  # d > 0 [rad or m]
     lead: tuple[float, ...]  # T of each drive with friction [s]
-
-
-def friction_rows(robot: Robot) -> Array:
-    """Rows of C of the drives with friction, shape (k, n)."""
-    return np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
 
 
 def followed(robot: Robot, way: ca.SX, start: ca.SX, distance: float) -> ca.SX:

@@ -14,10 +14,11 @@ import numpy as np
 
 from excite.design.interruption import deferred_interruption
 from excite.errors import LostMotionError
-from excite.simulation.control import ControlledRobot, Sticking, friction_rows, leads, unloaded
+from excite.simulation.control import ControlledRobot, Sticking, leads, unloaded
 from excite.simulation.settings import Impacts
 from excite.tasks.reference import GivenTorque, Reference
 from regressors.errors import InputError
+from regressors.robot.friction.load_and_temperature import friction_rows
 from regressors.samples import Array, Samples
 
 _REACH = 1.5  # of substep times fastest rate; the method is stable up to 2.78

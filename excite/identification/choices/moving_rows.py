@@ -13,12 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.identification.biases import SPEEDS, least_speeds, standstill_candidates, typical_speed
+from excite.identification.biases import SPEEDS, standstill_candidates
 from excite.identification.choices.cutoff_and_timing import choose_cutoff_and_timing, choose_delay
 from excite.identification.choices.left_out import Choice, LeftOut, best_of, candidates_of, differ, jackknife
 from excite.identification.choices.scoring import Mask, Scoring
 from excite.identification.equations import nearest
 from excite.identification.recipe import Recipe
+from excite.information.target import least_speeds, typical_speed
 from regressors.samples import Array
 
 MOVING = 0.1  # of the typical speed
@@ -91,9 +92,9 @@ def _with_delay_of(
 def _of_faster(scoring: Scoring, recipe: Recipe, share: float) -> Scoring | None:
     """Scoring by rows whose drives are faster than a share of the typical speed; None where no others are there."""
     parts = scoring.parts(recipe)
-    least = share * typical_speed(scoring.target, parts)
+    least = share * typical_speed(scoring.target.robot, [part.samples for part in parts])
     masks: list[Mask] = [
-        least_speeds(part, scoring.target)[nearest(part.samples.time, time)] >= least
+        least_speeds(scoring.target, part.samples)[nearest(part.samples.time, time)] >= least
         for part, time in zip(parts, scoring.trial.instants, strict=True)
     ]
     shares = np.concatenate(masks).mean(axis=0)
@@ -157,7 +158,7 @@ def choose_standstill(scoring: Scoring, recipe: Recipe, least: float = 0.0) -> t
     candidates = standstill_candidates(scoring.target, parts)
     if len(candidates) < 2:
         return recipe, ()
-    speeds = [least_speeds(part, scoring.target) for part in parts]
+    speeds = [least_speeds(scoring.target, part.samples) for part in parts]
     statistics = {
         v: scoring.trial.statistics(scoring.target, parts, recipe, kept=[speed >= v for speed in speeds])
         for v in candidates

@@ -21,7 +21,7 @@ from excite.identification.choices.left_out import (
     left_out,
     time_blocks,
 )
-from excite.identification.equations import DirectedFriction, drive_directions, drive_rows, friction_drives, nearest
+from excite.identification.equations import DirectedFriction, drive_directions, friction_drives, nearest
 from excite.identification.estimators.physical import possible_fit
 from excite.identification.estimators.possible_set import near_described
 from excite.identification.observations import Observations
@@ -35,6 +35,7 @@ from excite.logs.signals.method import DelayedMotion
 from regressors.errors import percent
 from regressors.models.nominal import standard_values
 from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.friction.load_and_temperature import friction_rows
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
 
@@ -285,7 +286,7 @@ class TrialRows:
             motion = self.motion if remembers else self.motion.rows(self.rows)
             direction = drive_directions(self.target.robot, motion, recipe.sign_width, recipe.breakaway)
             if direction is None:
-                direction = np.sign(motion.dq @ drive_rows(self.target.robot).T)
+                direction = np.sign(motion.dq @ friction_rows(self.target.robot).T)
             self.directed.put(self.W, direction[self.rows] if remembers else direction)
         return self.W
 

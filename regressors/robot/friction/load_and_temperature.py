@@ -99,6 +99,11 @@ def drives_with_friction(robot: Robot) -> tuple[tuple[str, Array], ...]:
     return tuple((drive.name, row) for drive, row in rows if not drive.rests)
 
 
+def friction_rows(robot: Robot) -> Array:
+    """Rows of C of `drives_with_friction`, shape (k, n)."""
+    return np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
+
+
 def drives_along(robot: Robot) -> Iterator[tuple[str, str, float]]:
     """Name of each drive that turns along with another while joints are locked, that one's, and ``dz`` over its own."""
     transmission = transmission_of(robot)

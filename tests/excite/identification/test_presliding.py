@@ -12,7 +12,6 @@ from played import EXACT, TASK, curves, described, found, irp6, played, three_jo
 from excite.identification.equations import (
     dahl_direction,
     drive_directions,
-    drive_rows,
     friction_drives,
     measured_direction,
     measured_regressor,
@@ -25,6 +24,7 @@ from excite.logs.log import Log
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.friction.load_and_temperature import friction_rows
 from regressors.samples import Array, Samples
 
 C = irp6().transmission.coupling[:3, :3]
@@ -86,7 +86,7 @@ def test_friction_columns_are_directions_spread_by_the_coupling(task: Task) -> N
     columns, rows = drives.columns, drives.rows
     C = irp6().transmission.coupling[:n, :n]  # of the moving joints
     which = [int(target.base.names[k][1:-1]) - 1 for k in columns]
-    np.testing.assert_array_equal(drive_rows(target.robot)[list(drives.drives)], C[which])
+    np.testing.assert_array_equal(friction_rows(target.robot)[list(drives.drives)], C[which])
     W = measured_regressor(target, samples).reshape(50, -1, target.base.rank)
     signs = np.sign(samples.dq @ C[which].T)
     for k, column in enumerate(columns):
@@ -120,7 +120,7 @@ def test_widths_and_distances_of_each_drive_are_taken(tmp_path) -> None:
     robot, dq = irp6(), np.array([[0.3] * 5, [0.0] * 5])  # zero is the sign
     samples, widths = Samples(np.arange(2.0), *[dq] * 4), (0.0,) * 4 + (1e-9,)
     directions = drive_directions(robot, samples, widths, None)
-    np.testing.assert_array_equal(directions, np.sign(dq @ drive_rows(robot).T))
+    np.testing.assert_array_equal(directions, np.sign(dq @ friction_rows(robot).T))
     assert drive_directions(robot, samples, 0.0, (0.0,) * 5) is None
 
 

@@ -24,6 +24,7 @@ from excite.information.target import IdentificationTarget, inverse_half, target
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.robot_of_task import robot_and_task
 from regressors.errors import InputError, UnknownName
+from regressors.samples import Samples
 
 
 @pytest.fixture(scope="module")
@@ -152,10 +153,38 @@ def test_the_error_of_torques_is_that_of_sampled_parameters(design: excite.Desig
 
 
 def test_the_criterion_adds_what_is_asked(design: excite.Design) -> None:
-    run = design.run_information
+    run, W = design.run_information, _regressor(design)
     value = next(start.value for start in design.starts if start.index == design.best_start)
-    asked = float(np.sum((run.deviation / run.allowed) ** 2))
-    assert asked == pytest.approx(value**2 / (run.rows / 3), rel=1e-3)
+    every = replace(run, half=inverse_half(W), rows=len(W))
+    asked = float(np.sum((every.deviation / every.allowed) ** 2))
+    assert asked == pytest.approx(value**2 / (every.rows / 3), rel=1e-3)
+
+
+def _regressor(design: excite.Design) -> np.ndarray:
+    """Rows of the motion in units of their noise."""
+    target, samples = design.target, _samples(design)
+    W = target.model.assemble(samples)[:, target.base.index]
+    return W / np.tile(design.task.objective.noise, len(samples.q))[:, None]
+
+
+def _samples(design: excite.Design) -> Samples:
+    return design.trajectory.samples(design.target.model.times(design.trajectory.duration, design.task.output.rate))
+
+
+def test_the_forecast_allows_for_estimates_without_slow_rows(design: excite.Design) -> None:
+    """Estimates by least squares from rows faster than 0.2 and 0.4 of the typical speed of drives, many times."""
+    run, W, dq = design.run_information, _regressor(design), _samples(design).dq
+    speed = np.abs(np.column_stack([dq[:, 0], dq[:, 1], dq[:, 1] + dq[:, 2]]))  # z_3 = q_2 + q_3
+    usual = np.sqrt(np.mean(speed**2, axis=0))
+    speed /= np.minimum(usual, np.median(usual))
+    least = np.stack([speed[:, 0], speed[:, 1:].min(axis=1), speed[:, 2]], axis=1)
+    noise = np.random.default_rng(2).normal(size=(len(W), 2000))
+    near, far = (np.flatnonzero(least.ravel() >= share) for share in (0.2, 0.4))
+    first, other = (np.linalg.lstsq(W[rows], noise[rows], rcond=None)[0] for rows in (near, far))
+    variance = np.diag(np.linalg.inv(W[near].T @ W[near]))[:, None] + (other - first) ** 2
+    within = np.mean(variance <= run.deviation[:13, None] ** 2, axis=1)
+    assert run.rows == near.size < 0.95 * len(W)
+    assert np.all(np.abs(within - 0.95) < 0.02)
 
 
 def test_a_share_is_of_the_torque_along_the_motion(torques: excite.TaskTorques) -> None:

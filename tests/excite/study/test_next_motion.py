@@ -269,16 +269,17 @@ def test_nothing_between_promises_more_when_information_only_adds() -> None:
 @pytest.fixture(scope="module")
 def design() -> excite.Design:
     return excite.design_trajectory(
-        "irp6", search=ONE, precision=0.05, noise=2.0, criterion="max-deviation", scale="precision"
+        "irp6", search=ONE, precision=0.06, noise=2.0, criterion="max-deviation", scale="precision"
     )
 
 
 def test_the_criterion_is_the_largest_deviation_over_the_allowed_half_width(design: excite.Design) -> None:
     run = design.run_information
-    instants = run.rows / 3
+    instants = design.trajectory.duration * design.task.output.rate + 1
     value = next(start.value for start in design.starts if start.index == design.best_start)
-    assert float(np.max(run.deviation / run.allowed)) == pytest.approx(value / math.sqrt(instants), rel=1e-9)
-    assert run.deviation == pytest.approx([p.standard_deviation for p in design.predicted], rel=1e-6)
+    deviation = np.array([p.standard_deviation for p in design.predicted])
+    assert float(np.max(deviation / run.allowed)) == pytest.approx(value / math.sqrt(instants), rel=1e-6)
+    assert np.all(run.deviation > deviation)  # which rows near standstill are not counted on for
 
 
 def test_fewest_runs_are_enough_and_one_less_is_not(design: excite.Design) -> None:

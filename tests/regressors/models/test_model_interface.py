@@ -12,7 +12,7 @@ import pytest
 from motions import Sines
 from slow_dynamics import general, three_axes
 
-from excite.identification.equations import drive_rows, equations_of, friction_drives
+from excite.identification.equations import equations_of, friction_drives
 from excite.identification.estimator import Context
 from excite.identification.estimators.least_squares import weighted, weighting
 from excite.identification.estimators.possible_set import standard_problem
@@ -35,6 +35,7 @@ from regressors.models.reduction import Reduction, standard_columns
 from regressors.models.windows import Window
 from regressors.readers.library import built_in
 from regressors.robot.columns import Column, Terms
+from regressors.robot.friction.load_and_temperature import friction_rows
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot, Structure
 from regressors.samples import Array, Samples
@@ -310,7 +311,7 @@ def test_a_coulomb_column_that_drives_share_is_the_sum_of_theirs() -> None:
     assert [target.base.names[k] for k in columns] == ["F1c", "F1c", "F3c"]
     W = target.model.assemble(samples)[:, target.base.index].reshape(60, 3, -1)
     filled = np.full_like(W, np.nan)
-    drives.put(filled, np.sign(samples.dq @ drive_rows(robot).T))
+    drives.put(filled, np.sign(samples.dq @ friction_rows(robot).T))
     np.testing.assert_allclose(filled[:, :, columns], W[:, :, columns], atol=1e-12)
 
 
