@@ -16,6 +16,7 @@ ENERGY = Experiment(model={"model": "energy", "window": "long"})
 LOAD = Experiment(model={"model": "load-integral", "window": "long"}, duration=4.0)
 COULOMB = Experiment(stiction=1.0, breakaway=1e-5)
 STICKING = Experiment(stiction=1.5, breakaway=1e-3)
+PANDA = Experiment("panda", duration=8.0)
 UR10E = Experiment("ur10e", duration=8.0, rate=125.0)
 POSSIBLE = Recipe(estimator="physical")
 
@@ -48,4 +49,11 @@ CASES = (
     Case("plain defaults, sticking Coulomb friction", COULOMB, plain=True),
     Case("plain defaults, sticking, break-away 1.5 times", STICKING, plain=True),
     Case("plain defaults, sticking, break-away 2 times", replace(STICKING, stiction=2.0), plain=True),
+    Case("plain defaults, panda", PANDA, plain=True),
+    Case("plain defaults, panda, offset of 0.18 Nm", PANDA, offset=0.18, plain=True),
+    Case("plain defaults, panda, torques 3.3 ms late", PANDA, late=3.3e-3, plain=True),
+    Case("plain defaults, panda, break-away 1.3 times", replace(PANDA, stiction=1.3, breakaway=1e-4), plain=True),
+    Case(
+        "plain defaults, load, bias of 0.3 N", Experiment(model={"model": "load"}, duration=4.0), offset=0.3, plain=True
+    ),
 )

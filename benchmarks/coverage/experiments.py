@@ -23,7 +23,9 @@ from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
 FINE = 10  # instants per instant of the log along which presliding friction is followed
-LOAD = np.array([1.75, 0.0573, -0.0210, 0.1394, 0.0165, -0.0007, -0.0045, 0.0169, 0.0017, 0.0030])  # at the sensor
+LOAD = np.array(
+    [1.75, 0.0573, -0.021, 0.1394, 0.0159, 0.0009, -0.0049, 0.018, 0.0021, 0.0051]
+)  # at the sensor, a possible body
 STRIBECK = 0.02  # velocity over which break-away friction decays [rad/s]
 COULOMB, VISCOUS = 6.0, 8.0  # of robots whose friction is not published, such as the ur10e [Nm, Nm s/rad]
 OWN = {"panda": (1.0, 1.0)}

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from experiments import Experiment
 from noise import NOISES
+from scipy.interpolate import CubicSpline
 
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
@@ -32,6 +33,10 @@ class Case:
         Its deviation over the root mean square of each channel.
     encoder : float
         Step of the positions [rad]; 0 for exact ones.
+    offset : float
+        Added to the second torque, or to every force of a wrench [Nm or N].
+    late : float
+        By which torques or wrench are late [s].
     recipe : Recipe
     plain : bool
         Identify with plain defaults, whose settings are chosen by left-out torques.
@@ -42,6 +47,8 @@ class Case:
     noise: str = "white"
     level: float = 0.03
     encoder: float = 0.0
+    offset: float = 0.0
+    late: float = 0.0
     recipe: Recipe = field(default_factory=Recipe)
     plain: bool = False
 
@@ -117,7 +124,11 @@ def noisy(log: Log, case: Case, seed: int, k: int) -> Log:
     exact = getattr(log, channel)
     size = case.level * np.sqrt(np.mean(exact**2, axis=0))
     noise = NOISES[case.noise](rng, (1, *exact.shape), case.experiment.rate)[0]
-    changes: dict[str, Any] = {channel: exact + size * noise}
+    if case.late:
+        exact = CubicSpline(log.time, exact)(np.maximum(log.time - case.late, log.time[0]))
+    offset = np.zeros(exact.shape[1])
+    offset[slice(1, 2) if channel == "effort" else slice(0, 3)] = case.offset
+    changes: dict[str, Any] = {channel: exact + offset + size * noise}
     if case.encoder:
         phase = rng.uniform(size=log.q.shape[1])
         changes["q"] = case.encoder * (np.round(log.q / case.encoder + phase) - phase)
