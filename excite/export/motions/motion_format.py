@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, ClassVar
@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from constraints.certificate import LimitUse, limit_uses
-from constraints.interpolation import Curve, InterpolatedLimits, curve_pieces, curves_text, interpolated_limits
+from constraints.interpolation import Curve, InterpolatedLimits, curve_pieces, interpolated_limits
 from constraints.linear import linear_limits
 from excite.design.design import Design
 from excite.errors import BrokenLimitError
@@ -245,32 +245,6 @@ class Interpolation(Enum):
         return {Interpolation.QUINTIC: (Curve.QUINTICS,), Interpolation.LINEAR: (Curve.LINES,)}.get(self, tuple(Curve))
 
 
-@dataclass(frozen=True)
-class Certificate:
-    """Limits of what is played."""
-
-    curves: tuple[InterpolatedLimits, ...]  # of every curve that a controller may lay through the samples
-
-    @property
-    def uses(self) -> tuple[LimitUse, ...]:
-        """Uses of the limits by every curve, the closest first."""
-        return _closest_first(use for each in self.curves for use in each.uses)
-
-    @property
-    def broken(self) -> tuple[LimitUse, ...]:
-        """Those beyond the limit by more than 1e-6 of it."""
-        return _closest_first(use for each in self.curves for use in each.broken)
-
-    @property
-    def text(self) -> str:
-        """By which curves the limits are kept, and by which they are passed, and by how much."""
-        return curves_text(self.curves)
-
-
-def _closest_first(uses: Iterable[LimitUse]) -> tuple[LimitUse, ...]:
-    return tuple(sorted(uses, key=lambda use: -use.use))
-
-
 def check_formula(motion: SampledDesign) -> None:
     """Refuse a design whose own motion breaks a limit: exact over continuous time, of approach and return too.
 
@@ -291,12 +265,19 @@ def check_formula(motion: SampledDesign) -> None:
         raise BrokenLimitError(f"the design does not keep its limits: {design.broken[0]}{more}; {remedy}")
 
 
+Certificate = list[InterpolatedLimits]  # of every curve that a controller may lay through the samples
+
+
 def certify(motion: SampledDesign, interpolation: Interpolation, given: int = 2) -> Certificate:
     """Certificate of the limits of joints and drives for what is interpolated, to 1e-6 of their bounds."""
     limits = linear_limits(motion.robot)
-    return Certificate(
-        tuple(interpolated_limits(limits, motion.samples, curve, given) for curve in interpolation.curves)
-    )
+    return [interpolated_limits(limits, motion.samples, curve, given) for curve in interpolation.curves]
+
+
+def closest_first(certificate: Certificate, *, broken: bool = False) -> list[LimitUse]:
+    """Uses of the limits by every curve, or those beyond a limit by more than 1e-6 of it, the closest first."""
+    uses = (use for each in certificate for use in (each.broken if broken else each.uses))
+    return sorted(uses, key=lambda use: -use.use)
 
 
 def deviation(motion: SampledDesign, interpolation: Interpolation) -> float | None:
@@ -315,11 +296,11 @@ def deviation(motion: SampledDesign, interpolation: Interpolation) -> float | No
 
 def check_interpolated(certificate: Certificate, interpolation: Interpolation) -> None:
     """Raise `BrokenLimitError` where what is interpolated breaks a limit."""
-    if certificate.broken:
-        worst = certificate.broken[0]
+    if broken := closest_first(certificate, broken=True):
+        worst = broken[0]
         much = f"by {100 * (worst.use - 1.0):.2g} %, of {interpolation.value}"
         remedy = f"raise `rate`, or design it again with a lower `{worst.quantity}`"
-        _refuse(certificate.broken, f"that is {much}; {remedy}")
+        _refuse(broken, f"that is {much}; {remedy}")
 
 
 def _refuse(broken: Sequence[LimitUse], remedy: str) -> None:
