@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -46,36 +46,30 @@ class LimitCourse:
         return float(np.minimum(self.values - self.lower, self.upper - self.values).min())
 
 
-@dataclass(frozen=True, eq=False)
-class PlayedMotion:
-    """A motion of every joint, and functions along it."""
-
-    time: Array  # (N,) [s]
-    q: Array  # (N, n) [rad, rad/s, or with m]
-    dq: Array  # (N, n)
-    segments: tuple[tuple[str, float], ...]  # names and ends [s]
-    courses: Sequence[LimitCourse]
-    about: str  # what the reader must know of the functions
-
-
 def player_data(
-    motion: PlayedMotion, robot: Robot, task: Task, shape: World | None, robot_file: str | None = None
+    motion: Samples,
+    segments: Iterable[tuple[str, float]],  # names and ends [s]
+    courses: Sequence[LimitCourse],
+    robot: Robot,
+    task: Task,
+    shape: World | None,
+    robot_file: str | None,
+    about: str,
 ) -> dict[str, Any]:
-    """Everything that the player of a page needs, as plain values."""
+    """What the player needs of a motion of every joint, as plain values; ``about``: what to know of the functions."""
     number = {BASE: 0, **{body.name: k for k, body in enumerate(robot.bodies, 1)}}
-    courses = motion.courses
     return {
         "bodies": body_data(robot, number),
         "time": _short(motion.time, 9),
         "q": _short(motion.q, 9),
         "dq": _short(motion.dq, 7),
-        "segments": [{"name": name, "end": end} for name, end in motion.segments],
+        "segments": [{"name": name, "end": end} for name, end in segments],
         "limits": [_limit(course, number) for course in courses],
         "values": _short(np.array([course.values for course in courses]).reshape(len(courses), len(motion.time)).T, 5),
         "tip": robot.n - 1,
         "tool": list(task.limits.tool_point),
         "joint_size": _JOINT_SIZE * max(0.1, sum(float(np.linalg.norm(j.translation)) for j in robot.joints)),
-        "about": motion.about,
+        "about": about,
         **player_shapes(robot, task, shape, number, robot_file),
     }
 
@@ -145,10 +139,9 @@ def player_motion(design: Design, robot_file: str | None = None) -> dict[str, An
     robot = design.task.limits.applied(design.robot)
     samples, _ = design.sequence.sampled()
     shown = samples.rows(chosen(samples.time.size, FRAMES))
-    ends = tuple((name, end) for name, (_, end) in design.sequence.spans().items())
+    ends = ((name, end) for name, (_, end) in design.sequence.spans().items())
     courses = limit_courses(design, robot, shown)
-    motion = PlayedMotion(shown.time, shown.q, shown.dq, ends, courses, _ABOUT)
-    return player_data(motion, robot, design.task, design.shape, robot_file)
+    return player_data(shown, ends, courses, robot, design.task, design.shape, robot_file, _ABOUT)
 
 
 def limit_courses(design: Design, robot: Robot, samples: Samples) -> list[LimitCourse]:
@@ -223,7 +216,7 @@ def nonlinear_courses(
 
 
 def player_shapes(
-    robot: Robot, task: Task, shape: World | None, number: Mapping[str, int], robot_file: str | None = None
+    robot: Robot, task: Task, shape: World | None, number: Mapping[str, int], robot_file: str | None
 ) -> dict[str, Any]:
     """Entries ``meshes``, ``capsules``, ``objects``, ``drawn_as`` and ``left_out`` of the player's data."""
     worlds = [each for each in (task.limits.known_world, shape) if each is not None]
@@ -260,7 +253,7 @@ def _meshes(
     """Meshes of few triangles, and what is said of files that are left out."""
     read = urdf_meshes(Path(robot_file), robot, task.base_link, snap_angles=task.snap_angles)
     together = {k: [each.triangles for each in read.meshes if each.link == name] for name, k in number.items()}
-    return [{"body": k, **decimated(np.concatenate(x)).to_dict()} for k, x in together.items() if x], read.left_out
+    return [{"body": k, **mesh_data(*decimated(np.concatenate(x)))} for k, x in together.items() if x], read.left_out
 
 
 def _left_out(reasons: Sequence[str]) -> str:
@@ -289,39 +282,32 @@ _STEPS = 65535  # of a stored coordinate, over the longest side
 MOST = 2500  # triangles
 
 
-@dataclass(frozen=True, eq=False)
-class CoarseMesh:
-    """A mesh of few triangles."""
-
-    corners: Array  # (N, 3)
-    faces: Array  # (M, 3)
-
-    def to_dict(self) -> dict[str, object]:
-        """Corners as 16-bit steps from a point and faces as 16-bit indices, both in base64."""
-        origin = self.corners.min(axis=0)
-        scale = max(float(np.ptp(self.corners, axis=0).max()), 1e-9) / _STEPS
-        steps = np.rint((self.corners - origin) / scale).astype("<u2")
-        return {
-            "origin": [float(f"{x:.7g}") for x in origin],
-            "scale": float(f"{scale:.7g}"),
-            "corners": base64.b64encode(steps.tobytes()).decode("ascii"),
-            "faces": base64.b64encode(self.faces.astype("<u2").tobytes()).decode("ascii"),
-        }
+def mesh_data(corners: Array, faces: Array) -> dict[str, object]:
+    """Corners as 16-bit steps from a point and faces as 16-bit indices, both in base64."""  # (N, 3), (M, 3)
+    origin = corners.min(axis=0)
+    scale = max(float(np.ptp(corners, axis=0).max()), 1e-9) / _STEPS
+    steps = np.rint((corners - origin) / scale).astype("<u2")
+    return {
+        "origin": [float(f"{x:.7g}") for x in origin],
+        "scale": float(f"{scale:.7g}"),
+        "corners": base64.b64encode(steps.tobytes()).decode("ascii"),
+        "faces": base64.b64encode(faces.astype("<u2").tobytes()).decode("ascii"),
+    }
 
 
-def decimated(triangles: Array, most: int = MOST) -> CoarseMesh:
-    """A mesh of at most so many triangles, on the finest of several grids that leaves no more."""
+def decimated(triangles: Array, most: int = MOST) -> tuple[Array, Array]:
+    """Corners and faces of at most so many triangles, on the finest of several grids that leaves no more."""
     # triangles (N, 3, 3)
     points = triangles.reshape(-1, 3)
     low, side = points.min(axis=0), max(float(np.ptp(points, axis=0).max()), 1e-9)
     for cells in _CELLS:
-        mesh = _clustered(points, np.floor((points - low) * (cells / side)).astype(np.int64))
-        if len(mesh.faces) <= most:
-            return mesh
-    return mesh
+        corners, faces = _clustered(points, np.floor((points - low) * (cells / side)).astype(np.int64))
+        if len(faces) <= most:
+            break
+    return corners, faces
 
 
-def _clustered(points: Array, cells: Array) -> CoarseMesh:
+def _clustered(points: Array, cells: Array) -> tuple[Array, Array]:
     """The mesh whose corners are the means of those in each cell, without triangles that became lines."""
     _, place, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     place = place.reshape(-1)
@@ -329,4 +315,4 @@ def _clustered(points: Array, cells: Array) -> CoarseMesh:
     faces = place.reshape(-1, 3)
     real = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
     _, first = np.unique(np.sort(faces[real], axis=1), axis=0, return_index=True)
-    return CoarseMesh(means, faces[real][np.sort(first)])
+    return means, faces[real][np.sort(first)]

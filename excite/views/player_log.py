@@ -23,7 +23,6 @@ from excite.tasks.task import Task
 from excite.trajectories.sequence import whole_pose
 from excite.views.player_data import (
     LimitCourse,
-    PlayedMotion,
     bodies_of,
     linear_courses,
     matches,
@@ -100,8 +99,7 @@ def _motion(logged: LoggedMotion, robot: Robot, task: Task, looks: Appearance) -
     moving = np.array([name in logged.joints for name in whole.joint_names])
     samples = Samples(time, q, dq, np.zeros_like(q), np.zeros_like(q))
     courses = [*_courses(whole, world, moving, samples), *_torques(logged, own, at, whole)]
-    played = PlayedMotion(time, q, dq, segments, courses, _ABOUT)
-    return player_data(played, whole, task, known, looks.file_of(robot, task))
+    return player_data(samples, segments, courses, whole, task, known, looks.file_of(robot, task), _ABOUT)
 
 
 def _kept(logged: LoggedMotion) -> Index:
@@ -185,9 +183,8 @@ def motion_of_plan(
     task = Task(StoredRobot(robot.name, robot), limits=LimitChoice() if known is None else LimitChoice(world=known))
     time, q, dq, segments = _joined(runs)
     samples = Samples(time, q, dq, np.zeros_like(q), np.zeros_like(q))
-    courses = [*_courses(robot, known, np.ptp(q, axis=0) > 0.0, samples)]
-    played = PlayedMotion(time, q, dq, segments, courses, _ABOUT_PLAN)
-    return player_data(played, robot, task, looks.shapes.get(robot.sha256()), looks.file_of(robot, task))
+    courses, shape = [*_courses(robot, known, np.ptp(q, axis=0) > 0.0, samples)], looks.shapes.get(robot.sha256())
+    return player_data(samples, segments, courses, robot, task, shape, looks.file_of(robot, task), _ABOUT_PLAN)
 
 
 def _frames(runs: Samples, most: int) -> Index:
