@@ -62,24 +62,20 @@ def write_json(path: Path, content: object) -> None:
         stream.write("\n")
 
 
-class _Unreadable(Exception):
-    """A number that no file of this project has."""
-
-
 def _whole(text: str) -> int:
     if len(text) > _DIGITS:
-        raise _Unreadable(f"{text[:20]}... is a whole number of {len(text)} digits")
+        raise ValueError(f"{text[:20]}... is a whole number of {len(text)} digits")
     return int(text)
 
 
 def _finite(text: str) -> float:
     if math.isinf(number := float(text)):
-        raise _Unreadable(f"{text[:40]} is too large for a number")
+        raise ValueError(f"{text[:40]} is too large for a number")
     return number
 
 
 def _none(text: str) -> float:
-    raise _Unreadable(f"{text} is not a finite number")
+    raise ValueError(f"{text} is not a finite number")
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -88,13 +84,13 @@ def read_json(path: Path) -> dict[str, Any]:
         content = json.loads(read_text(path, FILE), parse_int=_whole, parse_float=_finite, parse_constant=_none)
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from error
-    except _Unreadable as error:
-        raise InputError(f"{path}: {error}") from error
     except RecursionError as error:
         raise InputError(f"{path}: lists and objects are nested too deeply") from error
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         line = getattr(error, "lineno", None)
         raise InputError(f"{path} is not JSON" + (f" (line {line}: {error})" if line else "")) from error
+    except ValueError as error:  # a number that no file of this project has
+        raise InputError(f"{path}: {error}") from error
     if not isinstance(content, dict):
         raise InputError(f"{path} holds no JSON object")
     return content

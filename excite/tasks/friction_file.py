@@ -75,9 +75,9 @@ def friction_of(text: str, source: str) -> FrictionCurves:
     return _curves(parse_document(text, source))
 
 
-def friction_of_content(content: Mapping[str, Any], source: str = "friction_curves") -> FrictionCurves:
+def friction_of_content(content: Mapping[str, Any]) -> FrictionCurves:
     """Curves that `friction_content` describes."""
-    return _curves(Document(source, dict(content), {}))
+    return _curves(Document("friction_curves", dict(content), {}))
 
 
 def kept_curves(curves: FrictionCurves | Mapping[str, Any]) -> FrictionCurves:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict, create_model
 
+from excite.tasks.installation import Installation
 from excite.tasks.option import MOUNTS
 from regressors.arguments import checked
 from regressors.errors import InputError
@@ -101,25 +102,19 @@ def read_load(path: Path) -> Payload:
         raise InputError(f"{path}: {error}") from error
 
 
-def installed(
-    robot: Robot,
-    gravity: Sequence[float] | None,
-    mount: str | Sequence[float] | None,
-    payload: tuple[float, ...] | str | None,
-    locked_drives: Sequence[str] | None,
-) -> Robot:
-    """The robot as mounted and as equipped, see `excite.tasks.installation.Installation`."""
-    if gravity is not None:
-        robot = robot.replace(gravity=np.array(gravity))
-    if mount is not None:
-        angles = MOUNTS[mount] if isinstance(mount, str) else mount
+def installed(robot: Robot, by: Installation) -> Robot:
+    """The robot as mounted and as equipped."""
+    if by.gravity is not None:
+        robot = robot.replace(gravity=np.array(by.gravity))
+    if by.mount is not None:
+        angles = MOUNTS[by.mount] if isinstance(by.mount, str) else by.mount
         g = float(np.linalg.norm(robot.gravity))
         turned = rotation_from_rpy(angles).T @ robot.gravity
         robot = robot.replace(gravity=np.where(np.abs(turned) < 1e-15 * g, 0.0, turned))
-    if isinstance(payload, tuple) and (last := robot.links[-1]).theta is not None:
-        theta = last.theta + payload_parameters(payload)
+    if isinstance(by.payload, tuple) and (last := robot.links[-1]).theta is not None:
+        theta = last.theta + payload_parameters(by.payload)
         robot = robot.replace(links=(*robot.links[:-1], Link(last.name, theta, last.number)))
-    return robot if locked_drives is None else with_locked_drives(robot, locked_drives)
+    return robot if by.locked_drives is None else with_locked_drives(robot, by.locked_drives)
 
 
 def payload_parameters(payload: tuple[float, ...]) -> Array:
