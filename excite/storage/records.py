@@ -38,11 +38,7 @@ def write_record(
     older: Collection[str] = (),  # files of an earlier version that leave
     objects: Mapping[str, Any] = MappingProxyType({}),  # entries of the fields that the codec leaves to the caller
 ) -> list[Path]:
-    """Write a record into a folder, made if it does not exist; one of the same stem is replaced.
-
-    Stems of its figures and names of `older` files are those of the one that is replaced, where no manifest has them;
-    `further` writes each further file of the record; `entry` is its name in the manifest, the stem if not given.
-    """
+    """Write a record into a folder, made if it does not exist; one of the same stem is replaced."""
     file = f"{stem}.json"
     content, arrays = content_of(record)
     curves = curves_file(stem)

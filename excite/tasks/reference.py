@@ -173,18 +173,11 @@ def _torque_limits(source: MotionSource) -> Sequence[Constraint]:
 
 def _extended(before: Extrema | None, values: Array, time: Array) -> Extrema:
     """Extrema of functions, shape (N, k), at further instants too."""
-    columns = np.arange(values.shape[1])
-    lowest, highest = values.argmin(axis=0), values.argmax(axis=0)
-    seen = Extrema(values[lowest, columns], values[highest, columns], time[lowest], time[highest])
-    if before is None:
-        return seen
-    lower, higher = seen.low < before.low, seen.high > before.high
-    return Extrema(
-        np.where(lower, seen.low, before.low),
-        np.where(higher, seen.high, before.high),
-        np.where(lower, seen.low_time, before.low_time),
-        np.where(higher, seen.high_time, before.high_time),
-    )
+    times = np.broadcast_to(time[:, None], values.shape)
+    if before is not None:
+        values = np.vstack([before.low, before.high, values])
+        times = np.vstack([before.low_time, before.high_time, times])
+    return Extrema.among(values.T, times.T)
 
 
 def _uses_at(source: MotionSource, limits: Sequence[Constraint], parts: int = 1) -> list[LimitUse]:

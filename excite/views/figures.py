@@ -122,7 +122,7 @@ _PNG_COMPRESSION = 3  # of 9; the default, 6, takes half as long again for files
 _PNG_FONTS: Any = {"font.sans-serif": ["DejaVu Sans"]}  # matplotlib brings it along; others, for SVG, are looked up
 
 
-def drawn_figures(drawn: Drawn, width: str = "screen") -> dict[str, Figure]:
+def drawn_figures(drawn: Drawn, width: str) -> dict[str, Figure]:
     """Draw figures, unless they are drawn, in the style of a width, with all text literal."""
     with drawing_style(width):
         figures = dict(drawn() if callable(drawn) else drawn)

@@ -77,7 +77,7 @@ def fit_legend(count: int, predicted: str) -> list[Artist]:
     return [
         Line2D([], [], **MEASURED, label="measured"),
         Line2D([], [], **PREDICTED, label=predicted),
-        *values_legend(count, "residual"),
+        *values_legend(count),
     ]
 
 
@@ -106,13 +106,13 @@ def draw_values(ax: Axes, timeline: Timeline, time: Array, log: Index, values: A
         ax.plot(places, middle, color=DARK, linewidth=_CURVE)
 
 
-def values_legend(count: int, name: str) -> list[Artist]:
+def values_legend(count: int) -> list[Artist]:
     """Entries of a legend for what `draw_values` draws."""
     if count < DENSE:
-        return [Line2D([], [], color=DARK, linewidth=_CURVE, label=name)]
+        return [Line2D([], [], color=DARK, linewidth=_CURVE, label="residual")]
     return [
-        Line2D([], [], color=DARK, linewidth=_CURVE, label=f"median of the {name}s"),
-        Patch(color=SKY, label=f"90 % of the {name}s"),
+        Line2D([], [], color=DARK, linewidth=_CURVE, label="median of the residuals"),
+        Patch(color=SKY, label="90 % of the residuals"),
         Patch(color=_ALL, label="all of them"),
     ]
 
@@ -177,7 +177,7 @@ def residuals_figure(result: Identification) -> Figure:
         head(over_time, name, f"rms {rms} {unit}, largest {worst} {unit}")
         _draw_autocorrelation(over_lag, time, log, e, bottom=j == count - 1)
     band = Patch(color=BAND, label="99 % of the autocorrelation of white noise")
-    legend_below(figure, [*values_legend(int(np.bincount(curves.equation).max()), "residual"), band])
+    legend_below(figure, [*values_legend(int(np.bincount(curves.equation).max())), band])
     return figure
 
 

@@ -15,9 +15,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup, escape
 
 from excite.storage.manifest import Entry, check_files, read_manifest
-from excite.views.view import Column, Drawing, Format, View, ViewTable, text_of
+from excite.views.view import Column, Drawing, Format, View, ViewTable, raised, text_of
 from regressors.errors import ExciteError, InputError, percent, printable
 from regressors.samples import Array
 
@@ -72,8 +74,6 @@ def page_text(sections: Sequence[PageSection]) -> str:
 
 
 def _template() -> Any:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
     environment = Environment(
         loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -111,11 +111,6 @@ def _cell(column: Column, value: Any, state: str) -> PageCell:
     return PageCell(percent(value, 3) if column.format is Format.PERCENT else number, repr(float(value)), state)
 
 
-def raised(text: str) -> str:
-    """A unit or a sum with raised exponents, such as ``kg m²``."""
-    return text.replace("^2", "²").replace("^3", "³")
-
-
 def _facts(known: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Provenance of a result."""
     shown = {name: value for name, value in known.items() if name not in _LEFT_OUT and value not in (None, [], ())}
@@ -147,8 +142,6 @@ def _data(motion: Any) -> str:
 
 def _with_code(text: str) -> Any:
     """Options in backticks as code, everything escaped."""
-    from markupsafe import Markup, escape
-
     parts = _CODE.split(printable(text))
     code = Markup("<code>{}</code>")
     return Markup("").join(code.format(part) if k % 2 else escape(part) for k, part in enumerate(parts))

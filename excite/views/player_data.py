@@ -18,7 +18,7 @@ from constraints.shapes import urdf_meshes
 from excite.design.design import Design
 from excite.storage.records import chosen
 from excite.tasks.task import Task
-from excite.views.page_text import raised
+from excite.views.view import raised
 from regressors.errors import InputError
 from regressors.readers.urdf import read_urdf
 from regressors.robot.robot import BASE, Robot

@@ -103,18 +103,10 @@ def _check_free(path: Path, *, replace: bool) -> None:
 
 @dataclass(frozen=True)
 class ModelText:
-    """Content of a file.
+    """Content of a file."""
 
-    Parameters
-    ----------
-    content : str or bytes
-        Text is written in UTF-8 with line feeds.
-    notes : tuple of str
-        What was assumed, one sentence each.
-    """
-
-    content: str | bytes
-    notes: tuple[str, ...] = ()
+    content: str | bytes  # text is written in UTF-8 with line feeds
+    notes: tuple[str, ...] = ()  # what was assumed, one sentence each
 
     @property
     def encoded(self) -> bytes:

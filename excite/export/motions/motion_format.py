@@ -27,17 +27,10 @@ from regressors.samples import Array
 
 @dataclass(frozen=True)
 class MotionFile:
-    """Content of the file of a motion, and what has to be known of it.
-
-    Parameters
-    ----------
-    content : bytes
-    notes : tuple of str
-        One sentence each.
-    """
+    """Content of the file of a motion, and what has to be known of it."""
 
     content: bytes
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # one sentence each
 
 
 class MotionFormat(ABC):
@@ -140,27 +133,13 @@ class MotionFormat(ABC):
 
 @dataclass(frozen=True)
 class Recorder:
-    """A recorder of a played motion.
+    """A recorder of a played motion."""
 
-    Parameters
-    ----------
-    mapping : mapping
-        Sections of a log mapping, see `excite.logs.mapping`.
-    about : tuple of str
-        Lines for the comment of the mapping: what records, at which rate, where the motion starts.
-    suffix : str
-        Ending of the file that the recorder takes, such as ``.xml``; empty where there is none.
-    content : str
-        Of that file.
-    notes : tuple of str
-        What has to be known of the recording, one sentence each.
-    """
-
-    mapping: Mapping[str, Any]
-    about: tuple[str, ...]
-    suffix: str = ""
-    content: str = ""
-    notes: tuple[str, ...] = ()
+    mapping: Mapping[str, Any]  # sections of a log mapping, see `excite.logs.mapping`
+    about: tuple[str, ...]  # lines for the comment of the mapping: what records, at which rate, where the motion starts
+    suffix: str = ""  # ending of the file that the recorder takes, such as ``.xml``; empty where there is none
+    content: str = ""  # of that file
+    notes: tuple[str, ...] = ()  # what has to be known of the recording, one sentence each
 
     def mapping_text(self, motion: SampledDesign) -> str:
         """The log mapping as YAML, with the hash of the design by which `identify` finds it."""
