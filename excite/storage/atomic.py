@@ -25,10 +25,7 @@ _DIGITS = 30  # of a whole number in JSON
 
 @contextmanager
 def replacing(path: Path, mode: str = "w") -> Iterator[IO[Any]]:
-    """Open a temporary file that becomes ``path`` when the block ends without an error.
-
-    The file is on the disk before it gets its name, and the name before this returns.
-    """
+    """Open a temporary file that is put on the disk, and becomes ``path``, when the block ends without an error."""
     how: dict[str, Any] = {} if "b" in mode else {"encoding": "utf-8", "newline": "\n"}
     temporary = path.parent / f".{path.name[:40]}.{uuid4().hex[:12]}"
     with writing(path):
@@ -96,26 +93,30 @@ def read_json(path: Path) -> dict[str, Any]:
     return content
 
 
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file, whole or not at all."""
+    with replacing(path, "wb") as stream:
+        stream.write(content)
+
+
 def check_table(path: Path, header: Sequence[str], table: ArrayLike) -> None:
     """Raise `NumericalError` that names the first column with a number that is not finite."""  # table (N, len(header)
     finite = np.isfinite(np.asarray(table, dtype=float))
     if not finite.all():
         column = int(np.argmin(finite.all(axis=0)))
         row = int(np.argmin(finite[:, column]))
-        raise NumericalError(
-            f"{path.name} is not written: {header[column]} is not finite in row {row + 1}; values of very different "
-            "sizes are the likely cause"
-        )
+        raise _not_written(path, f"{header[column]} is not finite in row {row + 1}")
 
 
 def check_content(path: Path, content: object) -> None:
     """Raise `NumericalError` that names the first number of a content for JSON that is not finite."""
     place = _not_finite(content)
     if place is not None:
-        raise NumericalError(
-            f"{path.name} is not written: {place or 'it'} is not finite; values of very different sizes are the "
-            "likely cause"
-        )
+        raise _not_written(path, f"{place or 'it'} is not finite")
+
+
+def _not_written(path: Path, why: str) -> NumericalError:
+    return NumericalError(f"{path.name} is not written: {why}; values of very different sizes are the likely cause")
 
 
 def _not_finite(content: object) -> str | None:
@@ -168,10 +169,7 @@ class Destination:
 
 
 def shown(path: Path) -> Path:
-    """The path that a user knows, without hidden folders in which a result is prepared.
-
-    Of a hidden file, such as a lock, it is the path of the result that it belongs to.
-    """
+    """The path that a user knows: without hidden folders; of a hidden file, such as a lock, that of its result."""
     known = Path(*(part for part in path.parts if not _HIDDEN.fullmatch(part)))
     hidden = _HIDDEN.fullmatch(path.name)
     return known / hidden[1] if hidden and hidden[1] else known

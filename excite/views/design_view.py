@@ -11,7 +11,10 @@ from excite.design.stated_limits import collisions_unchecked, kept_headline, kep
 from excite.information.matrix import CONVENTIONS
 from excite.information.precision_forecast import ParameterPrecision, PrecisionForecast, PrecisionSearch
 from excite.information.weighting import minimised_text
+from excite.optimality.design_bound import stored_bound
 from excite.registry import name_of
+from excite.study.period_search import runs_text
+from excite.views.comparison_view import bound_view
 from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, number, texts
 from regressors.errors import listed_names
 
@@ -33,7 +36,8 @@ _DRAWN = (
 
 def design_view(design: Design, *, whole: bool = True) -> View:
     """View of a design; unless it is whole, without figures and sentences that need parts of the user's own."""
-    content, bound = design_content(design), _bound(design)
+    content, known = design_content(design), stored_bound(design)
+    bound = None if known is None else bound_view(known)
     sought = design.precision if whole else None
     guesses = {each.index: each.history[0] for each in design.starts if each.history} if whole else {}
     return View(
@@ -69,17 +73,6 @@ def design_view(design: Design, *, whole: bool = True) -> View:
         filed="design",
         facts={"robot": content["robot"]["name"], "robot_sha256": content["robot"]["sha256"], **content["provenance"]},
     )
-
-
-def _bound(design: Design) -> View | None:
-    """View of the bound in the design's folder, which few have: what it needs is imported where there is one."""
-    if design.folder is None or not (design.folder / "bound.json").exists():
-        return None
-    from excite.optimality.design_bound import stored_bound
-    from excite.views.comparison_view import bound_view
-
-    bound = stored_bound(design)
-    return None if bound is None else bound_view(bound)
 
 
 def design_figures(design: Design) -> tuple[Drawing, ...]:
@@ -154,8 +147,6 @@ def _transfers(design: Design) -> Iterator[str]:
 
 def _precision(design: Design, forecast: PrecisionForecast) -> Iterator[str]:
     """Runs, robot time and the worst parameter, where a precision is asked for; what is too wide, and why."""
-    from excite.study.period_search import runs_text
-
     text = runs_text(forecast.runs, forecast.seconds)
     if forecast.met:
         yield f"{text}; worst parameter {_width(forecast.worst)}"

@@ -204,11 +204,7 @@ _LEFT_OUT = ("metadata", "style")
 
 
 def svg_text(figure: Figure, prefix: str, label: str) -> str:
-    """A figure as an ``<svg>`` element, to stand in an HTML page.
-
-    Styles become attributes, so that a page can forbid inline styles; coordinates are rounded to 0.01 pt. Where the
-    text would be longer than 300,000 characters, as of the torques of a long log, curves are drawn as a picture in it.
-    """
+    """A figure as an ``<svg>`` element without inline styles, to stand in a page; very long curves are a picture."""
     literal(figure)
     text = _drawn(figure)
     if len(text) > LARGE:

@@ -19,6 +19,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from excite.storage.manifest import Entry, check_files, read_manifest
+from excite.views.figures import svg_text
 from excite.views.view import Column, Drawing, Format, View, ViewTable, raised, text_of
 from regressors.errors import ExciteError, InputError, percent, printable
 from regressors.samples import Array
@@ -52,11 +53,7 @@ class PageCell(NamedTuple):
 
 
 def page_text(sections: Sequence[PageSection]) -> str:
-    """One HTML page.
-
-    Scripts and styles are in the page, and its content policy allows these alone, by their hashes: no others, no
-    network, no frames, no forms.
-    """
+    """One HTML page, whose content policy allows its own scripts and styles alone, by their hashes."""
     moves = any(section.motion is not None for section in sections)
     scripts = [_asset("tables.js"), *([_asset("player.min.js")] if moves else [])]
     style = _asset("style.css") + dark_rules(figure.svg for section in sections for figure in section.figures)
@@ -161,10 +158,6 @@ class PageFigure:
 
 def drawn(figures: Sequence[Drawing], prefix: str) -> tuple[tuple[PageFigure, ...], tuple[str, ...]]:
     """Draw figures as SVG; sentences on those that cannot be drawn."""
-    if not figures:
-        return (), ()
-    from excite.views.figures import svg_text
-
     made, left_out = [], []
     for k, each in enumerate(figures):
         try:

@@ -275,10 +275,7 @@ def repetitions_figure(repetitions: Repetitions, robot: str) -> Figure:
 
 
 def relative_errors(repetitions: Repetitions) -> Array:
-    """``(estimate - true value) / (t s)`` with the predicted deviation s of all repetitions, shape (R, b).
-
-    t is the quantile of Student's distribution that makes ``t s`` half the width of a 99 % interval.
-    """
+    """``(estimate - true value) / (t s)``, t s the half-width of a 99 % interval as predicted, shape (R, b)."""
     quantile = scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, repetitions.degrees_of_freedom)
     half = quantile * repetitions.predicted_deviation
     error = repetitions.estimates - repetitions.beta

@@ -145,11 +145,8 @@ def player_motion(design: Design, robot_file: str | None = None) -> dict[str, An
 
 
 def limit_courses(design: Design, robot: Robot, samples: Samples) -> list[LimitCourse]:
-    """Every limit of joints, drives, torques, the tool and distances along a motion.
-
-    Where the motion begins and ends at home, limits of every joint, since all of them move on the way; else those of
-    the joints that the design moves.
-    """
+    """Every limit of joints, drives, torques, the tool and distances along a motion."""
+    # of every joint where the motion begins and ends at home, since all of them move on the way
     whole = design.approach_and_return is not None
     joints = robot.joint_names if whole else design.moving.joint_names
     motion = of_some_joints(samples, robot, joints)

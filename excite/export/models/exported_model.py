@@ -251,10 +251,7 @@ def quaternion_of(R: Array) -> Array:
 
 
 def about_centre(theta: Array) -> tuple[float, Array, Array]:
-    """Mass [kg], centre of mass [m], shape (3,), and inertia about it [kg m^2], shape (3, 3), in the axes of the frame.
-
-    ``I_C = I_O + m skew(c)^2``; a body without mass has its centre in the origin.
-    """  # theta (10,)
+    """Mass [kg], centre of mass [m], shape (3,), and ``I_C = I_O + m skew(c)^2`` [kg m^2], in the axes of the frame."""
     mass = float(theta[0])
-    c = np.asarray(theta[1:4]) / mass if mass else np.zeros(3)
+    c = np.asarray(theta[1:4]) / mass if mass else np.zeros(3)  # theta (10,)
     return mass, c, np.asarray(inertia_tensor(theta) + mass * skew(c) @ skew(c))

@@ -22,7 +22,7 @@ from excite.export.motions.motion_format import (
 from excite.export.motions.sampled_design import SampledDesign
 from excite.logs.mapping import MAPPING
 from excite.registry import instance, name_of
-from excite.storage.atomic import replacing
+from excite.storage.atomic import write_bytes
 from excite.storage.result_folder import replace_files, result_file
 from regressors.arguments import checked
 from regressors.errors import InputError, TakenError
@@ -94,8 +94,7 @@ def export_motion(
             raise TakenError(f"{', '.join(there)} already there")
         with replace_files(out, remove=[f"{out.name}.record{suffix}" for suffix in _RECORDS]) as staged:
             for name, content in contents.items():
-                with replacing(staged / name, "wb") as stream:
-                    stream.write(content)
+                write_bytes(staged / name, content)
     played = chosen.interpolation is not Interpolation.NONE
     return Exported(
         name_of(format) if isinstance(format, str) else chosen.name,

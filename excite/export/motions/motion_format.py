@@ -225,11 +225,7 @@ class Interpolation(Enum):
 
 
 def check_formula(motion: SampledDesign) -> None:
-    """Refuse a design whose own motion breaks a limit: exact over continuous time, of approach and return too.
-
-    Torques are looked at in 4000 instants; of tool, obstacles and torques on approach and return the certificate of the
-    design counts.
-    """
+    """Refuse a design whose own motion breaks a limit; what `broken_limits` does not know, the design states."""
     design = motion.design
     source = MotionSource(design.robot, design.task, design.trajectory, None, None, {"friction_plan": None})
     transfers = [piece.motion for piece in motion.sequence.pieces if isinstance(piece.motion, Transfer)]
@@ -260,10 +256,7 @@ def closest_first(certificate: Certificate, *, broken: bool = False) -> list[Lim
 
 
 def deviation(motion: SampledDesign, interpolation: Interpolation) -> float | None:
-    """Largest distance of what is interpolated from the design, in the middle of the steps [rad or m].
-
-    None where it is not known what is interpolated.
-    """
+    """Largest distance of what is interpolated from the design in mid-step [rad or m]; None where that is not known."""
     if len(interpolation.curves) > 1:
         return None
     half = 0.5 * np.diff(motion.time)
