@@ -21,7 +21,7 @@ from excite.tasks.task import Task
 from excite.views.view import raised
 from regressors.errors import InputError
 from regressors.readers.urdf import read_urdf
-from regressors.robot.robot import BASE, Robot
+from regressors.robot.robot import BASE, Robot, placed_bodies
 from regressors.robot.shapes import Capsule
 from regressors.samples import Array, Samples
 
@@ -83,15 +83,12 @@ def _short(values: Array, digits: int) -> Any:
 
 def body_data(robot: Robot, number: Mapping[str, int]) -> list[dict[str, Any]]:
     """Links, then branches, each with the joint that carries it."""
-    parents = [0, *(number[link.name] for link in robot.links[:-1])]
-    chain = zip(robot.links, robot.joints, parents, np.eye(robot.n), [0.0] * robot.n, strict=True)
-    branches: Iterator[Any] = ((b, b.joint, number[b.parent], b.coupling, b.offset) for b in robot.branches)
     return [
         {
-            "name": body.name, "parent": parent, "row": row.tolist(), "offset": offset, "kind": joint.kind,
-            **{name: getattr(joint, name).tolist() for name in ("rotation", "translation", "axis")},
+            "name": name, "parent": number[below], "row": row.tolist(), "offset": offset, "kind": joint.kind,
+            **{pose: getattr(joint, pose).tolist() for pose in ("rotation", "translation", "axis")},
         }
-        for body, joint, parent, row, offset in (*chain, *branches)
+        for name, below, joint, row, offset in placed_bodies(robot)
     ]  # fmt: skip
 
 
@@ -127,7 +124,6 @@ def _nearest(group: Sequence[LimitCourse]) -> LimitCourse:
 
 FRAMES = 600  # of the motion in a page; between them it is interpolated
 _PAIRS = 12  # nearest pairs of bodies whose distance is shown
-_TORQUE = " torque"
 _ABOUT = (
     "Torques are computed from the description's parameters; their limits are less the reserve and friction. Values "
     "between samples are interpolated; the certified extremes are in the table of margins."
@@ -152,11 +148,10 @@ def limit_courses(design: Design, robot: Robot, samples: Samples) -> list[LimitC
     motion = of_some_joints(samples, robot, joints)
     linear = linear_limits(robot if whole else design.moving)
     bodies = bodies_of(robot, joints, linear)
-    courses = [course for limit in linear for course in linear_courses(limit, motion, bodies)]
-    distances: list[LimitCourse] = []
-    for constraint in design.imposed_on(joints) if whole else design.nonlinear:
-        near = isinstance(constraint, Clearance)
-        (distances if near else courses).extend(nonlinear_courses(constraint, motion, bodies))
+    courses, distances = list[LimitCourse](), list[LimitCourse]()
+    limits: list[LinearConstraint | NonlinearConstraint] = [*linear]
+    for limit in [*limits, *(design.imposed_on(joints) if whole else design.nonlinear)]:
+        (distances if isinstance(limit, Clearance) else courses).extend(courses_of(limit, motion, bodies))
     return [*tightest(courses), *nearest_pairs(distances)]
 
 
@@ -182,32 +177,21 @@ def bodies_of(robot: Robot, joints: Sequence[str], linear: Sequence[LinearConstr
     return owners
 
 
-def linear_courses(
-    limit: LinearConstraint, samples: Samples, bodies: Mapping[str, tuple[str, ...]]
+def courses_of(
+    limit: LinearConstraint | NonlinearConstraint, samples: Samples, bodies: Mapping[str, tuple[str, ...]]
 ) -> Iterator[LimitCourse]:
-    """Functions that are limited linearly, along a motion."""
-    motion = (samples.q, samples.dq, samples.ddq, samples.dddq)[limit.derivative]
-    values = motion @ limit.matrix.T + limit.offset
-    for k, label in enumerate(limit.labels):
-        owner = label.removesuffix(f" {limit.quantity}")
-        bounds = float(limit.lower[k]), float(limit.upper[k])
-        yield LimitCourse(owner, limit.quantity, limit.units[k], *bounds, values[:, k], bodies.get(owner, ()))
-
-
-def nonlinear_courses(
-    limit: NonlinearConstraint, samples: Samples, bodies: Mapping[str, tuple[str, ...]]
-) -> Iterator[LimitCourse]:
-    """Functions that are limited otherwise, along a motion."""
-    values = limit.shown(limit.values(samples))
+    """Functions of a limit along a motion."""
+    values = limit.values(samples)
+    values = values if isinstance(limit, LinearConstraint) else limit.shown(values)
+    of_joints = limit.quantity if isinstance(limit, LinearConstraint) else "torque"
     pairs = {pair.label: pair for pair in limit.pairs} if isinstance(limit, Clearance) else {}
     for k, label in enumerate(limit.labels):
         bounds = float(limit.lower[k]), float(limit.upper[k])
-        names: tuple[str, ...] = ()
-        owner, quantity = label, "tool"
+        owner, quantity, names = label, "tool", tuple[str, ...]()
         if label in pairs:
             names, quantity = (pairs[label].link, pairs[label].other), "distance"
-        elif label.endswith(_TORQUE):
-            owner, quantity = label.removesuffix(_TORQUE), "torque"
+        elif label.endswith(f" {of_joints}"):
+            owner, quantity = label.removesuffix(f" {of_joints}"), of_joints
             names = bodies.get(owner, ())
         yield LimitCourse(owner, quantity, limit.units[k], *bounds, values[:, k], names)
 

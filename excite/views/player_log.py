@@ -24,10 +24,9 @@ from excite.trajectories.sequence import whole_pose
 from excite.views.player_data import (
     LimitCourse,
     bodies_of,
-    linear_courses,
+    courses_of,
     matches,
     nearest_pairs,
-    nonlinear_courses,
     of_some_joints,
     player_data,
     tightest,
@@ -126,14 +125,14 @@ def _courses(robot: Robot, world: World | None, moving: NDArray[np.bool_], sampl
     linear = [limit for limit in linear_limits(robot) if limit.derivative < 2]
     bodies = bodies_of(robot, robot.joint_names, linear)
     touched = {label for x in linear for label, row in zip(x.labels, x.matrix, strict=True) if row[moving].any()}
-    courses = [course for limit in linear for course in linear_courses(limit, samples, bodies)]
+    courses = [course for limit in linear for course in courses_of(limit, samples, bodies)]
     yield from tightest([course for course in courses if f"{course.owner} {course.quantity}" in touched])
     if world is None:
         return
     index = np.flatnonzero(moving).tolist()
     part = of_some_joints(samples, robot, [robot.joint_names[k] for k in index])
     distances = Collisions(world).imposed(robot, of_joints(robot, index))
-    yield from nearest_pairs([course for limit in distances for course in nonlinear_courses(limit, part, bodies)])
+    yield from nearest_pairs([course for limit in distances for course in courses_of(limit, part, bodies)])
 
 
 def _torques(logged: LoggedMotion, own: Array, log: Index, robot: Robot) -> Iterator[LimitCourse]:
