@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from constraints.collision_limits import Clearance
-from constraints.geometry import Box, HalfSpace, Obstacle, World
+from constraints.geometry import World
 from constraints.linear import LinearConstraint, linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from constraints.shapes import urdf_meshes
@@ -22,7 +22,6 @@ from excite.views.view import raised
 from regressors.errors import InputError
 from regressors.readers.urdf import read_urdf
 from regressors.robot.robot import BASE, Robot, placed_bodies
-from regressors.robot.shapes import Capsule
 from regressors.samples import Array, Samples
 
 _JOINT_SIZE = 0.035  # of the robot's reach
@@ -204,10 +203,12 @@ def player_shapes(
     meshes, reasons = ([], ()) if robot_file is None else _meshes(robot, task, robot_file, number)
     parts = worlds[0].parts if worlds and not meshes else ()
     drawn = "meshes of its URDF" if meshes else "capsules" if parts else "lines through the frames of its joints"
+    known = [(number[part.link], part.to_dict()) for part in parts if part.link in number]
+    objects: list[Any] = [world.to_dict()["objects"] for world in worlds]
     return {
         "meshes": meshes,
-        "capsules": [{"body": number[each.link], **_capsule(each.capsule)} for each in parts if each.link in number],
-        "objects": [_object(each) for world in worlds for each in world.obstacles],
+        "capsules": [{"body": body, **{k: v for k, v in plain.items() if k != "link"}} for body, plain in known],
+        "objects": [_object(name, plain) for each in objects for name, plain in each.items()],
         "drawn_as": drawn,
         "left_out": _left_out(reasons),
     }
@@ -245,17 +246,9 @@ def _left_out(reasons: Sequence[str]) -> str:
     return f"Some meshes of its URDF are not shown: {reasons[0]}{more}."
 
 
-def _capsule(capsule: Capsule) -> dict[str, Any]:
-    return {"from": list(capsule.start), "to": list(capsule.end), "radius": capsule.radius}
-
-
-def _object(each: Obstacle) -> dict[str, Any]:
-    shape, name = each.shape, {"name": each.name}
-    if isinstance(shape, Box):
-        return name | {"kind": "box", "centre": list(shape.centre), "size": list(shape.size), "rpy": list(shape.rpy)}
-    if isinstance(shape, HalfSpace):
-        return name | {"kind": "plane", "normal": list(shape.normal), "offset": shape.offset}
-    return {**name, "kind": "capsule", **_capsule(shape)}
+def _object(name: str, plain: Mapping[str, Any]) -> dict[str, Any]:
+    kind = next(kind for kind in ("box", "plane", "capsule") if kind in plain)
+    return {"name": name, "kind": kind, **plain[kind]}
 
 
 _CELLS = (192, 128, 96, 64, 48, 32, 24, 16, 12, 8, 4, 2)  # along the longest side

@@ -180,9 +180,9 @@ def motion_of_plan(
     """Runs of all coordinates, one after the other."""
     robot, known = plan.robot, plan.world
     task = Task(StoredRobot(robot.name, robot), limits=LimitChoice() if known is None else LimitChoice(world=known))
-    time, q, dq, segments = _joined(runs)
-    samples = Samples(time, q, dq, np.zeros_like(q), np.zeros_like(q))
-    courses, shape = [*_courses(robot, known, np.ptp(q, axis=0) > 0.0, samples)], looks.shapes.get(robot.sha256())
+    samples, segments = _joined(runs)
+    courses = [*_courses(robot, known, np.ptp(samples.q, axis=0) > 0.0, samples)]
+    shape = looks.shapes.get(robot.sha256())
     return player_data(samples, segments, courses, robot, task, shape, looks.file_of(robot, task), _ABOUT_PLAN)
 
 
@@ -197,17 +197,13 @@ def _frames(runs: Samples, most: int) -> Index:
     return np.unique(np.concatenate([[0], found.clip(0, runs.time.size - 1), [runs.time.size - 1]]))
 
 
-def _joined(
-    runs: Sequence[tuple[CoordinatePlan, MotionSource]],
-) -> tuple[Array, Array, Array, tuple[tuple[str, float], ...]]:
+def _joined(runs: Sequence[tuple[CoordinatePlan, MotionSource]]) -> tuple[Samples, list[tuple[str, float]]]:
     parts, segments, end = [], [], -_MOVED
     for c, source in runs:
         assert isinstance(source.motion, SampledMotion)
         each = source.motion.given
         kept = each.rows(_frames(each, _FRAMES))
-        time = kept.time - each.time[0] + (end + _MOVED)
-        end = float(time[-1])
-        parts.append((time, kept.q, kept.dq))
+        parts.append(replace(kept, time=kept.time - each.time[0] + (end + _MOVED)))
+        end = float(parts[-1].time[-1])
         segments.append((c.label, end))
-    time, q, dq = map(np.concatenate, zip(*parts, strict=True))
-    return time, q, dq, tuple(segments)
+    return Samples.joined(parts), segments
