@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, create_model
 from excite.tasks.installation import Installation
 from excite.tasks.option import MOUNTS
 from regressors.arguments import checked
-from regressors.errors import InputError
+from regressors.errors import InputError, about
 from regressors.models.load import LOAD_PARAMETERS, LoadModel, Sensor
 from regressors.quantities import check
 from regressors.readers.documents import Load, read_document, validate
@@ -96,10 +96,8 @@ _LOAD: type[BaseModel] = create_model(
 def read_load(path: Path) -> Payload:
     """Read a load file with the keys m, mcx ... Izz; missing ones are zero."""
     values = validate(read_document(path, "load file"), _LOAD).model_dump()
-    try:
+    with about(str(path)):
         return Payload([values[name] for name in LOAD_PARAMETERS])
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
 
 
 def installed(robot: Robot, by: Installation) -> Robot:

@@ -119,19 +119,15 @@ _INTERPOLATED = 1e-3  # the same of samples
 
 
 def broken_limits(source: MotionSource) -> tuple[LimitUse, ...]:
-    """Limits of positions, velocities, accelerations, jerks and torques that a motion breaks, the worst first.
-
-    Of a motion with coefficients the extrema over continuous time are exact, but for torques, which are looked at at
-    4000 instants. A motion from a file is looked at in its samples, positions and velocities also at three instants
-    between each two, and may pass a limit by 0.1 %; accelerations between samples depend on what interpolates them, and
-    its jerk is not known. Torques count, without a reserve, where the task keeps to their limits and the description
-    states what they need; not those of a friction plan.
-    """
+    """Limits of positions, velocities, accelerations, jerks and torques that a motion breaks, the worst first."""
     return played_uses(source)[1]
 
 
 def played_uses(source: MotionSource) -> tuple[tuple[LimitUse, ...], tuple[LimitUse, ...]]:
-    """Use of each limit of a motion, and those of them that it breaks, the worst first, see `broken_limits`."""
+    """Use of each limit of a motion, and those of them that it breaks, the worst first."""
+    # Of a motion with coefficients the extrema over continuous time are exact, but for torques. One from a file is
+    # looked at in its samples, positions and velocities also between them, and may pass a limit by 0.1 %: accelerations
+    # between samples depend on what interpolates them, and its jerk is not known.
     linear, motion = linear_limits(moving_robot(source.robot, source.task)), source.motion
     if isinstance(motion, Trajectory):
         exact = [use for limit in linear for use in limit_uses(limit, motion.extrema(limit))]

@@ -7,6 +7,7 @@ from typing import Any
 
 from excite.design.design import Design, between_samples_text
 from excite.design.design_folder import design_content
+from excite.design.start_results import or_infinite
 from excite.design.stated_limits import collisions_unchecked, kept_headline, kept_text
 from excite.information.matrix import CONVENTIONS
 from excite.information.precision_forecast import ParameterPrecision, PrecisionForecast, PrecisionSearch
@@ -181,12 +182,13 @@ def _limits(name: str, title: str, uses: Sequence[Mapping[str, Any]]) -> ViewTab
         Column("used", Format.PERCENT, brief=True, missing="far from it"),
         *headed("margin, at [s], holds:kept"),
     )
-    ranked = sorted(uses, key=lambda use: (use["holds"], -_used(use)))
+    ranked = sorted(uses, key=lambda use: (use["holds"], -or_infinite(use["use"])))
     # far inside a limit on one side, as of a distance, the part that is used says nothing
     rows = tuple(
         (
-            u["label"], u["extreme"], u["bound"], u["unit"], _used(u) if _used(u) >= 0 or not u["holds"] else None,
-            u["margin"], u["time"], u["holds"],
+            u["label"], u["extreme"], u["bound"], u["unit"],
+            used if (used := or_infinite(u["use"])) >= 0 or not u["holds"] else None, u["margin"], u["time"],
+            u["holds"],
         )
         for u in ranked
     )  # fmt: skip
@@ -194,10 +196,6 @@ def _limits(name: str, title: str, uses: Sequence[Mapping[str, Any]]) -> ViewTab
     broken = {(k, 4): "bad" for k, use in enumerate(ranked) if not use["holds"]}
     how: dict[str, Any] = {"note": note} if name == "limits" else {"folded": True}
     return ViewTable(name, title, columns, rows, marked=broken, most=_NEAR, **how)
-
-
-def _used(use: Mapping[str, Any]) -> float:
-    return float("inf") if use["use"] is None else float(use["use"])
 
 
 def _tried(search: PrecisionSearch | None) -> tuple[ViewTable, ...]:
@@ -263,7 +261,7 @@ def _half_widths(forecast: PrecisionForecast) -> ViewTable:
 def _starts(solver: Mapping[str, Any], began: Mapping[int, float]) -> ViewTable:
     """How each start ended, the best first."""
     columns = headed("start, began at, ended at, iterates, CPU [s], how it ended:text")
-    starts = sorted(solver["starts"], key=lambda s: float("inf") if s["value"] is None else s["value"])
+    starts = sorted(solver["starts"], key=lambda s: or_infinite(s["value"]))
     rows = tuple(
         (s["index"], began.get(s["index"]), s["value"], s["iterations"], s["cpu_seconds"], s["status"])
         for s in starts[:_MOST_STARTS]
