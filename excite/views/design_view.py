@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from excite.design.design import Design, between_samples_text
@@ -40,11 +40,11 @@ def design_view(design: Design, *, whole: bool = True) -> View:
     content, known = design_content(design), stored_bound(design)
     bound = None if known is None else bound_view(known)
     sought = design.precision if whole else None
-    guesses = {each.index: each.history[0] for each in design.starts if each.history} if whole else {}
+    guesses = [(each.index, each.history[0]) for each in design.starts if each.history] if whole else []
     return View(
         kind="design",
         title=design.name,
-        verdict=f"{_held(design)}; condition number {design.condition_number:.4g}{_guesses(design, guesses.values())}",
+        verdict=f"{_held(design)}; condition number {design.condition_number:.4g}{_guesses(design, guesses)}",
         holds=design.feasible and (sought is None or sought.met),
         caution=bool(collisions_unchecked(each.limit for each in design.unchecked)),
         summary=(
@@ -66,7 +66,7 @@ def design_view(design: Design, *, whole: bool = True) -> View:
             ),
             _predictions(design, content),
             *(() if sought is None else (_half_widths(sought),)),
-            _starts(content["solver"], guesses),
+            _starts(content["solver"], dict(guesses)),
             *_harmonics(content["solver"]),
         ),
         asked=asked(content["task"], _ASKED),
@@ -98,8 +98,9 @@ def _held(design: Design) -> str:
     return held[:1].upper() + held[1:]
 
 
-def _guesses(design: Design, values: Collection[float]) -> str:
+def _guesses(design: Design, guesses: Sequence[tuple[int, float]]) -> str:
     """Condition numbers of the initial guesses, where it is the condition number that was minimised."""
+    values = [value for _, value in guesses]
     if not values or minimised_text(design.task) != _CONDITION:
         return ""
     return f" (initial guesses: {min(values):.4g}" + (f" to {max(values):.4g})" if len(values) > 1 else ")")
