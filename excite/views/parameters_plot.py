@@ -118,7 +118,7 @@ def _layout(rows: float, numbers: float, compared: bool, title: str) -> tuple[Fi
 
 def _write_names(ax: Axes, result: Identification, rows: Rows) -> None:
     style: dict[str, Any] = {**_ON_THE_LEFT, "xytext": (-6, 0), "xycoords": ("axes fraction", "data")}
-    for row, label, place in rows:
+    for row, label, place in sorted(rows, key=lambda each: each[0] is not None):  # titles first
         look: dict[str, Any] = {"fontsize": LABEL, "fontweight": "bold", "color": DARK}
         if row is not None:
             unseen = result.estimate.names[row] in result.estimate.unseen
