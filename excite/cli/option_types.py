@@ -143,18 +143,17 @@ class Numbers(Value):
         return numbers
 
 
-class Size(Numbers):
+def size(quantity: str) -> Value:
     """A velocity or a distance, one of each drive, or ``auto``, which is None."""
 
-    def __init__(self, quantity: str | None = None) -> None:
-        super().__init__(quantity, words={AUTO: None})
-
-    def _numbers(self, value: Any, name: str) -> Any:
+    def read(value: Any, name: str) -> Any:
         try:
-            numbers = super()._numbers(str(value), name)
+            numbers = Numbers(quantity).read(str(value), name)
         except ValueError as error:
             raise ValueError(f"expected auto or a number; {error}") from None
         return numbers[0] if len(numbers) == 1 else numbers
+
+    return Value("numbers", read, {AUTO: None})
 
 
 class Sides(Value):

@@ -32,7 +32,7 @@ from excite.cli.option_types import (
     Number,
     Numbers,
     PartName,
-    Size,
+    size,
 )
 from excite.cli.streams import tell
 from excite.registry import BUILT_IN, CONVENTIONS, DROPPABLE, EXECUTORS, FIGURE_WIDTHS
@@ -51,7 +51,7 @@ _OF_QUANTITIES: dict[Kind, Callable[[str], Any]] = {
     "poses": Numbers,
     "distance": lambda quantity: Number(quantity, {AUTO: AUTO}),
     "time": lambda quantity: Number(quantity, {AUTO: None}),
-    "size": Size,
+    "size": size,
     "percent": lambda quantity: Number(quantity, percent=True),
 }
 _SEVERAL = ("poses", "folders", "impacts", "several")

@@ -288,26 +288,20 @@ _TYPED: Mapping[str, str] = {
     "folder": "--out",
     "friction_scale": "--scale-friction",
 }
-_COMMANDS: Mapping[str, str] = {
-    "design_trajectory": "'excite design'",
-    "plan_campaign": "'excite plan'",
-    "run_sweep": "'excite sweep run'",
-    "identify": "'excite identify'",
-    "next_motion": "'excite plan'",
-    "simulate": "'excite simulate'",
-    "predict_accuracy": "'excite predict'",
-    "verify": "'excite verify'",
-    "compare": "'excite compare'",
-    "export_ensemble": "'excite export'",
-    "export_model": "'excite export'",
-    "export_motion": "'excite export'",
-    "plan_friction": "'excite friction plan'",
-    "fit_friction": "'excite friction fit'",
-    "design_payload_motion": "'excite payload design'",
-    "calibrate_gains": "'excite payload gains'",
-    "identify_payload": "'excite payload identify'",
-    "guess_mapping": "'excite logs'",
-    "write_report": "'excite report'",
+_COMMANDS: Mapping[str, str] = {  # what a function of the API is on the command line
+    **{name: name for name in ("identify", "simulate", "verify", "compare")},
+    "design_trajectory": "design",
+    **dict.fromkeys(("plan_campaign", "next_motion"), "plan"),
+    "run_sweep": "sweep run",
+    "predict_accuracy": "predict",
+    **dict.fromkeys(("export_ensemble", "export_model", "export_motion"), "export"),
+    "plan_friction": "friction plan",
+    "fit_friction": "friction fit",
+    "design_payload_motion": "payload design",
+    "calibrate_gains": "payload gains",
+    "identify_payload": "payload identify",
+    "guess_mapping": "logs",
+    "write_report": "report",
 }
 
 
@@ -319,7 +313,7 @@ def in_options(message: str) -> str:
 def _option(match: re.Match[str]) -> str:
     name, value = match.group(1), match.group(2)
     if value is None and name in _COMMANDS:
-        return _COMMANDS[name]
+        return f"'excite {_COMMANDS[name]}'"
     typed = _TYPED.get(name, "--" + name.replace("_", "-"))
     if value == "False":
         return typed.replace("--", "--no-", 1)

@@ -64,11 +64,7 @@ def show(
 
 
 def _print_text(
-    view: View,
-    files: Sequence[Path] = (),
-    next_steps: Sequence[str] = (),
-    all_in: str | None = None,
-    details: Callable[[], None] | None = None,
+    view: View, files: Sequence[Path], next_steps: Sequence[str], all_in: str | None, details: Callable[[], None] | None
 ) -> None:
     out = console()
     width = min(get_terminal_size((_COLUMNS, _LINES)).columns, _COLUMNS)

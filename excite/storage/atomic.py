@@ -25,10 +25,7 @@ _DIGITS = 30  # of a whole number in JSON
 
 @contextmanager
 def replacing(path: Path, mode: str = "w") -> Iterator[IO[Any]]:
-    """Open a temporary file that becomes ``path`` when the block ends without an error.
-
-    The file is on the disk before it gets its name, and the name before this returns.
-    """
+    """Open a temporary file that is put on the disk, and becomes ``path``, when the block ends without an error."""
     how: dict[str, Any] = {} if "b" in mode else {"encoding": "utf-8", "newline": "\n"}
     temporary = path.parent / f".{path.name[:40]}.{uuid4().hex[:12]}"
     with writing(path):
@@ -62,24 +59,20 @@ def write_json(path: Path, content: object) -> None:
         stream.write("\n")
 
 
-class _Unreadable(Exception):
-    """A number that no file of this project has."""
-
-
 def _whole(text: str) -> int:
     if len(text) > _DIGITS:
-        raise _Unreadable(f"{text[:20]}... is a whole number of {len(text)} digits")
+        raise ValueError(f"{text[:20]}... is a whole number of {len(text)} digits")
     return int(text)
 
 
 def _finite(text: str) -> float:
     if math.isinf(number := float(text)):
-        raise _Unreadable(f"{text[:40]} is too large for a number")
+        raise ValueError(f"{text[:40]} is too large for a number")
     return number
 
 
 def _none(text: str) -> float:
-    raise _Unreadable(f"{text} is not a finite number")
+    raise ValueError(f"{text} is not a finite number")
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -88,16 +81,22 @@ def read_json(path: Path) -> dict[str, Any]:
         content = json.loads(read_text(path, FILE), parse_int=_whole, parse_float=_finite, parse_constant=_none)
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from error
-    except _Unreadable as error:
-        raise InputError(f"{path}: {error}") from error
     except RecursionError as error:
         raise InputError(f"{path}: lists and objects are nested too deeply") from error
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         line = getattr(error, "lineno", None)
         raise InputError(f"{path} is not JSON" + (f" (line {line}: {error})" if line else "")) from error
+    except ValueError as error:  # a number that no file of this project has
+        raise InputError(f"{path}: {error}") from error
     if not isinstance(content, dict):
         raise InputError(f"{path} holds no JSON object")
     return content
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file, whole or not at all."""
+    with replacing(path, "wb") as stream:
+        stream.write(content)
 
 
 def check_table(path: Path, header: Sequence[str], table: ArrayLike) -> None:
@@ -106,20 +105,18 @@ def check_table(path: Path, header: Sequence[str], table: ArrayLike) -> None:
     if not finite.all():
         column = int(np.argmin(finite.all(axis=0)))
         row = int(np.argmin(finite[:, column]))
-        raise NumericalError(
-            f"{path.name} is not written: {header[column]} is not finite in row {row + 1}; values of very different "
-            "sizes are the likely cause"
-        )
+        raise _not_written(path, f"{header[column]} is not finite in row {row + 1}")
 
 
 def check_content(path: Path, content: object) -> None:
     """Raise `NumericalError` that names the first number of a content for JSON that is not finite."""
     place = _not_finite(content)
     if place is not None:
-        raise NumericalError(
-            f"{path.name} is not written: {place or 'it'} is not finite; values of very different sizes are the "
-            "likely cause"
-        )
+        raise _not_written(path, f"{place or 'it'} is not finite")
+
+
+def _not_written(path: Path, why: str) -> NumericalError:
+    return NumericalError(f"{path.name} is not written: {why}; values of very different sizes are the likely cause")
 
 
 def _not_finite(content: object) -> str | None:
@@ -172,10 +169,7 @@ class Destination:
 
 
 def shown(path: Path) -> Path:
-    """The path that a user knows, without hidden folders in which a result is prepared.
-
-    Of a hidden file, such as a lock, it is the path of the result that it belongs to.
-    """
+    """The path that a user knows: without hidden folders; of a hidden file, such as a lock, that of its result."""
     known = Path(*(part for part in path.parts if not _HIDDEN.fullmatch(part)))
     hidden = _HIDDEN.fullmatch(path.name)
     return known / hidden[1] if hidden and hidden[1] else known

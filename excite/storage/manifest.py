@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from excite.storage.atomic import MANIFEST, check_content, plain_name, read_json, write_json
-from regressors.errors import InputError
+from regressors.errors import InputError, reading
 
 SCHEMA = "excite.manifest/1"
 
@@ -112,10 +112,8 @@ def check_files(folder: Path, kind: str, names: Iterable[str]) -> None:
     changed = []
     for name in there:
         path, known = folder / name, entry.files[name]
-        try:
+        with reading(str(path)):
             changed += [] if path.stat().st_size == known.size and FileHash.of(path) == known else [name]
-        except OSError as error:
-            raise InputError(f"cannot read {path}: {error.strerror}") from error
     if changed:
         which, since = " and ".join(changed), MANIFEST if changed[0] == there[0] else there[0]
         has, comes = ("have", "come") if len(changed) > 1 else ("has", "comes")

@@ -19,7 +19,7 @@ from excite.storage.commit import read_settled
 from excite.storage.manifest import check_files, read_manifest
 from excite.storage.migrations import is_of_kind, migrated, schema_of
 from excite.storage.result_folder import figure_names, replace_result, result_folder
-from regressors.errors import InputError
+from regressors.errors import InputError, about
 from regressors.input_files import read_bytes
 from regressors.samples import Array, Index
 
@@ -38,11 +38,7 @@ def write_record(
     older: Collection[str] = (),  # files of an earlier version that leave
     objects: Mapping[str, Any] = MappingProxyType({}),  # entries of the fields that the codec leaves to the caller
 ) -> list[Path]:
-    """Write a record into a folder, made if it does not exist; one of the same stem is replaced.
-
-    Stems of its figures and names of `older` files are those of the one that is replaced, where no manifest has them;
-    `further` writes each further file of the record; `entry` is its name in the manifest, the stem if not given.
-    """
+    """Write a record into a folder, made if it does not exist; one of the same stem is replaced."""
     file = f"{stem}.json"
     content, arrays = content_of(record)
     curves = curves_file(stem)
@@ -91,10 +87,8 @@ def read_record(
         with complete(path, what):
             content, arrays = migrated(kind, content, arrays, path.parent)
             content = content if objects is None else {**content, **objects(content)}
-        try:
+        with about(f"{path}: not a complete {what}"):
             return record_of(record, content, arrays)
-        except InputError as error:
-            raise InputError(f"{path}: not a complete {what}: {error}") from error
 
     return read_settled(Destination(path.parent), read)
 

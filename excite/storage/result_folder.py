@@ -11,7 +11,7 @@ from pathlib import Path
 from uuid import uuid4
 
 from excite.registry import FIGURE_FORMATS
-from excite.storage.atomic import MANIFEST, NEXT, Destination, replacing, writing
+from excite.storage.atomic import MANIFEST, NEXT, Destination, write_bytes, writing
 from excite.storage.commit import Read, clear, commit, locked, read_settled, settle, staging
 from excite.storage.manifest import (
     Entry,
@@ -30,11 +30,7 @@ LISTED = 1000  # files of a folder that a manifest lists; more have one hash
 
 @contextmanager
 def result_folder(folder: Path) -> Iterator[str]:
-    """Make a folder if it does not exist, and be its only writer in the block.
-
-    What an interrupted run has left there is put in place or removed first. If the block ends with an error, what was
-    made of the folder is removed, where it is still empty.
-    """
+    """Be the only writer of a folder, which is made, or cleared of what an interrupted run has left, in the block."""
     with _sole_writer(Destination(folder)):
         yield uuid4().hex
 
@@ -155,8 +151,7 @@ def write_file(path: Path, content: bytes, *, replace: bool) -> None:
     """Write one file; one that is there is replaced only where that is asked for."""
     with result_file(path):
         check_free(path, replace=replace)
-        with replacing(path, "wb") as stream:
-            stream.write(content)
+        write_bytes(path, content)
 
 
 def check_free(path: Path, *, replace: bool) -> None:

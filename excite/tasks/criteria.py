@@ -257,15 +257,10 @@ class MaxDeviation(Criterion):
 
 @dataclass(frozen=True, eq=False)
 class TorqueCriterion(Criterion):
-    """A function of the variances of predicted torques.
+    """A function of the variances of predicted torques."""
 
-    Parameters
-    ----------
-    rows : ndarray, shape (K, b), optional
-        ``Y``, rows of the torques in the columns of M. If not given, a design takes those of its task motion; of M
-        alone, each single parameter is one.
-    """
-
+    # (K, b) ``Y``, rows of the torques in the columns of M. If not given, a design takes those of its task motion; of M
+    # alone, each single parameter is one
     rows: Array | None = None
 
     def of_rows(self, rows: Array) -> Self:
@@ -274,19 +269,7 @@ class TorqueCriterion(Criterion):
 
     @abstractmethod
     def of_variances(self, variances: Array, sharpness: float) -> tuple[float, Array]:
-        """Logarithm of the deviation that counts, or an approximation, and each row's share of its slope.
-
-        Parameters
-        ----------
-        variances : ndarray, shape (K,)
-        sharpness : float
-
-        Returns
-        -------
-        value : float
-        share : ndarray, shape (K,)
-            ``2 v_k df/dv_k``, of sum 1.
-        """
+        """Logarithm f of the deviation that counts, or an approximation, and shares ``2 v_k df/dv_k``, of sum 1."""
 
     def smooth(self, M: Array, sharpness: float) -> tuple[float, Array]:
         """``G = -(1/2) sum_k (w_k / v_k) c_k c_k'`` with ``c_k = M^-1 y_k'`` and the shares w of `of_variances`."""

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from excite.storage.atomic import Destination, replacing
+from excite.storage.atomic import Destination, write_bytes
 from excite.storage.commit import settle
 from regressors.arguments import checked
 from regressors.errors import InputError, NumericalError
@@ -75,9 +75,9 @@ def friction_of(text: str, source: str) -> FrictionCurves:
     return _curves(parse_document(text, source))
 
 
-def friction_of_content(content: Mapping[str, Any], source: str = "friction_curves") -> FrictionCurves:
+def friction_of_content(content: Mapping[str, Any]) -> FrictionCurves:
     """Curves that `friction_content` describes."""
-    return _curves(Document(source, dict(content), {}))
+    return _curves(Document("friction_curves", dict(content), {}))
 
 
 def kept_curves(curves: FrictionCurves | Mapping[str, Any]) -> FrictionCurves:
@@ -166,9 +166,7 @@ def _made(model: str, given: Mapping[str, Any]) -> FrictionCurve:
 
 def write_friction(curves: FrictionCurves, path: Path) -> None:
     """Write curves to a file that reads back to the same numbers."""
-    text = friction_text(curves)  # which may refuse them
-    with replacing(path) as stream:
-        stream.write(text)
+    write_bytes(path, friction_text(curves).encode("utf-8"))
 
 
 def friction_content(curves: FrictionCurves) -> dict[str, Any]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from excite.registry import MODELS
+from excite.tasks.limit_choice import Side
 from excite.tasks.option import essential, option
 
 CONTROLLERS = ("ur", "franka", "kuka", "abb", "urdf")
-Side = tuple[float | None, float | None]
 
 
 @dataclass(frozen=True)

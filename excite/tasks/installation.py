@@ -104,4 +104,4 @@ class Installation:
 
         if isinstance(self.payload, UnopenedFile):
             raise self.payload.missing()
-        return installed(robot, self.gravity, self.mount, self.payload, self.locked_drives)
+        return installed(robot, self)

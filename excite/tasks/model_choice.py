@@ -11,6 +11,7 @@ from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 from excite.registry import WINDOWS, OwnPart, check_part, part
+from excite.tasks.installation import Triple
 from excite.tasks.model_options import FURTHER_TERMS, DriveChoice, check_choice, numbers_of, options_of_model
 from excite.tasks.option import essential, option, strict
 from excite.tasks.stored_files import UnopenedFile
@@ -23,8 +24,6 @@ if TYPE_CHECKING:  # modules that describe options must import quickly
     from regressors.robot.columns import Terms
     from regressors.robot.friction.curves import FrictionCurves
     from regressors.robot.robot import Robot
-
-Triple = tuple[float, float, float]
 
 FURTHER_FRICTION = tuple(FURTHER_TERMS.values())
 FRICTION = ("friction", *FURTHER_FRICTION)

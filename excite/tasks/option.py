@@ -17,8 +17,9 @@ from typing import Any, Literal
 
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.stored_files import UnopenedFile
+from regressors.arguments import Unfit, fit, rule_of
 from regressors.errors import InputError, UnknownName
-from regressors.quantities import QUANTITIES, check, number_of, shown
+from regressors.quantities import QUANTITIES, check, number_of
 
 Kind = Literal[
     "flag", "integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "names", "name", "text", "file",
@@ -111,12 +112,8 @@ def strict(part: Any) -> None:
             if value is None and field.default is not None and option.kind != "margin":
                 raise InputError(f"{field.name}: expected {EXPECTED[option.kind]}, given nothing")
             continue
-        try:
-            plain = _KINDS[option.kind][0](value)
-            if option.kind == "name" and option.part is None and not isinstance(plain, str):
-                raise _Unfit
-        except _Unfit as error:
-            raise InputError(f"{field.name}: expected {EXPECTED[option.kind]}, given {shown(value)}") from error
+        named = option.kind == "name" and option.part is None
+        plain = fit(field.name, value, (_text, EXPECTED["name"]) if named else _KINDS[option.kind])
         if (option.kind in _NUMBERS and not isinstance(plain, UnopenedFile)) or (
             option.kind in ("prior", "margin", "count") and isinstance(plain, Real)
         ):
@@ -124,34 +121,24 @@ def strict(part: Any) -> None:
         object.__setattr__(part, field.name, plain)
 
 
-class _Unfit(TypeError):
-    """A value of another type."""
-
-
 def _number(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise _Unfit
+        raise Unfit
     try:
         return float(value)
     except OverflowError as error:
-        raise _Unfit from error
-
-
-def _integer(value: object) -> int:
-    if isinstance(value, bool) or not isinstance(value, Integral):
-        raise _Unfit
-    return int(value)
+        raise Unfit from error
 
 
 def _flag(value: object) -> bool:
     if not isinstance(value, bool):
-        raise _Unfit
+        raise Unfit
     return value
 
 
 def _sequence(value: Any) -> Sequence[Any]:
     if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) == 0:
-        raise _Unfit
+        raise Unfit
     return list(value)
 
 
@@ -162,7 +149,7 @@ def _numbers(value: object) -> tuple[float, ...]:
 def _ranges(value: object) -> tuple[tuple[float, float], ...]:
     pairs = [_numbers(pair) for pair in _sequence(value)]
     if any(len(pair) != 2 for pair in pairs):
-        raise _Unfit
+        raise Unfit
     return tuple((pair[0], pair[1]) for pair in pairs)
 
 
@@ -174,20 +161,19 @@ def _triple(value: object) -> tuple[float, ...]:
     return tuple(_number(x) for x in _sequence(value))
 
 
-def _pose(value: object) -> str | tuple[float, ...]:
-    return value if isinstance(value, str) else _numbers(value)
-
-
-def _poses(value: object) -> tuple[tuple[float, ...], ...]:
-    return tuple(_numbers(pose) for pose in _sequence(value))
-
-
 def _name(value: object) -> object:
     if isinstance(value, Integral) and not isinstance(value, bool):
         return str(value)  # of a joint
     if isinstance(value, bool | Real | None):
-        raise _Unfit
+        raise Unfit
     return value
+
+
+def _text(value: object) -> str:
+    name = _name(value)
+    if not isinstance(name, str):
+        raise Unfit
+    return name
 
 
 def _names(value: object) -> tuple[object, ...]:
@@ -200,33 +186,29 @@ def _drives(value: object) -> object:
         return value
     if isinstance(value, str) and value in (ALL, NONE):
         return value == ALL
-    names = (_name(value),) if isinstance(value, str | Integral) else tuple(_name(x) for x in _sequence(value))
-    if not all(isinstance(name, str) and name for name in names):
-        raise _Unfit
+    names = tuple(map(_text, [value] if isinstance(value, str | Integral) else _sequence(value)))
+    if not all(names):
+        raise Unfit
     return tuple(dict.fromkeys(names)) or False
 
 
 def _parameters(value: object) -> dict[str, float]:
     if not isinstance(value, Mapping) or not all(isinstance(name, str) for name in value):
-        raise _Unfit
+        raise Unfit
     numbers = {name: _number(number) for name, number in value.items()}
     if not all(map(math.isfinite, numbers.values())):
-        raise _Unfit
+        raise Unfit
     return numbers
-
-
-def _any(value: object) -> object:
-    return value
 
 
 def _folders(value: object) -> tuple[object, ...]:
     """Folders, or objects that were read from them; one alone too."""
     several = hasattr(value, "__iter__") and not isinstance(value, str | bytes | Mapping)
     if hasattr(value, "dtype"):
-        raise _Unfit
+        raise Unfit
     folders = tuple(value) if several else (value,)  # type: ignore[arg-type]
     if any(each is None or isinstance(each, bool | Real | bytes | Mapping) or each == "" for each in folders):
-        raise _Unfit
+        raise Unfit
     return tuple(str(each) if isinstance(each, Path) else each for each in folders)
 
 
@@ -239,7 +221,7 @@ def _mount(value: object) -> str | tuple[float, ...]:
         return value
     angles = _numbers(value)
     if len(angles) != 3:
-        raise _Unfit
+        raise Unfit
     return angles
 
 
@@ -266,7 +248,7 @@ def _precision(value: object) -> PrecisionTarget:
     try:
         return PrecisionTarget(share_of(value))
     except ValueError as error:
-        raise error if isinstance(error, InputError) else _Unfit from error
+        raise error if isinstance(error, InputError) else Unfit from error
 
 
 def share_of(text: str) -> float:
@@ -274,36 +256,37 @@ def share_of(text: str) -> float:
     return number_of(text.removesuffix("%").rstrip()) / 100.0 if text.endswith("%") else number_of(text)
 
 
+_as_it_is = rule_of(object)[0]
 _KINDS: dict[Kind, tuple[Callable[[Any], Any], str]] = {  # conversion, and what is expected
     "flag": (_flag, "true or false"),
-    "integer": (_integer, "a whole number"),
+    "integer": rule_of(int),
     "number": (_number, "a number"),
     "numbers": (_numbers, "a number, or a list of numbers"),
-    "frame": (_any, "three numbers, or six"),
-    "sides": (_any, "one side, three, or a pair [lower, upper] for each of x, y, z"),
+    "frame": (_as_it_is, "three numbers, or six"),
+    "sides": (_as_it_is, "one side, three, or a pair [lower, upper] for each of x, y, z"),
     "ranges": (_ranges, "a list of pairs [lower, upper]"),
     "box": (_box, "a pair [lower, upper] for each of x, y, z"),
     "triple": (_triple, "three numbers"),
-    "pose": (_pose, "a list of numbers, one per joint"),
-    "poses": (_poses, "a list of poses"),
+    "pose": (lambda value: value if isinstance(value, str) else _numbers(value), "a list of numbers, one per joint"),
+    "poses": (lambda value: tuple(map(_numbers, _sequence(value))), "a list of poses"),
     "names": (_names, "a list of names"),
     "name": (_name, "a name"),
     "text": (_name, "a name"),
-    "file": (_any, "the name of a file, or its content"),
+    "file": (_as_it_is, "the name of a file, or its content"),
     "prior": (_prior, "a relative uncertainty, or parameters with value and deviation"),
     "margin": (_or_word(MARGINS, _number), f"a number, {' or '.join(MARGINS)}"),
-    "count": (_or_word(COUNTS, _integer), f"a whole number, or {AUTO}"),
+    "count": (_or_word(COUNTS, rule_of(int)[0]), f"a whole number, or {AUTO}"),
     "mount": (_mount, f"{', '.join(MOUNTS)}, or roll, pitch and yaw"),
     "payload": (_payload, "a list of numbers, or the name of a file"),
     "drives": (_drives, "all, none, or names or numbers of drives"),
     "parameters": (_parameters, "standard parameters, each with a finite number"),
     "folders": (_folders, "results or designs, or their folders"),
     "precision": (_precision, "a share such as 0.05, or a precision target"),
-    "size": (_any, f"{AUTO}, a number, or a list of numbers"),
-    "time": (_any, f"{AUTO}, or a number"),
-    "distance": (_any, f"{AUTO}, or a number"),
-    "impacts": (_any, "a list of impacts"),
+    "size": (_as_it_is, f"{AUTO}, a number, or a list of numbers"),
+    "time": (_as_it_is, f"{AUTO}, or a number"),
+    "distance": (_as_it_is, f"{AUTO}, or a number"),
+    "impacts": (_as_it_is, "a list of impacts"),
     "several": (_names, "some of its names"),
-    "percent": (_any, "a share, on the command line in per cent"),
+    "percent": (_as_it_is, "a share, on the command line in per cent"),
 }
 EXPECTED: dict[Kind, str] = {kind: expected for kind, (_, expected) in _KINDS.items()}

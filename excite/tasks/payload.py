@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict, create_model
 
+from excite.tasks.installation import Installation
 from excite.tasks.option import MOUNTS
 from regressors.arguments import checked
-from regressors.errors import InputError
+from regressors.errors import InputError, about
 from regressors.models.load import LOAD_PARAMETERS, LoadModel, Sensor
 from regressors.quantities import check
 from regressors.readers.documents import Load, read_document, validate
@@ -95,31 +96,23 @@ _LOAD: type[BaseModel] = create_model(
 def read_load(path: Path) -> Payload:
     """Read a load file with the keys m, mcx ... Izz; missing ones are zero."""
     values = validate(read_document(path, "load file"), _LOAD).model_dump()
-    try:
+    with about(str(path)):
         return Payload([values[name] for name in LOAD_PARAMETERS])
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
 
 
-def installed(
-    robot: Robot,
-    gravity: Sequence[float] | None,
-    mount: str | Sequence[float] | None,
-    payload: tuple[float, ...] | str | None,
-    locked_drives: Sequence[str] | None,
-) -> Robot:
-    """The robot as mounted and as equipped, see `excite.tasks.installation.Installation`."""
-    if gravity is not None:
-        robot = robot.replace(gravity=np.array(gravity))
-    if mount is not None:
-        angles = MOUNTS[mount] if isinstance(mount, str) else mount
+def installed(robot: Robot, by: Installation) -> Robot:
+    """The robot as mounted and as equipped."""
+    if by.gravity is not None:
+        robot = robot.replace(gravity=np.array(by.gravity))
+    if by.mount is not None:
+        angles = MOUNTS[by.mount] if isinstance(by.mount, str) else by.mount
         g = float(np.linalg.norm(robot.gravity))
         turned = rotation_from_rpy(angles).T @ robot.gravity
         robot = robot.replace(gravity=np.where(np.abs(turned) < 1e-15 * g, 0.0, turned))
-    if isinstance(payload, tuple) and (last := robot.links[-1]).theta is not None:
-        theta = last.theta + payload_parameters(payload)
+    if isinstance(by.payload, tuple) and (last := robot.links[-1]).theta is not None:
+        theta = last.theta + payload_parameters(by.payload)
         robot = robot.replace(links=(*robot.links[:-1], Link(last.name, theta, last.number)))
-    return robot if locked_drives is None else with_locked_drives(robot, locked_drives)
+    return robot if by.locked_drives is None else with_locked_drives(robot, by.locked_drives)
 
 
 def payload_parameters(payload: tuple[float, ...]) -> Array:

@@ -119,19 +119,15 @@ _INTERPOLATED = 1e-3  # the same of samples
 
 
 def broken_limits(source: MotionSource) -> tuple[LimitUse, ...]:
-    """Limits of positions, velocities, accelerations, jerks and torques that a motion breaks, the worst first.
-
-    Of a motion with coefficients the extrema over continuous time are exact, but for torques, which are looked at at
-    4000 instants. A motion from a file is looked at in its samples, positions and velocities also at three instants
-    between each two, and may pass a limit by 0.1 %; accelerations between samples depend on what interpolates them, and
-    its jerk is not known. Torques count, without a reserve, where the task keeps to their limits and the description
-    states what they need; not those of a friction plan.
-    """
+    """Limits of positions, velocities, accelerations, jerks and torques that a motion breaks, the worst first."""
     return played_uses(source)[1]
 
 
 def played_uses(source: MotionSource) -> tuple[tuple[LimitUse, ...], tuple[LimitUse, ...]]:
-    """Use of each limit of a motion, and those of them that it breaks, the worst first, see `broken_limits`."""
+    """Use of each limit of a motion, and those of them that it breaks, the worst first."""
+    # Of a motion with coefficients the extrema over continuous time are exact, but for torques. One from a file is
+    # looked at in its samples, positions and velocities also between them, and may pass a limit by 0.1 %: accelerations
+    # between samples depend on what interpolates them, and its jerk is not known.
     linear, motion = linear_limits(moving_robot(source.robot, source.task)), source.motion
     if isinstance(motion, Trajectory):
         exact = [use for limit in linear for use in limit_uses(limit, motion.extrema(limit))]
@@ -173,18 +169,11 @@ def _torque_limits(source: MotionSource) -> Sequence[Constraint]:
 
 def _extended(before: Extrema | None, values: Array, time: Array) -> Extrema:
     """Extrema of functions, shape (N, k), at further instants too."""
-    columns = np.arange(values.shape[1])
-    lowest, highest = values.argmin(axis=0), values.argmax(axis=0)
-    seen = Extrema(values[lowest, columns], values[highest, columns], time[lowest], time[highest])
-    if before is None:
-        return seen
-    lower, higher = seen.low < before.low, seen.high > before.high
-    return Extrema(
-        np.where(lower, seen.low, before.low),
-        np.where(higher, seen.high, before.high),
-        np.where(lower, seen.low_time, before.low_time),
-        np.where(higher, seen.high_time, before.high_time),
-    )
+    times = np.broadcast_to(time[:, None], values.shape)
+    if before is not None:
+        values = np.vstack([before.low, before.high, values])
+        times = np.vstack([before.low_time, before.high_time, times])
+    return Extrema.among(values.T, times.T)
 
 
 def _uses_at(source: MotionSource, limits: Sequence[Constraint], parts: int = 1) -> list[LimitUse]:

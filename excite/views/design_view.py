@@ -7,11 +7,15 @@ from typing import Any
 
 from excite.design.design import Design, between_samples_text
 from excite.design.design_folder import design_content
+from excite.design.start_results import or_infinite
 from excite.design.stated_limits import collisions_unchecked, kept_headline, kept_text
 from excite.information.matrix import CONVENTIONS
-from excite.information.precision_forecast import ParameterPrecision
+from excite.information.precision_forecast import ParameterPrecision, PrecisionForecast, PrecisionSearch
 from excite.information.weighting import minimised_text
+from excite.optimality.design_bound import stored_bound
 from excite.registry import name_of
+from excite.study.period_search import runs_text
+from excite.views.comparison_view import bound_view
 from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, number, texts
 from regressors.errors import listed_names
 
@@ -33,19 +37,26 @@ _DRAWN = (
 
 def design_view(design: Design, *, whole: bool = True) -> View:
     """View of a design; unless it is whole, without figures and sentences that need parts of the user's own."""
-    content, bound = design_content(design), _bound(design)
-    new = design if whole else None
+    content, known = design_content(design), stored_bound(design)
+    bound = None if known is None else bound_view(known)
+    sought = design.precision if whole else None
+    guesses = [(each.index, each.history[0]) for each in design.starts if each.history] if whole else []
     return View(
         kind="design",
         title=design.name,
-        verdict=f"{_held(design)}; condition number {design.condition_number:.4g}{_guesses(new)}",
-        holds=design.feasible and (new is None or new.precision is None or new.precision.met),
+        verdict=f"{_held(design)}; condition number {design.condition_number:.4g}{_guesses(design, guesses)}",
+        holds=design.feasible and (sought is None or sought.met),
         caution=bool(collisions_unchecked(each.limit for each in design.unchecked)),
-        summary=(*_precision(new), *_asked(new), _kept(design, content), *_transfers(new)),
+        summary=(
+            *(() if sought is None else _precision(design, sought)),
+            *(_asked(design) if whole else ()),
+            _kept(design, content),
+            *(_transfers(design) if whole else ()),
+        ),
         remarks=(*content["notes"], *(() if bound is None else bound.remarks)),
         tables=(
             _limits("limits", "Margins of the limits over continuous time", content["limits"]),
-            *_tried(new),
+            *(() if sought is None or sought.met else _tried(design.precision_search)),
             _conditions(content),
             *(() if bound is None else bound.tables),
             *(
@@ -54,26 +65,15 @@ def design_view(design: Design, *, whole: bool = True) -> View:
                 if name in content["played"]
             ),
             _predictions(design, content),
-            *_half_widths(new),
-            _starts(content["solver"], {} if new is None else {s.index: s.history[0] for s in new.starts if s.history}),
+            *(() if sought is None else (_half_widths(sought),)),
+            _starts(content["solver"], dict(guesses)),
             *_harmonics(content["solver"]),
         ),
         asked=asked(content["task"], _ASKED),
-        figures=() if new is None else design_figures(new),
+        figures=design_figures(design) if whole else (),
         filed="design",
         facts={"robot": content["robot"]["name"], "robot_sha256": content["robot"]["sha256"], **content["provenance"]},
     )
-
-
-def _bound(design: Design) -> View | None:
-    """View of the bound in the design's folder, which few have: what it needs is imported where there is one."""
-    if design.folder is None or not (design.folder / "bound.json").exists():
-        return None
-    from excite.optimality.design_bound import stored_bound
-    from excite.views.comparison_view import bound_view
-
-    bound = stored_bound(design)
-    return None if bound is None else bound_view(bound)
 
 
 def design_figures(design: Design) -> tuple[Drawing, ...]:
@@ -98,17 +98,15 @@ def _held(design: Design) -> str:
     return held[:1].upper() + held[1:]
 
 
-def _guesses(design: Design | None) -> str:
+def _guesses(design: Design, guesses: Sequence[tuple[int, float]]) -> str:
     """Condition numbers of the initial guesses, where it is the condition number that was minimised."""
-    values = [] if design is None else [each.history[0] for each in design.starts if each.history]
-    if design is None or not values or minimised_text(design.task) != _CONDITION:
+    values = [value for _, value in guesses]
+    if not values or minimised_text(design.task) != _CONDITION:
         return ""
     return f" (initial guesses: {min(values):.4g}" + (f" to {max(values):.4g})" if len(values) > 1 else ")")
 
 
-def _asked(design: Design | None) -> Iterator[str]:
-    if design is None:
-        return
+def _asked(design: Design) -> Iterator[str]:
     task, minimised = design.task, minimised_text(design.task)
     value = "" if minimised == _CONDITION else f" ({design.minimised_value:.4g})"
     worth = ""  # of more rounds of the search
@@ -131,10 +129,8 @@ def _kept(design: Design, content: Mapping[str, Any]) -> str:
     return f"{kept}; the search was interrupted" if content["interrupted"] else kept
 
 
-def _transfers(design: Design | None) -> Iterator[str]:
+def _transfers(design: Design) -> Iterator[str]:
     """Sentences on approach and return, and on the limits between the samples of the file."""
-    if design is None:
-        return
     if (both := design.approach_and_return) is not None:
         names = {"approach": "approach from home", "return": "return to home"}
         for segment, transfer in both.transfers.items():
@@ -151,19 +147,14 @@ def _transfers(design: Design | None) -> Iterator[str]:
         yield between_samples_text(design, design.between_samples)
 
 
-def _precision(design: Design | None) -> Iterator[str]:
+def _precision(design: Design, forecast: PrecisionForecast) -> Iterator[str]:
     """Runs, robot time and the worst parameter, where a precision is asked for; what is too wide, and why."""
-    if design is None or design.precision is None:
-        return
-    forecast, search = design.precision, design.precision_search
-    from excite.study.period_search import runs_text
-
     text = runs_text(forecast.runs, forecast.seconds)
     if forecast.met:
         yield f"{text}; worst parameter {_width(forecast.worst)}"
         return
     wide, asked = forecast.too_wide, sum(p.allowed is not None for p in forecast.parameters)
-    most = design.task.objective.max_time
+    most, search = design.task.objective.max_time, design.precision_search
     yield f"out of reach within {most:g} s: after {text}, {len(wide)} of {asked} parameters are too wide"
     if search is None or search.out_of_reach is None:
         yield f"worst parameter {_width(wide[0])}"
@@ -192,12 +183,13 @@ def _limits(name: str, title: str, uses: Sequence[Mapping[str, Any]]) -> ViewTab
         Column("used", Format.PERCENT, brief=True, missing="far from it"),
         *headed("margin, at [s], holds:kept"),
     )
-    ranked = sorted(uses, key=lambda use: (use["holds"], -_used(use)))
+    ranked = sorted(uses, key=lambda use: (use["holds"], -or_infinite(use["use"])))
     # far inside a limit on one side, as of a distance, the part that is used says nothing
     rows = tuple(
         (
-            u["label"], u["extreme"], u["bound"], u["unit"], _used(u) if _used(u) >= 0 or not u["holds"] else None,
-            u["margin"], u["time"], u["holds"],
+            u["label"], u["extreme"], u["bound"], u["unit"],
+            used if (used := or_infinite(u["use"])) >= 0 or not u["holds"] else None, u["margin"], u["time"],
+            u["holds"],
         )
         for u in ranked
     )  # fmt: skip
@@ -207,13 +199,8 @@ def _limits(name: str, title: str, uses: Sequence[Mapping[str, Any]]) -> ViewTab
     return ViewTable(name, title, columns, rows, marked=broken, most=_NEAR, **how)
 
 
-def _used(use: Mapping[str, Any]) -> float:
-    return float("inf") if use["use"] is None else float(use["use"])
-
-
-def _tried(design: Design | None) -> tuple[ViewTable, ...]:
+def _tried(search: PrecisionSearch | None) -> tuple[ViewTable, ...]:
     """Changes of the problem, where the precision that was asked for is out of reach."""
-    search = None if design is None or design.precision is None or design.precision.met else design.precision_search
     if search is None or search.out_of_reach is None or not search.out_of_reach.trials:
         return ()
     columns = (*texts("tried, one at a time", brief=True), *headed("*narrower [times], *robot time [s]:4"))
@@ -260,10 +247,8 @@ def _at_the_motor(side: Mapping[str, Any] | None) -> str:
     return "" if side is None else f"{side['name']}: {side['standard_deviation']:.3g} {side['unit']}"
 
 
-def _half_widths(design: Design | None) -> tuple[ViewTable, ...]:
+def _half_widths(forecast: PrecisionForecast) -> ViewTable:
     """Predicted and allowed half-width of every parameter, where a precision is asked for."""
-    if design is None or (forecast := design.precision) is None:
-        return ()
     title = (
         f"Half-widths of {100 * forecast.level:g} % intervals after {number(forecast.runs, 'run')}, "
         f"with probability {100 * forecast.probability:g} %"
@@ -271,13 +256,13 @@ def _half_widths(design: Design | None) -> tuple[ViewTable, ...]:
     rows = tuple(
         (p.name, p.half_width, p.allowed, p.unit, None if p.allowed is None else p.use) for p in forecast.parameters
     )
-    return (ViewTable("half-widths", title, headed("parameter:text, half-width, allowed, unit:unit, used:%"), rows),)
+    return ViewTable("half-widths", title, headed("parameter:text, half-width, allowed, unit:unit, used:%"), rows)
 
 
 def _starts(solver: Mapping[str, Any], began: Mapping[int, float]) -> ViewTable:
     """How each start ended, the best first."""
     columns = headed("start, began at, ended at, iterates, CPU [s], how it ended:text")
-    starts = sorted(solver["starts"], key=lambda s: float("inf") if s["value"] is None else s["value"])
+    starts = sorted(solver["starts"], key=lambda s: or_infinite(s["value"]))
     rows = tuple(
         (s["index"], began.get(s["index"]), s["value"], s["iterations"], s["cpu_seconds"], s["status"])
         for s in starts[:_MOST_STARTS]

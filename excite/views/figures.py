@@ -122,7 +122,7 @@ _PNG_COMPRESSION = 3  # of 9; the default, 6, takes half as long again for files
 _PNG_FONTS: Any = {"font.sans-serif": ["DejaVu Sans"]}  # matplotlib brings it along; others, for SVG, are looked up
 
 
-def drawn_figures(drawn: Drawn, width: str = "screen") -> dict[str, Figure]:
+def drawn_figures(drawn: Drawn, width: str) -> dict[str, Figure]:
     """Draw figures, unless they are drawn, in the style of a width, with all text literal."""
     with drawing_style(width):
         figures = dict(drawn() if callable(drawn) else drawn)
@@ -204,11 +204,7 @@ _LEFT_OUT = ("metadata", "style")
 
 
 def svg_text(figure: Figure, prefix: str, label: str) -> str:
-    """A figure as an ``<svg>`` element, to stand in an HTML page.
-
-    Styles become attributes, so that a page can forbid inline styles; coordinates are rounded to 0.01 pt. Where the
-    text would be longer than 300,000 characters, as of the torques of a long log, curves are drawn as a picture in it.
-    """
+    """A figure as an ``<svg>`` element without inline styles, to stand in a page; very long curves are a picture."""
     literal(figure)
     text = _drawn(figure)
     if len(text) > LARGE:

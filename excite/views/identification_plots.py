@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -47,38 +48,29 @@ _QUANTITIES = {"Nm": "torque", "N": "force", "J": "work", "N s": "impulse", "Nm 
 _LARGE = 0.5  # relative error above which the note is highlighted
 
 
-def draw_fit(
-    panels: tuple[Axes, Axes],
-    timeline: Timeline,
-    time: Array,
-    log: Index,
-    fit: tuple[Array, Array],
-    equation: tuple[str, str],
-    *,
-    bottom: bool,
-) -> None:
+Rows = tuple[Array, Index, Array, Array]  # time, log, measured and predicted value of each row of an equation
+
+
+def fit_figure(
+    title: str, logs: Sequence[str], equations: Sequence[tuple[str, str]], rows: Sequence[Rows], label: str
+) -> Figure:
     """Draw measured values, predicted ones on top of them, and their difference in a panel below, on its own scale."""
-    # time (m,); log (m,); fit (m,)
-    (measured, predicted), (name, unit) = fit, equation
-    upper, lower = panels
-    upper.plot(*timeline.curve(time, log, measured), **MEASURED)
-    upper.plot(*timeline.curve(time, log, predicted), **PREDICTED)
-    lower.axhline(0.0, color=GREY, linewidth=0.6)
-    draw_values(lower, timeline, time, log, measured - predicted)
-    timeline.dress(upper, bottom=False)
-    timeline.dress(lower, bottom=bottom)
-    value_axis(upper, f"{_QUANTITIES.get(unit, 'value')} [{unit}]")
-    value_axis(lower, f"residual\n[{unit}]", 3)
-    head(upper, name, *error_note(measured, predicted, unit))
-
-
-def fit_legend(count: int, predicted: str) -> list[Artist]:
-    """Entries of a legend for `draw_fit`."""
-    return [
-        Line2D([], [], **MEASURED, label="measured"),
-        Line2D([], [], **PREDICTED, label=predicted),
-        *values_legend(count, "residual"),
-    ]
+    figure, panels = fit_panels(len(equations), title)
+    times, of_logs, *_ = map(np.concatenate, zip(*rows, strict=True))
+    timeline = Timeline.of(logs, times, of_logs)
+    for (upper, lower), (name, unit), (time, log, measured, predicted) in zip(panels, equations, rows, strict=True):
+        upper.plot(*timeline.curve(time, log, measured), **MEASURED)
+        upper.plot(*timeline.curve(time, log, predicted), **PREDICTED)
+        lower.axhline(0.0, color=GREY, linewidth=0.6)
+        draw_values(lower, timeline, time, log, measured - predicted)
+        timeline.dress(upper, bottom=False)
+        timeline.dress(lower, bottom=lower is panels[-1][1])
+        value_axis(upper, f"{_QUANTITIES.get(unit, 'value')} [{unit}]")
+        value_axis(lower, f"residual\n[{unit}]", 3)
+        head(upper, name, *error_note(measured, predicted, unit))
+    both = [Line2D([], [], **MEASURED, label="measured"), Line2D([], [], **PREDICTED, label=label)]
+    legend_below(figure, [*both, *values_legend(max(time.size for time, *_ in rows))])
+    return figure
 
 
 def envelope(values: Array, bins: int) -> tuple[Index, Array]:
@@ -106,13 +98,13 @@ def draw_values(ax: Axes, timeline: Timeline, time: Array, log: Index, values: A
         ax.plot(places, middle, color=DARK, linewidth=_CURVE)
 
 
-def values_legend(count: int, name: str) -> list[Artist]:
+def values_legend(count: int) -> list[Artist]:
     """Entries of a legend for what `draw_values` draws."""
     if count < DENSE:
-        return [Line2D([], [], color=DARK, linewidth=_CURVE, label=name)]
+        return [Line2D([], [], color=DARK, linewidth=_CURVE, label="residual")]
     return [
-        Line2D([], [], color=DARK, linewidth=_CURVE, label=f"median of the {name}s"),
-        Patch(color=SKY, label=f"90 % of the {name}s"),
+        Line2D([], [], color=DARK, linewidth=_CURVE, label="median of the residuals"),
+        Patch(color=SKY, label="90 % of the residuals"),
         Patch(color=_ALL, label="all of them"),
     ]
 
@@ -141,18 +133,12 @@ _ALIKE = 0.01  # relative; logs whose sample times differ by less share an axis 
 
 def torques_figure(result: Identification) -> Figure:
     """Draw measured and predicted values of the equations over time."""
-    curves, equations = result.curves, result.equations
-    timeline = Timeline.of(result.log_names, curves.time, curves.log)
-    error = relative_error(curves.measured, curves.predicted)
+    c = result.curves
+    error = relative_error(c.measured, c.predicted)
     title = f"{result.robot.name}: measured and predicted, relative error {error} over all equations"
-    count = len(equations)
-    figure, rows = fit_panels(count, title)
-    for j, (equation, both) in enumerate(zip(equations, rows, strict=True)):
-        own = curves.equation == j
-        time, log, fit = curves.time[own], curves.log[own], (curves.measured[own], curves.predicted[own])
-        draw_fit(both, timeline, time, log, fit, equation, bottom=j == count - 1)
-    legend_below(figure, fit_legend(int(np.bincount(curves.equation).max()), "predicted by the estimate"))
-    return figure
+    of_equation = (c.equation == j for j in range(len(result.equations)))
+    rows = [(c.time[own], c.log[own], c.measured[own], c.predicted[own]) for own in of_equation]
+    return fit_figure(title, result.log_names, result.equations, rows, "predicted by the estimate")
 
 
 def residuals_figure(result: Identification) -> Figure:
@@ -177,7 +163,7 @@ def residuals_figure(result: Identification) -> Figure:
         head(over_time, name, f"rms {rms} {unit}, largest {worst} {unit}")
         _draw_autocorrelation(over_lag, time, log, e, bottom=j == count - 1)
     band = Patch(color=BAND, label="99 % of the autocorrelation of white noise")
-    legend_below(figure, [*values_legend(int(np.bincount(curves.equation).max()), "residual"), band])
+    legend_below(figure, [*values_legend(int(np.bincount(curves.equation).max())), band])
     return figure
 
 

@@ -15,9 +15,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup, escape
 
 from excite.storage.manifest import Entry, check_files, read_manifest
-from excite.views.view import Column, Drawing, Format, View, ViewTable, text_of
+from excite.views.figures import svg_text
+from excite.views.view import Column, Drawing, Format, View, ViewTable, raised, text_of
 from regressors.errors import ExciteError, InputError, percent, printable
 from regressors.samples import Array
 
@@ -50,11 +53,7 @@ class PageCell(NamedTuple):
 
 
 def page_text(sections: Sequence[PageSection]) -> str:
-    """One HTML page.
-
-    Scripts and styles are in the page, and its content policy allows these alone, by their hashes: no others, no
-    network, no frames, no forms.
-    """
+    """One HTML page, whose content policy allows its own scripts and styles alone, by their hashes."""
     moves = any(section.motion is not None for section in sections)
     scripts = [_asset("tables.js"), *([_asset("player.min.js")] if moves else [])]
     style = _asset("style.css") + dark_rules(figure.svg for section in sections for figure in section.figures)
@@ -72,8 +71,6 @@ def page_text(sections: Sequence[PageSection]) -> str:
 
 
 def _template() -> Any:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
     environment = Environment(
         loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -111,11 +108,6 @@ def _cell(column: Column, value: Any, state: str) -> PageCell:
     return PageCell(percent(value, 3) if column.format is Format.PERCENT else number, repr(float(value)), state)
 
 
-def raised(text: str) -> str:
-    """A unit or a sum with raised exponents, such as ``kg m²``."""
-    return text.replace("^2", "²").replace("^3", "³")
-
-
 def _facts(known: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Provenance of a result."""
     shown = {name: value for name, value in known.items() if name not in _LEFT_OUT and value not in (None, [], ())}
@@ -147,8 +139,6 @@ def _data(motion: Any) -> str:
 
 def _with_code(text: str) -> Any:
     """Options in backticks as code, everything escaped."""
-    from markupsafe import Markup, escape
-
     parts = _CODE.split(printable(text))
     code = Markup("<code>{}</code>")
     return Markup("").join(code.format(part) if k % 2 else escape(part) for k, part in enumerate(parts))
@@ -168,10 +158,6 @@ class PageFigure:
 
 def drawn(figures: Sequence[Drawing], prefix: str) -> tuple[tuple[PageFigure, ...], tuple[str, ...]]:
     """Draw figures as SVG; sentences on those that cannot be drawn."""
-    if not figures:
-        return (), ()
-    from excite.views.figures import svg_text
-
     made, left_out = [], []
     for k, each in enumerate(figures):
         try:
@@ -181,22 +167,16 @@ def drawn(figures: Sequence[Drawing], prefix: str) -> tuple[tuple[PageFigure, ..
     return tuple(made), tuple(left_out)
 
 
-def pictures(folder: Path, kind: str, titles: Mapping[str, str]) -> tuple[PageFigure, ...]:
-    """Figures that a result was written with, as PNG or else SVG, where they are still those of its run."""
+def pictures(folder: Path, kind: str, titles: Mapping[str, str]) -> tuple[tuple[PageFigure, ...], tuple[str, ...]]:
+    """Figures that a result was written with, as PNG or else SVG, of its run; what a page says where there are none."""
     entry = read_manifest(folder).get(kind)
     if entry is None:
-        return ()
+        return (), ()
     shown = {name: file for name in titles if (file := _picture(folder, entry, name)) is not None}
     check_files(folder, kind, [*(name for name in entry.files if name.endswith(".json")), *shown.values()])
-    return tuple(PageFigure(titles[name], picture=_address(folder / file)) for name, file in shown.items())
-
-
-def no_pictures(folder: Path, kind: str, titles: Mapping[str, str]) -> tuple[str, ...]:
-    """What a page says where a result has none of its figures as PNG or SVG; see `pictures`."""
-    entry = read_manifest(folder).get(kind)
-    if entry is None or any(_picture(folder, entry, name) for name in titles):
-        return ()
-    return (f"figures of the logs are left out: {folder} has none as PNG or SVG; `figures='png'` writes them",)
+    figures = tuple(PageFigure(titles[name], picture=_address(folder / file)) for name, file in shown.items())
+    none = f"figures of the logs are left out: {folder} has none as PNG or SVG; `figures='png'` writes them"
+    return figures, () if figures else (none,)
 
 
 def _picture(folder: Path, entry: Entry, name: str) -> str | None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import scipy.stats
@@ -65,38 +65,34 @@ def parameters_figure(result: Identification) -> Figure:
     """Draw every parameter with its 99 % interval, beside known values where there are any."""
     reference = result.reference
     compared = reference is not None and bool(np.any(np.isfinite(reference.values)))
-    table = _table(result)
-    numbers = _numbers(result, table, reference if compared else None)
+    rows, height = _rows(result)
+    numbers = _numbers(result, [k for k, _, _ in rows if k is not None], reference if compared else None)
     count, unseen = len(result.estimate.names), len(result.estimate.unseen)
     title = f"{result.robot.name}: {count} parameter{'s' if count != 1 else ''}, 99 % intervals"
     title += f"; {unseen} not identifiable individually" if unseen else ""
-    figure, panels = _layout(table.height, columns_inches(numbers), compared, title)
-    exact = panels[-1]
-    _draw_half_widths(exact, result, table)
-    handles = _draw_differences(panels[0], result, table, reference) if compared and reference is not None else []
+    figure, panels = _layout(height, columns_inches(numbers), compared, title)
+    exact, places = panels[-1], {k: place for k, _, place in rows if k is not None}
+    _draw_half_widths(exact, result, places)
+    handles = _draw_differences(panels[0], result, places, reference) if compared and reference is not None else []
     for ax in panels if len(panels) > columns_that_fit(len(panels), _LEAST_PANEL) else panels[:1]:
-        _write_names(ax, result, table)
+        _write_names(ax, result, rows)
     if column_width() > _LEAST:  # else the numbers have no room
-        write_columns(exact, [place for _, _, place in table.rows], numbers)
+        write_columns(exact, [*places.values()], numbers)
     handles.append(Patch(color=BLUE, label="half-width of the 99 % interval over the value"))
     handles.append(Patch(color=FORBIDDEN, label="interval contains zero"))
     legend_below(figure, handles)
     return figure
 
 
-class _Table(NamedTuple):
-    """Rows of the figure: titles of groups, and the parameters of each with their labels."""
-
-    titles: list[tuple[str, float]]  # each with its place from the top, in heights of a row
-    rows: list[tuple[int, str, float]]  # number, label and place of each parameter
-    height: float  # of all
+Rows = list[tuple[int | None, str, float]]  # number, none of a group's title; label; place from the top, in rows
 
 
-def _table(result: Identification) -> _Table:
+def _rows(result: Identification) -> tuple[Rows, float]:
+    """Titles of groups, each above the parameters of the group, and the height of all."""
     names, base = result.estimate.names, result.target.base
     expressions = dict(zip(base.names, base.expressions, strict=True))
     groups = {column.name: str(column.group) for column in result.target.model.columns}
-    rows: list[tuple[int | None, str]] = []  # titles have no number
+    rows: list[tuple[int | None, str]] = []
     for group, title in _GROUPS.items():
         own = [(k, name) for k, name in enumerate(names) if groups.get(name, "other") == group]
         rows += [(None, title)] if own else []
@@ -104,9 +100,7 @@ def _table(result: Identification) -> _Table:
             label = parameter_label(name, expressions.get(name, name), _EXPRESSION_LENGTH, "result.json")
             rows.append((k, label))
     places, height = row_places([label for _, label in rows])
-    placed = [(k, label, place) for (k, label), place in zip(rows, places.tolist(), strict=True)]
-    titles = [(label, place) for k, label, place in placed if k is None]
-    return _Table(titles, [(k, label, place) for k, label, place in placed if k is not None], height)
+    return [(k, label, place) for (k, label), place in zip(rows, places.tolist(), strict=True)], height
 
 
 def _layout(rows: float, numbers: float, compared: bool, title: str) -> tuple[Figure, list[Axes]]:
@@ -122,20 +116,23 @@ def _layout(rows: float, numbers: float, compared: bool, title: str) -> tuple[Fi
     return figure, panels
 
 
-def _write_names(ax: Axes, result: Identification, table: _Table) -> None:
+def _write_names(ax: Axes, result: Identification, rows: Rows) -> None:
     style: dict[str, Any] = {**_ON_THE_LEFT, "xytext": (-6, 0), "xycoords": ("axes fraction", "data")}
-    for title, place in table.titles:
-        ax.annotate(title, (0.0, place), **style, fontsize=LABEL, fontweight="bold", color=DARK)
-    for row, label, place in table.rows:
-        unseen = result.estimate.names[row] in result.estimate.unseen
-        ax.annotate(label, (0.0, place), **style, fontsize=NOTE, color=GREY if unseen else DARK)
+    for row, label, place in sorted(rows, key=lambda each: each[0] is not None):  # titles first
+        look: dict[str, Any] = {"fontsize": LABEL, "fontweight": "bold", "color": DARK}
+        if row is not None:
+            unseen = result.estimate.names[row] in result.estimate.unseen
+            look = {"fontsize": NOTE, "color": GREY if unseen else DARK}
+        ax.annotate(label, (0.0, place), **style, **look)
 
 
-def _draw_differences(ax: Axes, result: Identification, table: _Table, reference: ReferenceValues) -> list[Artist]:
+def _draw_differences(
+    ax: Axes, result: Identification, places: Mapping[int, float], reference: ReferenceValues
+) -> list[Artist]:
     z = differences(result.estimate.values, result.estimate.half_width, reference.values)
     ax.axvspan(-1.0, 1.0, color=BAND, linewidth=0)
     ax.axvline(0.0, color=DARK, linewidth=0.8)
-    for row, _, place in table.rows:
+    for row, place in places.items():
         if not np.isfinite(z[row]):
             continue
         colour = BLUE if abs(z[row]) <= 1.0 else VERMILLION
@@ -177,7 +174,7 @@ def _scale_differences(ax: Axes, z: Array) -> None:
     ax.xaxis.set_minor_locator(NullLocator())
 
 
-def _draw_half_widths(ax: Axes, result: Identification, table: _Table) -> None:
+def _draw_half_widths(ax: Axes, result: Identification, places: Mapping[int, float]) -> None:
     """Bars of the relative half-widths on a logarithmic axis; those beyond its ends have their numbers written."""
     estimate = result.estimate
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -185,7 +182,7 @@ def _draw_half_widths(ax: Axes, result: Identification, table: _Table) -> None:
     shown = percent[np.isfinite(percent) & (percent > 0)]
     low = float(np.clip(0.5 * shown.min(initial=1.0), _BEST, 0.5))
     ax.axvspan(_UNCLEAR, _WORST, color=FORBIDDEN, linewidth=0, zorder=0.5)
-    for row, _, place in table.rows:
+    for row, place in places.items():
         if not np.isfinite(estimate.values[row]):
             _write_in(ax, place, "not identifiable individually", GREY, "italic")
             continue
@@ -213,9 +210,9 @@ def _beyond(percent: float) -> str:
     return f"{most} % \N{RIGHTWARDS ARROW}"
 
 
-def _numbers(result: Identification, table: _Table, reference: ReferenceValues | None) -> list[NumberColumn]:
+def _numbers(result: Identification, rows: list[int], reference: ReferenceValues | None) -> list[NumberColumn]:
     """Estimates, half-widths and known values, in the order of the rows."""
-    estimate, rows = result.estimate, [k for k, _, _ in table.rows]
+    estimate = result.estimate
     units, halves = [estimate.units[k] for k in rows], estimate.half_width[rows].tolist()
 
     def written(values: Array) -> list[str]:
@@ -278,10 +275,7 @@ def repetitions_figure(repetitions: Repetitions, robot: str) -> Figure:
 
 
 def relative_errors(repetitions: Repetitions) -> Array:
-    """``(estimate - true value) / (t s)`` with the predicted deviation s of all repetitions, shape (R, b).
-
-    t is the quantile of Student's distribution that makes ``t s`` half the width of a 99 % interval.
-    """
+    """``(estimate - true value) / (t s)``, t s the half-width of a 99 % interval as predicted, shape (R, b)."""
     quantile = scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, repetitions.degrees_of_freedom)
     half = quantile * repetitions.predicted_deviation
     error = repetitions.estimates - repetitions.beta

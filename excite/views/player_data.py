@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,18 +11,17 @@ from typing import Any
 import numpy as np
 
 from constraints.collision_limits import Clearance
-from constraints.geometry import Box, HalfSpace, Obstacle, World
+from constraints.geometry import World
 from constraints.linear import LinearConstraint, linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from constraints.shapes import urdf_meshes
 from excite.design.design import Design
 from excite.storage.records import chosen
 from excite.tasks.task import Task
-from excite.views.page_text import raised
+from excite.views.view import raised
 from regressors.errors import InputError
 from regressors.readers.urdf import read_urdf
-from regressors.robot.robot import BASE, Robot
-from regressors.robot.shapes import Capsule
+from regressors.robot.robot import BASE, Robot, placed_bodies
 from regressors.samples import Array, Samples
 
 _JOINT_SIZE = 0.035  # of the robot's reach
@@ -46,36 +45,30 @@ class LimitCourse:
         return float(np.minimum(self.values - self.lower, self.upper - self.values).min())
 
 
-@dataclass(frozen=True, eq=False)
-class PlayedMotion:
-    """A motion of every joint, and functions along it."""
-
-    time: Array  # (N,) [s]
-    q: Array  # (N, n) [rad, rad/s, or with m]
-    dq: Array  # (N, n)
-    segments: tuple[tuple[str, float], ...]  # names and ends [s]
-    courses: Sequence[LimitCourse]
-    about: str  # what the reader must know of the functions
-
-
 def player_data(
-    motion: PlayedMotion, robot: Robot, task: Task, shape: World | None, robot_file: str | None = None
+    motion: Samples,
+    segments: Iterable[tuple[str, float]],  # names and ends [s]
+    courses: Sequence[LimitCourse],
+    robot: Robot,
+    task: Task,
+    shape: World | None,
+    robot_file: str | None,
+    about: str,
 ) -> dict[str, Any]:
-    """Everything that the player of a page needs, as plain values."""
+    """What the player needs of a motion of every joint, as plain values; ``about``: what to know of the functions."""
     number = {BASE: 0, **{body.name: k for k, body in enumerate(robot.bodies, 1)}}
-    courses = motion.courses
     return {
         "bodies": body_data(robot, number),
         "time": _short(motion.time, 9),
         "q": _short(motion.q, 9),
         "dq": _short(motion.dq, 7),
-        "segments": [{"name": name, "end": end} for name, end in motion.segments],
+        "segments": [{"name": name, "end": end} for name, end in segments],
         "limits": [_limit(course, number) for course in courses],
         "values": _short(np.array([course.values for course in courses]).reshape(len(courses), len(motion.time)).T, 5),
         "tip": robot.n - 1,
         "tool": list(task.limits.tool_point),
         "joint_size": _JOINT_SIZE * max(0.1, sum(float(np.linalg.norm(j.translation)) for j in robot.joints)),
-        "about": motion.about,
+        "about": about,
         **player_shapes(robot, task, shape, number, robot_file),
     }
 
@@ -89,15 +82,12 @@ def _short(values: Array, digits: int) -> Any:
 
 def body_data(robot: Robot, number: Mapping[str, int]) -> list[dict[str, Any]]:
     """Links, then branches, each with the joint that carries it."""
-    parents = [0, *(number[link.name] for link in robot.links[:-1])]
-    chain = zip(robot.links, robot.joints, parents, np.eye(robot.n), [0.0] * robot.n, strict=True)
-    branches: Iterator[Any] = ((b, b.joint, number[b.parent], b.coupling, b.offset) for b in robot.branches)
     return [
         {
-            "name": body.name, "parent": parent, "row": row.tolist(), "offset": offset, "kind": joint.kind,
-            **{name: getattr(joint, name).tolist() for name in ("rotation", "translation", "axis")},
+            "name": name, "parent": number[below], "row": row.tolist(), "offset": offset, "kind": joint.kind,
+            **{pose: getattr(joint, pose).tolist() for pose in ("rotation", "translation", "axis")},
         }
-        for body, joint, parent, row, offset in (*chain, *branches)
+        for name, below, joint, row, offset in placed_bodies(robot)
     ]  # fmt: skip
 
 
@@ -133,7 +123,6 @@ def _nearest(group: Sequence[LimitCourse]) -> LimitCourse:
 
 FRAMES = 600  # of the motion in a page; between them it is interpolated
 _PAIRS = 12  # nearest pairs of bodies whose distance is shown
-_TORQUE = " torque"
 _ABOUT = (
     "Torques are computed from the description's parameters; their limits are less the reserve and friction. Values "
     "between samples are interpolated; the certified extremes are in the table of margins."
@@ -145,28 +134,23 @@ def player_motion(design: Design, robot_file: str | None = None) -> dict[str, An
     robot = design.task.limits.applied(design.robot)
     samples, _ = design.sequence.sampled()
     shown = samples.rows(chosen(samples.time.size, FRAMES))
-    ends = tuple((name, end) for name, (_, end) in design.sequence.spans().items())
+    ends = ((name, end) for name, (_, end) in design.sequence.spans().items())
     courses = limit_courses(design, robot, shown)
-    motion = PlayedMotion(shown.time, shown.q, shown.dq, ends, courses, _ABOUT)
-    return player_data(motion, robot, design.task, design.shape, robot_file)
+    return player_data(shown, ends, courses, robot, design.task, design.shape, robot_file, _ABOUT)
 
 
 def limit_courses(design: Design, robot: Robot, samples: Samples) -> list[LimitCourse]:
-    """Every limit of joints, drives, torques, the tool and distances along a motion.
-
-    Where the motion begins and ends at home, limits of every joint, since all of them move on the way; else those of
-    the joints that the design moves.
-    """
+    """Every limit of joints, drives, torques, the tool and distances along a motion."""
+    # of every joint where the motion begins and ends at home, since all of them move on the way
     whole = design.approach_and_return is not None
     joints = robot.joint_names if whole else design.moving.joint_names
     motion = of_some_joints(samples, robot, joints)
     linear = linear_limits(robot if whole else design.moving)
     bodies = bodies_of(robot, joints, linear)
-    courses = [course for limit in linear for course in linear_courses(limit, motion, bodies)]
-    distances: list[LimitCourse] = []
-    for constraint in design.imposed_on(joints) if whole else design.nonlinear:
-        near = isinstance(constraint, Clearance)
-        (distances if near else courses).extend(nonlinear_courses(constraint, motion, bodies))
+    courses, distances = list[LimitCourse](), list[LimitCourse]()
+    limits: list[LinearConstraint | NonlinearConstraint] = [*linear]
+    for limit in [*limits, *(design.imposed_on(joints) if whole else design.nonlinear)]:
+        (distances if isinstance(limit, Clearance) else courses).extend(courses_of(limit, motion, bodies))
     return [*tightest(courses), *nearest_pairs(distances)]
 
 
@@ -192,48 +176,39 @@ def bodies_of(robot: Robot, joints: Sequence[str], linear: Sequence[LinearConstr
     return owners
 
 
-def linear_courses(
-    limit: LinearConstraint, samples: Samples, bodies: Mapping[str, tuple[str, ...]]
+def courses_of(
+    limit: LinearConstraint | NonlinearConstraint, samples: Samples, bodies: Mapping[str, tuple[str, ...]]
 ) -> Iterator[LimitCourse]:
-    """Functions that are limited linearly, along a motion."""
-    motion = (samples.q, samples.dq, samples.ddq, samples.dddq)[limit.derivative]
-    values = motion @ limit.matrix.T + limit.offset
-    for k, label in enumerate(limit.labels):
-        owner = label.removesuffix(f" {limit.quantity}")
-        bounds = float(limit.lower[k]), float(limit.upper[k])
-        yield LimitCourse(owner, limit.quantity, limit.units[k], *bounds, values[:, k], bodies.get(owner, ()))
-
-
-def nonlinear_courses(
-    limit: NonlinearConstraint, samples: Samples, bodies: Mapping[str, tuple[str, ...]]
-) -> Iterator[LimitCourse]:
-    """Functions that are limited otherwise, along a motion."""
-    values = limit.shown(limit.values(samples))
+    """Functions of a limit along a motion."""
+    values = limit.values(samples)
+    values = values if isinstance(limit, LinearConstraint) else limit.shown(values)
+    of_joints = limit.quantity if isinstance(limit, LinearConstraint) else "torque"
     pairs = {pair.label: pair for pair in limit.pairs} if isinstance(limit, Clearance) else {}
     for k, label in enumerate(limit.labels):
         bounds = float(limit.lower[k]), float(limit.upper[k])
-        names: tuple[str, ...] = ()
-        owner, quantity = label, "tool"
+        owner, quantity, names = label, "tool", tuple[str, ...]()
         if label in pairs:
             names, quantity = (pairs[label].link, pairs[label].other), "distance"
-        elif label.endswith(_TORQUE):
-            owner, quantity = label.removesuffix(_TORQUE), "torque"
+        elif label.endswith(f" {of_joints}"):
+            owner, quantity = label.removesuffix(f" {of_joints}"), of_joints
             names = bodies.get(owner, ())
         yield LimitCourse(owner, quantity, limit.units[k], *bounds, values[:, k], names)
 
 
 def player_shapes(
-    robot: Robot, task: Task, shape: World | None, number: Mapping[str, int], robot_file: str | None = None
+    robot: Robot, task: Task, shape: World | None, number: Mapping[str, int], robot_file: str | None
 ) -> dict[str, Any]:
     """Entries ``meshes``, ``capsules``, ``objects``, ``drawn_as`` and ``left_out`` of the player's data."""
     worlds = [each for each in (task.limits.known_world, shape) if each is not None]
     meshes, reasons = ([], ()) if robot_file is None else _meshes(robot, task, robot_file, number)
     parts = worlds[0].parts if worlds and not meshes else ()
     drawn = "meshes of its URDF" if meshes else "capsules" if parts else "lines through the frames of its joints"
+    known = [(number[part.link], part.to_dict()) for part in parts if part.link in number]
+    objects: list[Any] = [world.to_dict()["objects"] for world in worlds]
     return {
         "meshes": meshes,
-        "capsules": [{"body": number[each.link], **_capsule(each.capsule)} for each in parts if each.link in number],
-        "objects": [_object(each) for world in worlds for each in world.obstacles],
+        "capsules": [{"body": body, **{k: v for k, v in plain.items() if k != "link"}} for body, plain in known],
+        "objects": [_object(name, plain) for each in objects for name, plain in each.items()],
         "drawn_as": drawn,
         "left_out": _left_out(reasons),
     }
@@ -260,7 +235,7 @@ def _meshes(
     """Meshes of few triangles, and what is said of files that are left out."""
     read = urdf_meshes(Path(robot_file), robot, task.base_link, snap_angles=task.snap_angles)
     together = {k: [each.triangles for each in read.meshes if each.link == name] for name, k in number.items()}
-    return [{"body": k, **decimated(np.concatenate(x)).to_dict()} for k, x in together.items() if x], read.left_out
+    return [{"body": k, **mesh_data(*decimated(np.concatenate(x)))} for k, x in together.items() if x], read.left_out
 
 
 def _left_out(reasons: Sequence[str]) -> str:
@@ -271,17 +246,9 @@ def _left_out(reasons: Sequence[str]) -> str:
     return f"Some meshes of its URDF are not shown: {reasons[0]}{more}."
 
 
-def _capsule(capsule: Capsule) -> dict[str, Any]:
-    return {"from": list(capsule.start), "to": list(capsule.end), "radius": capsule.radius}
-
-
-def _object(each: Obstacle) -> dict[str, Any]:
-    shape, name = each.shape, {"name": each.name}
-    if isinstance(shape, Box):
-        return name | {"kind": "box", "centre": list(shape.centre), "size": list(shape.size), "rpy": list(shape.rpy)}
-    if isinstance(shape, HalfSpace):
-        return name | {"kind": "plane", "normal": list(shape.normal), "offset": shape.offset}
-    return {**name, "kind": "capsule", **_capsule(shape)}
+def _object(name: str, plain: Mapping[str, Any]) -> dict[str, Any]:
+    kind = next(kind for kind in ("box", "plane", "capsule") if kind in plain)
+    return {"name": name, "kind": kind, **plain[kind]}
 
 
 _CELLS = (192, 128, 96, 64, 48, 32, 24, 16, 12, 8, 4, 2)  # along the longest side
@@ -289,39 +256,32 @@ _STEPS = 65535  # of a stored coordinate, over the longest side
 MOST = 2500  # triangles
 
 
-@dataclass(frozen=True, eq=False)
-class CoarseMesh:
-    """A mesh of few triangles."""
-
-    corners: Array  # (N, 3)
-    faces: Array  # (M, 3)
-
-    def to_dict(self) -> dict[str, object]:
-        """Corners as 16-bit steps from a point and faces as 16-bit indices, both in base64."""
-        origin = self.corners.min(axis=0)
-        scale = max(float(np.ptp(self.corners, axis=0).max()), 1e-9) / _STEPS
-        steps = np.rint((self.corners - origin) / scale).astype("<u2")
-        return {
-            "origin": [float(f"{x:.7g}") for x in origin],
-            "scale": float(f"{scale:.7g}"),
-            "corners": base64.b64encode(steps.tobytes()).decode("ascii"),
-            "faces": base64.b64encode(self.faces.astype("<u2").tobytes()).decode("ascii"),
-        }
+def mesh_data(corners: Array, faces: Array) -> dict[str, object]:
+    """Corners as 16-bit steps from a point and faces as 16-bit indices, both in base64."""  # (N, 3), (M, 3)
+    origin = corners.min(axis=0)
+    scale = max(float(np.ptp(corners, axis=0).max()), 1e-9) / _STEPS
+    steps = np.rint((corners - origin) / scale).astype("<u2")
+    return {
+        "origin": [float(f"{x:.7g}") for x in origin],
+        "scale": float(f"{scale:.7g}"),
+        "corners": base64.b64encode(steps.tobytes()).decode("ascii"),
+        "faces": base64.b64encode(faces.astype("<u2").tobytes()).decode("ascii"),
+    }
 
 
-def decimated(triangles: Array, most: int = MOST) -> CoarseMesh:
-    """A mesh of at most so many triangles, on the finest of several grids that leaves no more."""
+def decimated(triangles: Array, most: int = MOST) -> tuple[Array, Array]:
+    """Corners and faces of at most so many triangles, on the finest of several grids that leaves no more."""
     # triangles (N, 3, 3)
     points = triangles.reshape(-1, 3)
     low, side = points.min(axis=0), max(float(np.ptp(points, axis=0).max()), 1e-9)
     for cells in _CELLS:
-        mesh = _clustered(points, np.floor((points - low) * (cells / side)).astype(np.int64))
-        if len(mesh.faces) <= most:
-            return mesh
-    return mesh
+        corners, faces = _clustered(points, np.floor((points - low) * (cells / side)).astype(np.int64))
+        if len(faces) <= most:
+            break
+    return corners, faces
 
 
-def _clustered(points: Array, cells: Array) -> CoarseMesh:
+def _clustered(points: Array, cells: Array) -> tuple[Array, Array]:
     """The mesh whose corners are the means of those in each cell, without triangles that became lines."""
     _, place, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     place = place.reshape(-1)
@@ -329,4 +289,4 @@ def _clustered(points: Array, cells: Array) -> CoarseMesh:
     faces = place.reshape(-1, 3)
     real = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
     _, first = np.unique(np.sort(faces[real], axis=1), axis=0, return_index=True)
-    return CoarseMesh(means, faces[real][np.sort(first)])
+    return means, faces[real][np.sort(first)]

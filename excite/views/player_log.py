@@ -23,12 +23,10 @@ from excite.tasks.task import Task
 from excite.trajectories.sequence import whole_pose
 from excite.views.player_data import (
     LimitCourse,
-    PlayedMotion,
     bodies_of,
-    linear_courses,
+    courses_of,
     matches,
     nearest_pairs,
-    nonlinear_courses,
     of_some_joints,
     player_data,
     tightest,
@@ -100,8 +98,7 @@ def _motion(logged: LoggedMotion, robot: Robot, task: Task, looks: Appearance) -
     moving = np.array([name in logged.joints for name in whole.joint_names])
     samples = Samples(time, q, dq, np.zeros_like(q), np.zeros_like(q))
     courses = [*_courses(whole, world, moving, samples), *_torques(logged, own, at, whole)]
-    played = PlayedMotion(time, q, dq, segments, courses, _ABOUT)
-    return player_data(played, whole, task, known, looks.file_of(robot, task))
+    return player_data(samples, segments, courses, whole, task, known, looks.file_of(robot, task), _ABOUT)
 
 
 def _kept(logged: LoggedMotion) -> Index:
@@ -128,14 +125,14 @@ def _courses(robot: Robot, world: World | None, moving: NDArray[np.bool_], sampl
     linear = [limit for limit in linear_limits(robot) if limit.derivative < 2]
     bodies = bodies_of(robot, robot.joint_names, linear)
     touched = {label for x in linear for label, row in zip(x.labels, x.matrix, strict=True) if row[moving].any()}
-    courses = [course for limit in linear for course in linear_courses(limit, samples, bodies)]
+    courses = [course for limit in linear for course in courses_of(limit, samples, bodies)]
     yield from tightest([course for course in courses if f"{course.owner} {course.quantity}" in touched])
     if world is None:
         return
     index = np.flatnonzero(moving).tolist()
     part = of_some_joints(samples, robot, [robot.joint_names[k] for k in index])
     distances = Collisions(world).imposed(robot, of_joints(robot, index))
-    yield from nearest_pairs([course for limit in distances for course in nonlinear_courses(limit, part, bodies)])
+    yield from nearest_pairs([course for limit in distances for course in courses_of(limit, part, bodies)])
 
 
 def _torques(logged: LoggedMotion, own: Array, log: Index, robot: Robot) -> Iterator[LimitCourse]:
@@ -183,11 +180,10 @@ def motion_of_plan(
     """Runs of all coordinates, one after the other."""
     robot, known = plan.robot, plan.world
     task = Task(StoredRobot(robot.name, robot), limits=LimitChoice() if known is None else LimitChoice(world=known))
-    time, q, dq, segments = _joined(runs)
-    samples = Samples(time, q, dq, np.zeros_like(q), np.zeros_like(q))
-    courses = [*_courses(robot, known, np.ptp(q, axis=0) > 0.0, samples)]
-    played = PlayedMotion(time, q, dq, segments, courses, _ABOUT_PLAN)
-    return player_data(played, robot, task, looks.shapes.get(robot.sha256()), looks.file_of(robot, task))
+    samples, segments = _joined(runs)
+    courses = [*_courses(robot, known, np.ptp(samples.q, axis=0) > 0.0, samples)]
+    shape = looks.shapes.get(robot.sha256())
+    return player_data(samples, segments, courses, robot, task, shape, looks.file_of(robot, task), _ABOUT_PLAN)
 
 
 def _frames(runs: Samples, most: int) -> Index:
@@ -201,17 +197,13 @@ def _frames(runs: Samples, most: int) -> Index:
     return np.unique(np.concatenate([[0], found.clip(0, runs.time.size - 1), [runs.time.size - 1]]))
 
 
-def _joined(
-    runs: Sequence[tuple[CoordinatePlan, MotionSource]],
-) -> tuple[Array, Array, Array, tuple[tuple[str, float], ...]]:
+def _joined(runs: Sequence[tuple[CoordinatePlan, MotionSource]]) -> tuple[Samples, list[tuple[str, float]]]:
     parts, segments, end = [], [], -_MOVED
     for c, source in runs:
         assert isinstance(source.motion, SampledMotion)
         each = source.motion.given
         kept = each.rows(_frames(each, _FRAMES))
-        time = kept.time - each.time[0] + (end + _MOVED)
-        end = float(time[-1])
-        parts.append((time, kept.q, kept.dq))
+        parts.append(replace(kept, time=kept.time - each.time[0] + (end + _MOVED)))
+        end = float(parts[-1].time[-1])
         segments.append((c.label, end))
-    time, q, dq = map(np.concatenate, zip(*parts, strict=True))
-    return time, q, dq, tuple(segments)
+    return Samples.joined(parts), segments

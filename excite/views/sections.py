@@ -36,7 +36,7 @@ from excite.views.design_view import design_view
 from excite.views.experiment_views import accuracy_view, payload_view, study_view
 from excite.views.friction_views import friction_fit_view, friction_plan_view
 from excite.views.identification_view import TITLES, identification_view
-from excite.views.page_text import PageFigure, PageSection, drawn, no_pictures, pictures
+from excite.views.page_text import PageFigure, PageSection, drawn, pictures
 from excite.views.player_data import player_motion
 from excite.views.player_log import Appearance, LoggedMotion, looked_at, motion_of_plan, played, source_of
 from excite.views.simulation_view import simulation_view
@@ -144,13 +144,15 @@ def _pictures(result: Identification) -> tuple[tuple[PageFigure, ...], tuple[str
     if result.folder is None:
         return (), ()
     if result.curves.time.size:
-        return pictures(result.folder, KIND, {"repetitions.png": TITLES["repetitions"]}), _thinned(result.curves.step)
+        repeated, _ = pictures(result.folder, KIND, {"repetitions.png": TITLES["repetitions"]})
+        return repeated, _thinned(result.curves.step)
     titles = {f"{name}.png": title for name, title in TITLES.items() if name != "parameters"}
     gone = (
         f"figures of the logs are the pictures in the folder, and the motion does not play: there is no {CURVES}, "
         "which is written since this version"
     )
-    return pictures(result.folder, KIND, titles), (gone, *no_pictures(result.folder, KIND, titles))
+    figures, none = pictures(result.folder, KIND, titles)
+    return figures, (gone, *none)
 
 
 def _thinned(step: int) -> tuple[str, ...]:
@@ -214,10 +216,10 @@ def _of_verification(v: Verification, prefix: str, looks: Appearance, path: Path
         titles = {f"{path.stem}_{ending}.png": title for ending, title in OF_VERIFICATION.items()}
         gone = (
             "figures are the pictures in the folder, and the motion does not play: the file of curves, or the result "
-            "that was verified, is not there",
-            *no_pictures(path.parent, path.stem, titles),
+            "that was verified, is not there"
         )
-        section = PageSection(view, pictures(path.parent, path.stem, titles), gone)
+        figures, none = pictures(path.parent, path.stem, titles)
+        section = PageSection(view, figures, (gone, *none))
     if path is None:
         return section
     again = shlex.join(["excite", "verify", str(path.parent), v.log.file])

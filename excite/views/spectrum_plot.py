@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -51,42 +51,29 @@ _LEAST = 5.0  # width of a figure with room for whole sentences and numbers [in]
 _UNCLEAR = 100.0  # [%]: from here on the deviation is larger than the parameter
 
 
-class RelativeAccuracy(NamedTuple):
-    """Predicted accuracy of a base parameter, relative to its size."""
-
-    predicted: PredictedAccuracy
-    percent: float  # standard deviation over size [%]; infinite where no size is known
-    label: str  # name and expression, over one or more lines
-
-    @property
-    def text(self) -> str:
-        """Both deviations, with the parameter's unit; the relative one alone where a column has no room for both."""
-        deviation = f"{significant(self.predicted.standard_deviation, 2)} {self.predicted.unit}"
-        relative = f"{significant(self.percent, 2)} %"
-        known = f"{relative} ({deviation})" if column_width() == float("inf") else relative
-        return typeset(known if np.isfinite(self.percent) else f"{deviation}, size not known")
+# of a base parameter: predicted accuracy, standard deviation over size [%], infinite where no size is known, and label
+Bar = tuple[PredictedAccuracy, float, str]
 
 
-def relative_accuracy(design: Design) -> list[RelativeAccuracy]:
+def _bars(design: Design) -> list[Bar]:
     """Predicted standard deviation of each base parameter over its size, see `base_sizes`."""
     base = design.target.base
     size = dict(zip(base.names, base_sizes(design.target.model, base), strict=True))
-    accuracy = []
+    bars = []
     for p in design.predicted:
         known = size.get(p.name, np.inf)
         percent = 100.0 * p.standard_deviation / known if np.isfinite(known) and known > 0.0 else np.inf
-        label = parameter_label(p.name, p.expression, _EXPRESSION_LENGTH, "design.json")
-        accuracy.append(RelativeAccuracy(p, float(percent), label))
-    return accuracy
+        bars.append((p, float(percent), parameter_label(p.name, p.expression, _EXPRESSION_LENGTH, "design.json")))
+    return bars
 
 
 def spectrum_figure(design: Design) -> Figure:
     """Draw the singular values of W, and the predicted standard deviation of each base parameter over its size."""
-    accuracy = relative_accuracy(design)
+    accuracy = _bars(design)
     count = len(accuracy)
     rows = count if count <= _FEW or column_width() <= _LEAST else -(-count // 2)
     columns = [accuracy[k : k + rows] for k in range(0, count, rows)]
-    tall = max(row_places([each.label for each in column])[1] for column in columns)
+    tall = max(row_places([label for *_, label in column])[1] for column in columns)
     title = f"{design.robot.name}: predicted accuracy of {count} base parameter{'s' if count != 1 else ''}"
     if column_width() <= _LEAST:
         height = 0.9 + _BAR_HEIGHT * max(tall, _FEWEST_ROWS)
@@ -131,14 +118,15 @@ def _draw_spectrum(ax: Axes, sigma: Array, condition_number: float) -> None:
     ax.set_title(beside_names(f"{ratio}\n{convention}", ax), loc="left", y=1.0, fontsize=LABEL, color=DARK)
 
 
-def _draw_predictions(panels: Sequence[Axes], columns: Sequence[Sequence[RelativeAccuracy]], tall: float) -> None:
+def _draw_predictions(panels: Sequence[Axes], columns: Sequence[Sequence[Bar]], tall: float) -> None:
     """Bars in the order of the base, one column after the other, on one scale."""
-    percent = np.array([each.percent for column in columns for each in column])
+    percent = np.array([percent for column in columns for _, percent, _ in column])
     shown = percent[np.isfinite(percent) & (percent > 0.0)]
     low, high = (float(shown.min()), float(shown.max())) if shown.size else (1.0, _UNCLEAR)
     for ax, column in zip(panels, columns, strict=True):
-        places, _ = row_places([each.label for each in column])
-        bar_panel(ax, 0.0, tall, places.tolist(), [each.label for each in column])
+        labels = [label for *_, label in column]
+        places, _ = row_places(labels)
+        bar_panel(ax, 0.0, tall, places.tolist(), labels)
         _draw_bars(ax, column, places)
         if high > _WIDE * low:
             log_scale(ax.xaxis, low / 2.0, high * (2.0 * high / low) ** _LOG_ROOM)
@@ -151,21 +139,25 @@ def _draw_predictions(panels: Sequence[Axes], columns: Sequence[Sequence[Relativ
         ax.set_xlabel(text, fontsize=LABEL, color=DARK)
 
 
-def _draw_bars(ax: Axes, column: Sequence[RelativeAccuracy], places: Array) -> None:
-    for place, each in zip(places, column, strict=True):
-        known = np.isfinite(each.percent)
+def _draw_bars(ax: Axes, column: Sequence[Bar], places: Array) -> None:
+    for place, (predicted, percent, _) in zip(places, column, strict=True):
+        known = bool(np.isfinite(percent))
         if known:
-            ax.barh([place], [each.percent], height=0.62, **unit_style(each.predicted.unit))
+            ax.barh([place], [percent], height=0.62, **unit_style(predicted.unit))
         where: dict[str, Any] = {"xycoords": "data" if known else ("axes fraction", "data"), "va": "center"}
         style: dict[str, Any] = {"textcoords": "offset points", "fontsize": NOTE - 0.5}
-        at, colour = (each.percent, DARK) if known else (0.0, GREY)
-        number = ax.annotate(each.text, (at, place), (3, 0), color=colour, **where, **style)
+        at, colour = (percent, DARK) if known else (0.0, GREY)
+        # the relative deviation alone where a column has no room for both
+        deviation = f"{significant(predicted.standard_deviation, 2)} {predicted.unit}"
+        text = f"{significant(percent, 2)} %" if known else f"{deviation}, size not known"
+        text += f" ({deviation})" if known and column_width() == float("inf") else ""
+        number = ax.annotate(typeset(text), (at, place), (3, 0), color=colour, **where, **style)
         number.set_in_layout(False)  # it has room in the panel
 
 
-def _unit_legend(figure: Figure, accuracy: Sequence[RelativeAccuracy]) -> None:
-    handles = unit_patches(each.predicted.unit for each in accuracy)
-    if any(np.isfinite(each.percent) and each.percent > _UNCLEAR for each in accuracy):
+def _unit_legend(figure: Figure, accuracy: Sequence[Bar]) -> None:
+    handles = unit_patches(predicted.unit for predicted, *_ in accuracy)
+    if any(np.isfinite(percent) and percent > _UNCLEAR for _, percent, _ in accuracy):
         handles.append(Patch(color=FORBIDDEN, label="deviation larger than the size"))
     legend_below(figure, handles, title="unit of the parameter", title_fontsize=NOTE, fontsize=NOTE)
 

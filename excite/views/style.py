@@ -151,10 +151,7 @@ def plain(text: str) -> str:
 
 
 def literal(figure: Figure) -> None:
-    """Make every text of a figure literal: names of others may hold dollar signs and control characters.
-
-    Numbers on axes are left out: matplotlib would make them, and make them anew when it draws.
-    """
+    """Make every text of a figure literal but numbers on axes, which matplotlib makes anew when it draws."""
     for text in _texts(figure):
         if text.get_text() != (shown := plain(text.get_text())):
             text.set_text(shown)

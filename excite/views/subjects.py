@@ -33,7 +33,7 @@ from excite.study.predict_accuracy import KIND as ACCURACY, AccuracyPrediction, 
 from excite.study.time_study import KIND as STUDY, TimeStudy, load_time_study
 from excite.verification.verification import KIND as VERIFICATION, Verification, load_verification
 from regressors.arguments import checked, fit, rule_of
-from regressors.errors import InputError
+from regressors.errors import InputError, about
 
 Record = (
     Verification
@@ -172,16 +172,9 @@ def _of_file(path: Path, part: Collection[str]) -> Subject:
     if (record := _record(path, schema)) is not None:
         return record
     if schema is None and {"steps", "subsets"} <= set(content):
-        return _campaign_of(content, path)
+        with about(f"{path}: not a complete campaign"):  # as ``excite plan`` prints it
+            return record_of(Campaign, content, {})
     raise InputError(
         f"{path}: expected a design, an identification, a verification, a friction plan, a fit of friction curves, a "
         f"study, the table of a campaign, or a campaign of `plan_campaign`, given schema {schema!r}"
     )
-
-
-def _campaign_of(content: Mapping[str, Any], path: Path) -> Campaign:
-    """The campaign that the JSON of ``excite plan`` describes."""
-    try:
-        return record_of(Campaign, content, {})
-    except InputError as error:
-        raise InputError(f"{path}: not a complete campaign: {error}") from error

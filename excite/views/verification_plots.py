@@ -17,9 +17,8 @@ from excite.verification.verification import Verification
 from excite.views.identification_plots import (
     MEASURED,
     PREDICTED,
-    draw_fit,
     error_text,
-    fit_legend,
+    fit_figure,
     relative_error,
 )
 from excite.views.panels import (
@@ -30,7 +29,6 @@ from excite.views.panels import (
     bar_panel,
     ends,
     extremes,
-    fit_panels,
     head,
     legend_below,
     panels,
@@ -56,18 +54,12 @@ _READABLE = 0.06  # of the whole: larger parts have their percentage written int
 def predicted_torques_figure(verification: Verification) -> Figure:
     """Draw measured and predicted torques over time with their difference [KD96] Fig. 16."""
     v = verification
-    count = len(v.equations)
     title = f"{_name(v)}: predicted within {relative_error(v.measured, v.predicted)} over all equations"
     if v.training_error is not None:
         title += f" (training logs: {significant(100 * v.training_error, 3)} %)"
-    figure, rows = fit_panels(count, title)
     log = np.zeros(v.time.size, dtype=np.intp)
-    timeline = Timeline.of([""], v.time, log)
-    for j, (equation, both) in enumerate(zip(v.equations, rows, strict=True)):
-        fit = v.measured[:, j], v.predicted[:, j]
-        draw_fit(both, timeline, v.time, log, fit, equation, bottom=j == count - 1)
-    legend_below(figure, fit_legend(v.time.size, "predicted"))
-    return figure
+    rows = [(v.time, log, measured, predicted) for measured, predicted in zip(v.measured.T, v.predicted.T, strict=True)]
+    return fit_figure(title, [""], v.equations, rows, "predicted")
 
 
 def simulated_motion_figure(verification: Verification) -> Figure:

@@ -10,12 +10,12 @@ from excite.verification.verification import Verification
 from excite.views.view import Drawing, View, ViewTable, headed
 from regressors.errors import percent
 
-TITLES = {
-    "torques": "Predicted and measured",
-    "motion": "Simulated and measured motion",
-    "parts": "What the errors are made of",
-}
-_FUNCTIONS = {"torques": "predicted_torques_figure", "motion": "simulated_motion_figure", "parts": "error_parts_figure"}
+_DRAWN = (
+    Drawing("Predicted and measured", "torques", "verification_plots.predicted_torques_figure"),
+    Drawing("Simulated and measured motion", "motion", "verification_plots.simulated_motion_figure"),
+    Drawing("What the errors are made of", "parts", "verification_plots.error_parts_figure"),
+)
+TITLES = {each.ending: each.title for each in _DRAWN}
 
 
 def verification_view(verification: Verification, name: str = "") -> View:
@@ -32,7 +32,9 @@ def verification_view(verification: Verification, name: str = "") -> View:
         remarks=(*v.verdict.remarks, *log.notes),
         asked=tuple((f"tolerance of the {name}", f"{100 * value:g} %") for name, value in vars(v.tolerances).items()),
         tables=(_torques(v), _parts(v), *_motions(v), _errors(v)),
-        figures=_figures(v),
+        figures=tuple(
+            each.of(v) for each in _DRAWN if len(v.time) and (each.ending != "motion" or v.replay is not None)
+        ),
         filed=name,
         stem=f"{name}_",
         facts={**robot, "log": log.file, "log_sha256": log.sha256},
@@ -117,12 +119,3 @@ def _errors(v: Verification) -> ViewTable:
     )
     title = "Error of the predicted torques over all equations"
     return ViewTable("errors", title, headed(":text, relative error:%"), rows)
-
-
-def _figures(v: Verification) -> tuple[Drawing, ...]:
-    """Figures that its curves can draw."""
-    return tuple(
-        Drawing(title, ending, f"verification_plots.{_FUNCTIONS[ending]}", (v,))
-        for ending, title in TITLES.items()
-        if len(v.time) and (ending != "motion" or v.replay is not None)
-    )

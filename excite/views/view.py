@@ -101,6 +101,11 @@ def number(count: int, what: str) -> str:
     return f"{count} {what}{'s' * (count != 1)}"
 
 
+def raised(text: str) -> str:
+    """A unit or a sum with raised exponents, such as ``kg m²``."""
+    return text.replace("^2", "²").replace("^3", "³")
+
+
 def text_of(value: Any) -> str:
     """A value of a task or a recipe in words."""
     if isinstance(value, bool):

@@ -162,7 +162,7 @@ def workspace_figure(design: Design) -> Figure:
     nearest = min(_uses(design), key=lambda use: use.extreme, default=None)
     shown = np.linspace(0, len(path) - 1, _POSES + 1).round().astype(int)[:-1].tolist()
     shown += [] if nearest is None else [int(np.argmin(np.abs(samples.time - nearest.time)))]
-    links = [[_moved(part.capsule, poses[part.link][k]) for part in parts if part.link in poses] for k in shown]
+    links = [[part.capsule.moved(poses[part.link][k]) for part in parts if part.link in poses] for k in shown]
     middle, half, said = _seen(path, [capsule for pose in links for capsule in pose], obstacles)
     notes = broken(textwrap.fill("; ".join(said), _LETTERS), column_width())
     height = min(_SIDE, column_width() / columns_that_fit(3, Panel.least) / low(1.0))
@@ -237,11 +237,6 @@ def _points_in_view(shape: Shape, near: Array) -> Iterator[Array]:
 
 def _is_edge_on(normal: Array, view: tuple[int, int]) -> bool:
     return abs(float(np.linalg.norm(normal[list(view)])) - 1.0) <= 1e-9
-
-
-def _moved(capsule: Capsule, pose: Array) -> Capsule:
-    start, end = (tuple(float(x) for x in pose[:3, :3] @ point + pose[:3, 3]) for point in (capsule.start, capsule.end))
-    return Capsule((start[0], start[1], start[2]), (end[0], end[1], end[2]), capsule.radius)
 
 
 def _outline(shape: Capsule | Box, view: tuple[int, int]) -> Array:

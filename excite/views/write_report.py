@@ -9,7 +9,7 @@ from constraints.geometry import World
 from excite.design.campaign import Campaign
 from excite.design.design import Design
 from excite.identification.identification import Identification
-from excite.storage.atomic import replacing
+from excite.storage.atomic import write_bytes
 from excite.storage.records import complete
 from excite.storage.result_folder import replace_files, result_file
 from excite.views.campaign_view import designs_of
@@ -73,8 +73,8 @@ def write_report(
         if page.exists() and not replace:
             raise TakenError(f"{page} already there")
         text = report_text(paths_or_objects, robot_file=robot_file, part=part)
-        with replace_files(page) as staged, replacing(staged / page.name) as stream:
-            stream.write(text)
+        with replace_files(page) as staged:
+            write_bytes(staged / page.name, text.encode("utf-8"))
     return page
 
 

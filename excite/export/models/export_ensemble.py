@@ -16,7 +16,7 @@ from excite.export.models.identified_model import IdentifiedModel
 from excite.export.models.robot_yaml import ranges_text
 from excite.identification.identification import Identification
 from excite.registry import name_of
-from excite.storage.atomic import read_json, replacing, write_json
+from excite.storage.atomic import read_json, write_bytes, write_json
 from excite.storage.result_folder import result_folder
 from excite.study.chains import path_count
 from excite.study.posterior_samples import LEVEL, NPZ, PosteriorSamples
@@ -101,8 +101,7 @@ def export_ensemble(
     files: dict[str, str] = {}  # hashes by name
 
     def add(name: str, content: bytes) -> None:
-        with replacing(folder / name, "wb") as stream:
-            stream.write(content)
+        write_bytes(folder / name, content)
         files[name] = sha256(content).hexdigest()
 
     robots, notes, interrupted = 0, drawn.notes, False

@@ -12,7 +12,7 @@ from excite.export.models.exported_model import model_of_result
 from excite.export.models.identified_model import Feature, IdentifiedModel
 from excite.identification.identification import Identification
 from excite.registry import check_name, instance, name_of
-from excite.storage.atomic import replacing
+from excite.storage.atomic import write_bytes
 from excite.storage.result_folder import check_free, replace_files, result_file
 from excite.study.sample_posterior import chosen_result
 from regressors.arguments import checked
@@ -71,8 +71,8 @@ def export_model(
     written = chosen.text(model, comment_of(model, own), template)
     with result_file(path):
         _check_free(path, replace=replace)
-        with replace_files(path) as staged, replacing(staged / path.name, "wb") as stream:
-            stream.write(written.encoded)
+        with replace_files(path) as staged:
+            write_bytes(staged / path.name, written.encoded)
     return Exported(name_of(format), (path,), (*own, *written.notes))
 
 
@@ -103,18 +103,10 @@ def _check_free(path: Path, *, replace: bool) -> None:
 
 @dataclass(frozen=True)
 class ModelText:
-    """Content of a file.
+    """Content of a file."""
 
-    Parameters
-    ----------
-    content : str or bytes
-        Text is written in UTF-8 with line feeds.
-    notes : tuple of str
-        What was assumed, one sentence each.
-    """
-
-    content: str | bytes
-    notes: tuple[str, ...] = ()
+    content: str | bytes  # text is written in UTF-8 with line feeds
+    notes: tuple[str, ...] = ()  # what was assumed, one sentence each
 
     @property
     def encoded(self) -> bytes:

@@ -28,10 +28,9 @@ from excite.storage.manifest import sha256_of
 from regressors.models.drives import drive_rows
 from regressors.robot.columns import BODY_KINDS, FRICTION_KINDS, ROTOR
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.gears import ConstantRatio
 from regressors.robot.inertia import inertia_tensor, parameter_names, skew
 from regressors.robot.locked_joints import carriers, with_joint_rotors
-from regressors.robot.robot import Link, Robot, Structure
+from regressors.robot.robot import Link, Robot, Structure, transmission_of
 from regressors.samples import Array
 
 PACKAGE = "excite-trajectories"
@@ -129,8 +128,7 @@ def _drives(
     described: Robot, target: IdentificationTarget, values: Mapping[str, float], curves: FrictionCurves | None
 ) -> tuple[tuple[ModelDrive, ...], list[str]]:
     """Every drive of the whole robot with its identified, known or described parameters, and notes."""
-    moving = target.robot.transmission
-    resting = {k for k, drive in enumerate(moving.drives, 1) if drive.rests} if moving is not None else set()
+    resting = {k for k, drive in enumerate(transmission_of(target.robot).drives, 1) if drive.rests}
     limits = described.limits if described.transmission is None else described.transmission.limits
     drives, along, without = [], [], []
     for number, row in drive_rows(described).items():
@@ -162,10 +160,7 @@ def _drives(
 
 def _described_drive(robot: Robot, number: int, row: Array, target: IdentificationTarget) -> ModelDrive:
     moves = [robot.joint_names[k] in target.robot.joint_names for k in range(robot.n)]
-    moved = bool(np.any(row[moves]))
-    if robot.transmission is None:
-        return ModelDrive(number, robot.joint_names[number - 1], row, ConstantRatio(), moved, None, None, None)
-    drive = robot.transmission.drives[number - 1]
+    moved, drive = bool(np.any(row[moves])), transmission_of(robot).drives[number - 1]
     rotor = drive.rotor_inertia
     known = rotor if rotor is not None and np.isfinite(rotor) else None
     return ModelDrive(number, drive.name, row, drive.ratio, moved, known, drive.coulomb, drive.viscous)
@@ -251,10 +246,7 @@ def quaternion_of(R: Array) -> Array:
 
 
 def about_centre(theta: Array) -> tuple[float, Array, Array]:
-    """Mass [kg], centre of mass [m], shape (3,), and inertia about it [kg m^2], shape (3, 3), in the axes of the frame.
-
-    ``I_C = I_O + m skew(c)^2``; a body without mass has its centre in the origin.
-    """  # theta (10,)
+    """Mass [kg], centre of mass [m], shape (3,), and ``I_C = I_O + m skew(c)^2`` [kg m^2], in the axes of the frame."""
     mass = float(theta[0])
-    c = np.asarray(theta[1:4]) / mass if mass else np.zeros(3)
+    c = np.asarray(theta[1:4]) / mass if mass else np.zeros(3)  # theta (10,)
     return mass, c, np.asarray(inertia_tensor(theta) + mass * skew(c) @ skew(c))

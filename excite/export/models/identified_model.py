@@ -147,21 +147,11 @@ LISTED = frozenset(_TEXTS) - {TEMPERATURE, TABLE}
 
 @dataclass(frozen=True)
 class Feature:
-    """Something that a model has.
+    """Something that a model has."""
 
-    Parameters
-    ----------
-    kind : str
-        A kind of parameters of drives, see `regressors.robot.columns`, or one of this module.
-    owners : tuple of str
-        Drives, bodies or parameters that have it.
-    share : float or None
-        Its torque over that of the whole model, on random states; None where it is not known.
-    """
-
-    kind: str
-    owners: tuple[str, ...]
-    share: float | None = None
+    kind: str  # of parameters of drives, see `regressors.robot.columns`, or one of this module
+    owners: tuple[str, ...]  # drives, bodies or parameters that have it
+    share: float | None = None  # its torque over that of the whole model, on random states; None if not known
 
     @property
     def text(self) -> str:
@@ -220,52 +210,22 @@ class IdentifiedParameter:
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedModel:
-    """An identified robot.
+    """An identified robot."""
 
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot, with the identified bodies and drives in the place of the described ones.
-    described : Robot
-        As its description says.
-    target : IdentificationTarget
-        The moving robot, with the model at single instants.
-    coefficients : ndarray, shape (b,)
-        Base parameters.
-    standard : mapping of str to float
-        Standard parameters of the moving robot that stand for them, see
-        `excite.export.models.nearest_bodies.nearest_bodies`.
-    composites : mapping of str to ndarray of shape (10,)
-        Parameters of each moving body with all that moves with it, by the name of the link.
-    carriers : tuple of (int or None, ndarray of shape (4, 4))
-        Of every body of the robot: the one that it moved with, and its pose in that one's frame
-        (`regressors.robot.locked_joints.carriers`).
-    drives : tuple of ModelDrive
-    parameters : tuple of IdentifiedParameter
-    features : tuple of Feature
-    change : float
-        Relative change of the predicted torques by the bodies' physical consistency, over random states.
-    sha256 : str or None
-        Hash of ``result.json``; None for a result that was not saved.
-    program : str
-        Name and version of this program.
-    training_error : float or None
-    notes : tuple of str
-    """
-
-    robot: Robot
-    described: Robot
-    target: IdentificationTarget
-    coefficients: Array
-    standard: Mapping[str, float]
-    composites: Mapping[str, Array]
+    robot: Robot  # the whole one, with the identified bodies and drives in the place of the described ones
+    described: Robot  # as its description says
+    target: IdentificationTarget  # the moving robot, with the model at single instants
+    coefficients: Array  # (b,) base parameters
+    standard: Mapping[str, float]  # standard parameters of the moving robot for them, see `nearest_bodies`
+    composites: Mapping[str, Array]  # (10,) of each moving body with all that moves with it, by the name of the link
+    # of every body of the robot: the one that it moved with, and its pose in that one's frame, see `carriers`
     carriers: tuple[tuple[int | None, Array], ...]
     drives: tuple[ModelDrive, ...]
     parameters: tuple[IdentifiedParameter, ...]
     features: tuple[Feature, ...]
-    change: float
-    sha256: str | None
-    program: str
+    change: float  # relative, of the predicted torques by the bodies' physical consistency, over random states
+    sha256: str | None  # of ``result.json``; None for a result that was not saved
+    program: str  # name and version of this program
     training_error: float | None
     notes: tuple[str, ...]
 

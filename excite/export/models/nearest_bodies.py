@@ -144,15 +144,12 @@ _FLAT = 1e-5  # of the largest second moment of mass
 
 
 def flat_bodies(bodies: Mapping[str, Array]) -> tuple[str, ...]:
-    """Names of the bodies whose mass has almost no extent in some direction.
-
-    The second moments of mass about the centre are the eigenvalues of ``J_xx - m c c'``, with the pseudo-inertia
-    ``J``; a body is flat where the smallest is below 1e-5 of the largest: a sheet of 1 m by 3 mm.
-    """  # bodies (10,)
+    """Names of the bodies whose mass has almost no extent in some direction, as a sheet of 1 m by 3 mm."""
     flat = []
     for name, theta in bodies.items():
         J = pseudo_inertia(theta)
         if theta[0] > 0:
+            # second moments of mass about the centre, ``J_xx - m c c'``
             moments = np.linalg.eigvalsh(J[:3, :3] - np.outer(J[:3, 3], J[:3, 3]) / J[3, 3])
             flat += [name] if moments[0] < _FLAT * moments[-1] else []
     return tuple(flat)

@@ -39,6 +39,7 @@ from regressors.models.reduction import inertial_columns
 from regressors.readers.documents import yaml_float
 from regressors.robot.columns import COULOMB, ROTOR, VISCOUS, drive_column
 from regressors.robot.inertia import PARAMETERS_PER_LINK
+from regressors.robot.robot import linear_drives
 
 
 class YamlFormat(ModelFormat):
@@ -169,8 +170,7 @@ def table_rows(model: IdentifiedModel) -> Iterator[Row]:
             column = next(columns)
             if body.theta is not None:
                 yield ("body", body.name, column.name, "", float(body.theta[k]), *_UNKNOWN, column.unit)
-    for drive in model.drives:
-        linear = any(joint.kind == "prismatic" and c for joint, c in zip(model.robot.joints, drive.row, strict=True))
+    for drive, linear in zip(model.drives, linear_drives(model.robot), strict=True):
         known = {ROTOR: drive.rotor_inertia, COULOMB: drive.coulomb, VISCOUS: drive.viscous, **drive.beyond}
         for kind, value in known.items():
             if value is not None and kind not in (TEMPERATURE, TABLE):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ from regressors.readers.documents import yaml_float
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.robot.robot import Branch, Drive, Joint, Limits, Link, Robot, Transmission
 
+_quoted = partial(json.dumps, ensure_ascii=False)
 _HEAD = "# metres, kilograms, seconds, radians; inertial parameters about the origin of each link's frame\n"
 
 
@@ -163,7 +166,3 @@ def ranges_text(samples: PosteriorSamples, level: float, comment: tuple[str, ...
 def _line(one: ParameterRange) -> str:
     numbers = ", ".join(f"{name}: {yaml_float(getattr(one, name))}" for name in ("low", "high", "mean", "deviation"))
     return f"  {one.name}: {{unit: {_quoted(one.unit)}, {numbers}}}"
-
-
-def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

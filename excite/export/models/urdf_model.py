@@ -15,7 +15,7 @@ from excite.export.models.export_model import ModelFormat, ModelText
 from excite.export.models.exported_model import about_centre, number, numbers, rpy_of, stated
 from excite.export.models.identified_model import IdentifiedModel
 from excite.export.models.xml_copy import XmlDocument, XmlSpan, chain_in, comment, pose_error, share_inertia, start
-from regressors.errors import InputError
+from regressors.errors import reading
 from regressors.input_files import read_bytes
 from regressors.readers.urdf_tree import parse_tree
 from regressors.robot.columns import COULOMB, ROTOR, VISCOUS
@@ -255,10 +255,8 @@ _NEAR = 1e-9  # of a pose that is the same
 
 def urdf_copy(model: IdentifiedModel, file: Path) -> tuple[XmlDocument, tuple[str, ...]]:
     """Write the parameters of a model into a user's URDF."""
-    try:
+    with reading(repr(str(file))):
         content = read_bytes(file)
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot read {str(file)!r}: {getattr(error, 'strerror', None) or error}") from error
     tree = parse_tree(content, file.name, snap_angles=False)
     document = XmlDocument(content, file.name)
     chain = chain_in(tree, model.described, file)

@@ -38,7 +38,6 @@ class XmlSpan:
     inner: int
     close: int = -1
     end: int = -1
-    parent: XmlSpan | None = None
     children: list[XmlSpan] = field(default_factory=list)
 
     @property
@@ -83,9 +82,8 @@ class XmlDocument:
 
         def begin(tag: str, attributes: dict[str, str]) -> None:
             at = parser.CurrentByteIndex
-            parent = opened[-1] if opened else None
-            element = XmlSpan(tag, attributes, at, self._after_tag(at, tag), parent=parent)
-            (parent.children if parent else roots).append(element)
+            element = XmlSpan(tag, attributes, at, self._after_tag(at, tag))
+            (opened[-1].children if opened else roots).append(element)
             opened.append(element)
 
         def end(_: str) -> None:

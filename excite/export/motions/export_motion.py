@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from constraints.interpolation import curves_text
 from excite.design.design import Design
 from excite.design.design_json import load_design
 from excite.errors import BrokenLimitError
@@ -15,12 +16,13 @@ from excite.export.motions.motion_format import (
     certify,
     check_formula,
     check_interpolated,
+    closest_first,
     deviation,
 )
 from excite.export.motions.sampled_design import SampledDesign
 from excite.logs.mapping import MAPPING
 from excite.registry import instance, name_of
-from excite.storage.atomic import replacing
+from excite.storage.atomic import write_bytes
 from excite.storage.result_folder import replace_files, result_file
 from regressors.arguments import checked
 from regressors.errors import InputError, TakenError
@@ -92,15 +94,14 @@ def export_motion(
             raise TakenError(f"{', '.join(there)} already there")
         with replace_files(out, remove=[f"{out.name}.record{suffix}" for suffix in _RECORDS]) as staged:
             for name, content in contents.items():
-                with replacing(staged / name, "wb") as stream:
-                    stream.write(content)
+                write_bytes(staged / name, content)
     played = chosen.interpolation is not Interpolation.NONE
     return Exported(
         name_of(format) if isinstance(format, str) else chosen.name,
         tuple(out.parent / name for name in contents),
         (*notes, *file.notes, *recorder.notes, chosen.checked),
         _facts(motion, certificate),
-        holds=not (played and certificate.broken),
+        holds=not (played and closest_first(certificate, broken=True)),
     )
 
 
@@ -135,8 +136,9 @@ def _certified(design: Design, chosen: MotionFormat, rate: float | None) -> tupl
         except BrokenLimitError as error:
             refusals.append(error)
             continue
-        played.append((certificate.broken[0].use if certificate.broken else 0.0, motion, certificate))
-        if not certificate.broken or chosen.interpolation is Interpolation.NONE:  # played by no controller
+        broken = closest_first(certificate, broken=True)
+        played.append((broken[0].use if broken else 0.0, motion, certificate))
+        if not broken or chosen.interpolation is Interpolation.NONE:  # played by no controller
             break
     if not played:
         raise refusals[-1]
@@ -155,11 +157,11 @@ def _rates(design: Design, chosen: MotionFormat, rate: float | None) -> list[flo
 def _notes(
     motion: SampledDesign, certificate: Certificate, chosen: MotionFormat, rate: float | None
 ) -> tuple[str, ...]:
-    interpolation, closest = chosen.interpolation, next(iter(certificate.uses), None)
+    interpolation, closest = chosen.interpolation, next(iter(closest_first(certificate)), None)
     used = "" if closest is None else f"; the closest, {closest.label}, uses {100 * closest.use:.4g} %"
     kept = f"limits of joints and drives hold for {interpolation.value}{used}"
     if len(interpolation.curves) > 1:
-        kept = f"{interpolation.value}: between samples the limits of joints and drives are {certificate.text}"
+        kept = f"{interpolation.value}: between samples the limits of joints and drives are {curves_text(certificate)}"
     notes = [kept]
     if rate is None and motion.rate != chosen.default_rate:
         break_it = f"at {chosen.default_rate:g} Hz the controller's interpolation would break a limit"
@@ -174,7 +176,7 @@ def _notes(
 
 
 def _facts(motion: SampledDesign, certificate: Certificate) -> dict[str, object]:
-    closest = next(iter(certificate.uses), None)
+    closest = next(iter(closest_first(certificate)), None)
     return {
         "rate": motion.rate,
         "samples": int(motion.time.size),
@@ -182,8 +184,8 @@ def _facts(motion: SampledDesign, certificate: Certificate) -> dict[str, object]
         "joints": list(motion.joints),
         "design": motion.design.file_sha256,
         "coefficients": motion.design.coefficients_sha256,
-        "limits_kept": not certificate.broken,
-        "between_samples": certificate.text,
+        "limits_kept": not closest_first(certificate, broken=True),
+        "between_samples": curves_text(certificate),
         "closest_limit": None if closest is None else closest.label,
         "closest_limit_used": None if closest is None else closest.use,
     }

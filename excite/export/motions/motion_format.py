@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, ClassVar
@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from constraints.certificate import LimitUse, limit_uses
-from constraints.interpolation import Curve, InterpolatedLimits, curve_pieces, curves_text, interpolated_limits
+from constraints.interpolation import Curve, InterpolatedLimits, curve_pieces, interpolated_limits
 from constraints.linear import linear_limits
 from excite.design.design import Design
 from excite.errors import BrokenLimitError
@@ -27,17 +27,10 @@ from regressors.samples import Array
 
 @dataclass(frozen=True)
 class MotionFile:
-    """Content of the file of a motion, and what has to be known of it.
-
-    Parameters
-    ----------
-    content : bytes
-    notes : tuple of str
-        One sentence each.
-    """
+    """Content of the file of a motion, and what has to be known of it."""
 
     content: bytes
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # one sentence each
 
 
 class MotionFormat(ABC):
@@ -140,27 +133,13 @@ class MotionFormat(ABC):
 
 @dataclass(frozen=True)
 class Recorder:
-    """A recorder of a played motion.
+    """A recorder of a played motion."""
 
-    Parameters
-    ----------
-    mapping : mapping
-        Sections of a log mapping, see `excite.logs.mapping`.
-    about : tuple of str
-        Lines for the comment of the mapping: what records, at which rate, where the motion starts.
-    suffix : str
-        Ending of the file that the recorder takes, such as ``.xml``; empty where there is none.
-    content : str
-        Of that file.
-    notes : tuple of str
-        What has to be known of the recording, one sentence each.
-    """
-
-    mapping: Mapping[str, Any]
-    about: tuple[str, ...]
-    suffix: str = ""
-    content: str = ""
-    notes: tuple[str, ...] = ()
+    mapping: Mapping[str, Any]  # sections of a log mapping, see `excite.logs.mapping`
+    about: tuple[str, ...]  # lines for the comment of the mapping: what records, at which rate, where the motion starts
+    suffix: str = ""  # ending of the file that the recorder takes, such as ``.xml``; empty where there is none
+    content: str = ""  # of that file
+    notes: tuple[str, ...] = ()  # what has to be known of the recording, one sentence each
 
     def mapping_text(self, motion: SampledDesign) -> str:
         """The log mapping as YAML, with the hash of the design by which `identify` finds it."""
@@ -245,38 +224,8 @@ class Interpolation(Enum):
         return {Interpolation.QUINTIC: (Curve.QUINTICS,), Interpolation.LINEAR: (Curve.LINES,)}.get(self, tuple(Curve))
 
 
-@dataclass(frozen=True)
-class Certificate:
-    """Limits of what is played."""
-
-    curves: tuple[InterpolatedLimits, ...]  # of every curve that a controller may lay through the samples
-
-    @property
-    def uses(self) -> tuple[LimitUse, ...]:
-        """Uses of the limits by every curve, the closest first."""
-        return _closest_first(use for each in self.curves for use in each.uses)
-
-    @property
-    def broken(self) -> tuple[LimitUse, ...]:
-        """Those beyond the limit by more than 1e-6 of it."""
-        return _closest_first(use for each in self.curves for use in each.broken)
-
-    @property
-    def text(self) -> str:
-        """By which curves the limits are kept, and by which they are passed, and by how much."""
-        return curves_text(self.curves)
-
-
-def _closest_first(uses: Iterable[LimitUse]) -> tuple[LimitUse, ...]:
-    return tuple(sorted(uses, key=lambda use: -use.use))
-
-
 def check_formula(motion: SampledDesign) -> None:
-    """Refuse a design whose own motion breaks a limit: exact over continuous time, of approach and return too.
-
-    Torques are looked at in 4000 instants; of tool, obstacles and torques on approach and return the certificate of the
-    design counts.
-    """
+    """Refuse a design whose own motion breaks a limit; what `broken_limits` does not know, the design states."""
     design = motion.design
     source = MotionSource(design.robot, design.task, design.trajectory, None, None, {"friction_plan": None})
     transfers = [piece.motion for piece in motion.sequence.pieces if isinstance(piece.motion, Transfer)]
@@ -291,19 +240,23 @@ def check_formula(motion: SampledDesign) -> None:
         raise BrokenLimitError(f"the design does not keep its limits: {design.broken[0]}{more}; {remedy}")
 
 
+Certificate = list[InterpolatedLimits]  # of every curve that a controller may lay through the samples
+
+
 def certify(motion: SampledDesign, interpolation: Interpolation, given: int = 2) -> Certificate:
     """Certificate of the limits of joints and drives for what is interpolated, to 1e-6 of their bounds."""
     limits = linear_limits(motion.robot)
-    return Certificate(
-        tuple(interpolated_limits(limits, motion.samples, curve, given) for curve in interpolation.curves)
-    )
+    return [interpolated_limits(limits, motion.samples, curve, given) for curve in interpolation.curves]
+
+
+def closest_first(certificate: Certificate, *, broken: bool = False) -> list[LimitUse]:
+    """Uses of the limits by every curve, or those beyond a limit by more than 1e-6 of it, the closest first."""
+    uses = (use for each in certificate for use in (each.broken if broken else each.uses))
+    return sorted(uses, key=lambda use: -use.use)
 
 
 def deviation(motion: SampledDesign, interpolation: Interpolation) -> float | None:
-    """Largest distance of what is interpolated from the design, in the middle of the steps [rad or m].
-
-    None where it is not known what is interpolated.
-    """
+    """Largest distance of what is interpolated from the design in mid-step [rad or m]; None where that is not known."""
     if len(interpolation.curves) > 1:
         return None
     half = 0.5 * np.diff(motion.time)
@@ -315,11 +268,11 @@ def deviation(motion: SampledDesign, interpolation: Interpolation) -> float | No
 
 def check_interpolated(certificate: Certificate, interpolation: Interpolation) -> None:
     """Raise `BrokenLimitError` where what is interpolated breaks a limit."""
-    if certificate.broken:
-        worst = certificate.broken[0]
+    if broken := closest_first(certificate, broken=True):
+        worst = broken[0]
         much = f"by {100 * (worst.use - 1.0):.2g} %, of {interpolation.value}"
         remedy = f"raise `rate`, or design it again with a lower `{worst.quantity}`"
-        _refuse(certificate.broken, f"that is {much}; {remedy}")
+        _refuse(broken, f"that is {much}; {remedy}")
 
 
 def _refuse(broken: Sequence[LimitUse], remedy: str) -> None:

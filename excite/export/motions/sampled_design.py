@@ -27,28 +27,14 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class SampledDesign:
-    """A design's whole motion, approach and return included, at the instants that a format writes.
-
-    Parameters
-    ----------
-    design : Design
-    robot : Robot
-        The whole robot with the task's limits.
-    sequence : MotionSequence
-    rate : float
-        [Hz]
-    samples : Samples
-        Motion of every joint; exactly at rest at both ends.
-    segments : tuple of str
-        ``approach``, ``excite`` or ``return``, of each instant.
-    """
+    """A design's whole motion, approach and return included, at the instants that a format writes."""
 
     design: Design
-    robot: Robot
+    robot: Robot  # the whole robot with the task's limits
     sequence: MotionSequence
-    rate: float
-    samples: Samples
-    segments: tuple[str, ...]
+    rate: float  # [Hz]
+    samples: Samples  # motion of every joint; exactly at rest at both ends
+    segments: tuple[str, ...]  # ``approach``, ``excite`` or ``return``, of each instant
 
     @property
     def time(self) -> Array:

@@ -27,7 +27,7 @@ from excite.cli.streams import (
     something_is_shown,
     tell,
 )
-from excite.cli.summary import _print_text
+from excite.cli.summary import show
 from excite.views.view import View, ViewTable, texts
 
 # Colours on terminals only, and never where NO_COLOR is set; moving lines on terminals that can move them.
@@ -35,14 +35,14 @@ from excite.views.view import View, ViewTable, texts
 
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 PROGRAM = (
-    "from excite.cli.summary import _print_text\n"
+    "from excite.cli.summary import show\n"
     "from excite.views.view import View\n"
     "from excite.cli.progress import progress_of_starts\n"
     "from types import SimpleNamespace as N\n"
     "kept = N(done=(), count=2, best=9.0)\n"
     "with progress_of_starts(kept) as report:\n"
     "    [report(N(value=v, cpu=1.0, status='done')) for v in (8.0, 7.0)]\n"
-    "_print_text(View('', 'All limits hold', holds=True))\n"
+    "show(View('', 'All limits hold', holds=True), content=dict)\n"
 )
 
 
@@ -123,7 +123,7 @@ def test_a_summary_keeps_to_the_width(capsys: pytest.CaptureFixture[str]) -> Non
     notes = [f"note {number} " + "of many words " * 12 for number in range(20)]
     steps = ["excite design irp6 " + "--option value " * 20 + "--out d"]
     view = View("", "verdict " * 20, summary=("fact " * 40,), remarks=tuple(notes), tables=(table,))
-    _print_text(view, [Path("d/a.csv")], steps, "d.json")
+    show(view, [Path("d/a.csv")], content=dict, next_steps=steps, all_in="d.json")
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 100
     assert len(lines) <= 24

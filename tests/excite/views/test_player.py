@@ -16,7 +16,7 @@ from reported import HOSTILE, reported_design
 import excite
 from constraints.clearance import link_poses
 from constraints.shapes import urdf_meshes
-from excite.views.player_data import FRAMES, decimated, player_motion
+from excite.views.player_data import FRAMES, decimated, mesh_data, player_motion
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -103,16 +103,16 @@ def sphere(count: int) -> Array:
 
 @pytest.mark.parametrize("count", [6, 40])
 def test_decimated_meshes_are_small_and_near(count: int) -> None:
-    mesh = decimated(sphere(count), most=900)
-    assert 0 < len(mesh.faces) <= 900
-    distance = np.abs(np.linalg.norm(mesh.corners, axis=1) - 1.0)
+    corners, faces = decimated(sphere(count), most=900)
+    assert 0 < len(faces) <= 900
+    distance = np.abs(np.linalg.norm(corners, axis=1) - 1.0)
     assert distance.max() < 0.15  # a coarse grid's cell
-    stored = mesh.to_dict()
+    stored = mesh_data(corners, faces)
     steps = np.frombuffer(base64.b64decode(str(stored["corners"])), "<u2").reshape(-1, 3)
     back = np.array(stored["origin"]) + float(str(stored["scale"])) * steps
-    np.testing.assert_allclose(back, mesh.corners, atol=1e-4)
-    faces = np.frombuffer(base64.b64decode(str(stored["faces"])), "<u2").reshape(-1, 3)
-    np.testing.assert_array_equal(faces, mesh.faces)
+    np.testing.assert_allclose(back, corners, atol=1e-4)
+    read = np.frombuffer(base64.b64decode(str(stored["faces"])), "<u2").reshape(-1, 3)
+    np.testing.assert_array_equal(read, faces)
 
 
 URDF = """<robot name="arm"><link name="base"/>

@@ -222,7 +222,7 @@ def quintic(motion: SampledDesign) -> BPoly:
 @pytest.mark.parametrize(("rate", "breaks"), [(7.0, False), (20.0, True), (100.0, False)])
 def test_extrema_of_quintics_are_those_of_fine_samples(rate: float, breaks: bool) -> None:
     motion = sampled_design(panda(), rate, breaks=breaks)
-    uses = {use.label: use for use in certify(motion, Interpolation.QUINTIC).uses}
+    uses = {use.label: use for use in certify(motion, Interpolation.QUINTIC)[0].uses}
     fine = np.unique(
         np.concatenate([np.linspace(a, b, 60) for a, b in zip(motion.time[:-1], motion.time[1:], strict=True)])
     )
@@ -266,7 +266,7 @@ def test_a_rate_too_low_is_refused_and_none_given_is_raised(tmp_path: Path) -> N
 
 def test_differences_of_lines_are_written_out() -> None:
     motion = sampled_design(panda(), 250.0)
-    uses = {use.label: use for use in certify(motion, Interpolation.LINEAR).uses}
+    uses = {use.label: use for use in certify(motion, Interpolation.LINEAR)[0].uses}
     q, h = motion.samples.q[:, 5], 1.0 / 250.0
     jumps = [(q[k + 1] - q[k]) / h for k in range(len(q) - 1)]
     turns = [(b - a) / h for a, b in zip([0.0, *jumps], [*jumps, 0.0], strict=True)]
