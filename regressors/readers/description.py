@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from regressors.errors import Finding, InputError, MissingRange, UnknownName, about
 from regressors.input_files import read_text
-from regressors.readers.description_schema import AggregatesSection, Description, LinkSection, limits
+from regressors.readers.description_schema import AggregatesSection, Description, LinkSection, coefficient_value, limits
 from regressors.readers.documents import Document, FieldPath, parse_document, validate
 from regressors.readers.urdf_tree import TreeJoint
 from regressors.robot.columns import FRICTION_KINDS, ROTOR, Column, body_columns, drive_column
@@ -88,7 +88,7 @@ def _transmission(description: Description) -> Transmission | None:
 
 def _aggregates(section: AggregatesSection, joints: Sequence[str], constants: dict[str, float]) -> Aggregates:
     parameters = {
-        name: {parameter: coefficient.value(constants) for parameter, coefficient in terms.items()}
+        name: {parameter: coefficient_value(coefficient, constants) for parameter, coefficient in terms.items()}
         for name, terms in section.parameters.items()
     }
     return Aggregates(tuple(sorted(section.joints, key=joints.index)), parameters)
@@ -179,7 +179,7 @@ def _value_problems(description: Description, bodies: Sequence[tuple[int, Link]]
         for name, terms in form.parameters.items():
             for parameter, coefficient in terms.items():
                 try:
-                    coefficient.value(description.constants)
+                    coefficient_value(coefficient, description.constants)
                 except InputError as error:
                     yield ("structure", "aggregates", i, "parameters", name, parameter), str(error)
     known = _known_values(bodies)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -39,42 +39,38 @@ _NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 _POWER = re.compile(r"([A-Za-z][A-Za-z0-9_]*)(?:\^(-?[0-9]{1,2}))?")
 
 
-@dataclass(frozen=True)
-class Coefficient:
-    """A number times powers of named constants."""
+Coefficient = tuple[float, list[tuple[str, int]]]  # a number, times powers of named constants
 
-    number: float
-    powers: tuple[tuple[str, int], ...] = ()  # name and exponent of each constant
 
-    @classmethod
-    def parse(cls, text: str) -> Coefficient:
-        """Coefficient from its text: ``[+-] factor * factor * ...`` with factors ``2.5``, ``l2`` or ``n1^2``."""
-        unsigned = text.strip()
-        number = -1.0 if unsigned.startswith("-") else 1.0
-        powers = []
-        for factor in unsigned.removeprefix("-" if number < 0 else "+").split("*"):
-            if _NUMBER.fullmatch(factor.strip()):
-                number *= float(factor)
-            elif power := _POWER.fullmatch(factor.strip()):
-                powers.append((power[1], int(power[2] or 1)))
-            else:
-                raise InputError(f"expected a number or a product such as '-2*l2*n1^2', given {text!r}")
-        if not math.isfinite(number):
-            raise InputError(f"coefficient must be finite, given {text!r}")
-        return cls(number, tuple(powers))
+def coefficient_of(text: str) -> Coefficient:
+    """Coefficient from its text: ``[+-] factor * factor * ...`` with factors ``2.5``, ``l2`` or ``n1^2``."""
+    unsigned = text.strip()
+    number = -1.0 if unsigned.startswith("-") else 1.0
+    powers = []
+    for factor in unsigned.removeprefix("-" if number < 0 else "+").split("*"):
+        if _NUMBER.fullmatch(factor.strip()):
+            number *= float(factor)
+        elif power := _POWER.fullmatch(factor.strip()):
+            powers.append((power[1], int(power[2] or 1)))
+        else:
+            raise InputError(f"expected a number or a product such as '-2*l2*n1^2', given {text!r}")
+    if not math.isfinite(number):
+        raise InputError(f"coefficient must be finite, given {text!r}")
+    return number, powers
 
-    def value(self, constants: Mapping[str, float]) -> float:
-        """Value of the product for given values of the constants."""
-        value = self.number
-        check_names("constant", (name for name, _ in self.powers), constants)
-        for name, exponent in self.powers:
-            try:
-                value *= constants[name] ** exponent
-            except (OverflowError, ZeroDivisionError):
-                value = math.nan
-        if not math.isfinite(value):
-            raise InputError(f"coefficient is not a finite number with {dict(constants)}")
-        return value
+
+def coefficient_value(coefficient: Coefficient, constants: Mapping[str, float]) -> float:
+    """Value of the product for given values of the constants."""
+    value, powers = coefficient
+    check_names("constant", (name for name, _ in powers), constants)
+    for name, exponent in powers:
+        try:
+            value *= constants[name] ** exponent
+        except (OverflowError, ZeroDivisionError):
+            value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"coefficient is not a finite number with {dict(constants)}")
+    return value
 
 
 def _radians(per: str) -> Callable[[object], object]:
@@ -91,10 +87,10 @@ def _radians(per: str) -> Callable[[object], object]:
 
 def _coefficient(value: object) -> Coefficient:
     if isinstance(value, str):
-        return Coefficient.parse(value)
+        return coefficient_of(value)
     if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(float(value)):
         raise ValueError(f"expected a finite number or a product such as '-2*l2*n1^2', given {described(value)}")
-    return Coefficient(float(value))
+    return float(value), []
 
 
 def _name(value: str) -> str:

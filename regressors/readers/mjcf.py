@@ -62,7 +62,7 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: str | None = No
     joints = names_of(model, "joint")
     robot = robot_of_tree(tree, base, tip)
     ends = (tree.root if base is None else base, robot.links[-1].name)
-    for tie in equalities(model).ties:
+    for tie in equalities(model)[2]:
         _check_tie(tie, tree, robot, ends)
     return robot.replace(
         transmission=_transmission(model, robot, joints),
