@@ -18,7 +18,7 @@ from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
 from regressors.robot.robot import BASE, Robot, finite_ranges
 from regressors.robot.shapes import Capsule
-from regressors.robot.symbolic.intervals import IntervalFunction
+from regressors.robot.symbolic.intervals import OverBoxes, interval_function
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array, Samples
@@ -110,11 +110,11 @@ class Clearance(NonlinearConstraint):
         return VectorisedFunction([q, dq, ddq], ca.horzcat(slopes, ca.SX(g.numel(), 2 * self.joints)))
 
     @cached_property
-    def rate(self) -> IntervalFunction:
+    def rate(self) -> OverBoxes:
         """``dg/dt`` of (q, dq, ddq, dddq), enclosed over boxes."""
         q, dq, ddq, dddq = self._symbols(4)
         _, g, held, meaning = self._expression(q)
-        return IntervalFunction([q, dq, ddq, dddq], ca.substitute(ca.jtimes(g, q, dq), held, meaning))
+        return interval_function([q, dq, ddq, dddq], ca.substitute(ca.jtimes(g, q, dq), held, meaning))
 
     def restricted(self, motion: PartialMotion) -> Clearance:
         """The same bounds as functions of the moving coordinates s of ``q = N s + q0``."""
