@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from constraints.linear import OTHER, Constraint
+from constraints.nonlinear import NonlinearConstraint
 from regressors.samples import Array
 
 TOLERANCE = 1e-9
@@ -105,6 +106,10 @@ class Extrema:
         pairs = [(value, time, value.argmin(), value.argmax()) for value, time in zip(values, times, strict=True)]
         rows = [(value[low], value[high], time[low], time[high]) for value, time, low, high in pairs]
         return cls(*np.array(rows, dtype=float).reshape(-1, 4).T)
+
+    def uses(self, constraint: NonlinearConstraint) -> list[LimitUse]:
+        """Certificate of each label of a constraint that these enclose, in the quantity that is reported."""
+        return worst_of_each(limit_uses(constraint, self, ENCLOSED, constraint.shown))
 
 
 def evaluate(constant: Array, cosine: Array, sine: Array, angle: Array) -> Array:

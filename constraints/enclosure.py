@@ -11,7 +11,6 @@ coefficients do not pass what is reached at the ends of the others need no roots
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from math import comb
 from typing import Protocol
 
@@ -19,7 +18,7 @@ import numpy as np
 import numpy.polynomial.chebyshev as chebyshev
 from numpy.typing import NDArray
 
-from constraints.certificate import ENCLOSED, Extrema, LimitUse, limit_uses, worst_of_each
+from constraints.certificate import Extrema, LimitUse, limit_uses
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
 from regressors.samples import Array, Samples
@@ -33,21 +32,10 @@ _ROUNDING = 1e-12  # of a function's scale and value: the rounding error of a va
 _MOST = 200_000
 
 
-@dataclass(frozen=True, eq=False)
-class Enclosure:
-    """Bounds that hold at every instant."""
-
-    extrema: Extrema  # outer bounds of every function over continuous time, and instants near which they are approached
-
-    def uses(self, constraint: NonlinearConstraint) -> list[LimitUse]:
-        """Certificate of each label of the constraint that was enclosed, in the quantity that is reported."""
-        return worst_of_each(limit_uses(constraint, self.extrema, ENCLOSED, constraint.shown))
-
-
 def enclose(
     constraint: NonlinearConstraint, motion: Callable[[Array], Samples], duration: float, jerk: Array
-) -> Enclosure:
-    """Bounds of a constraint's functions over a motion.
+) -> Extrema:
+    """Bounds of a constraint's functions that hold at every instant of a motion, and instants near which they are met.
 
     Within a function's scale of a limit they exceed values that occur by at most 0.01 of that scale, and near or beyond
     the limit by at most 0.001; by more only where a motion varies so fast that 9 splits do not decide.
@@ -78,7 +66,7 @@ def enclose(
         offsets = (2 * np.arange(_PARTS) + 1) / _PARTS - 1.0
         middle = (middle[split, None] + half[split, None] * offsets).ravel()
         half = np.repeat(half[split] / _PARTS, _PARTS)
-    return Enclosure(Extrema(low, high, low_time, high_time))
+    return Extrema(low, high, low_time, high_time)
 
 
 def _undecided(bound: Array, reached: Array, limit: Array, scale: Array) -> NDArray[np.bool_]:

@@ -120,7 +120,7 @@ def check_inertias(robot: Robot, what: str) -> None:
 
 def joint_torque(robot: Robot, known: Mapping[str, float]) -> Expression:
     """Torques at the joints [Nm or N], with viscous friction only."""
-    model = DifferentialModel(robot, Terms(rotor=True, coulomb=False, viscous=True, offset=False))
+    model = DifferentialModel(robot, Terms(coulomb=False))
     definition, names = model.definition()
     parameters = np.asarray(definition @ np.array([known.get(name, 0.0) for name in names]))
     return lambda q, dq, ddq: model.torque(parameters, q, dq, ddq)
@@ -251,7 +251,7 @@ def _of_curves(robot: Robot, friction: FrictionCurves | None) -> list[str]:
 
 def _deviation_terms(robot: Robot, deviations: Mapping[str, float]) -> Expression:
     """``Y diag(d)``, shape (n, parameters that deviate)."""
-    model = DifferentialModel(robot, Terms(rotor=True, coulomb=False, viscous=True, offset=False))
+    model = DifferentialModel(robot, Terms(coulomb=False))
     definition, names = model.definition()
     d = np.array([deviations.get(name, 0.0) for name in names])
     scaled = sparse(definition[:, d > 0] * d[d > 0])

@@ -58,7 +58,7 @@ class CoulombViscous(FrictionCurve):
     offset: float = 0.0
 
     def __post_init__(self) -> None:
-        _check_finite(self, ("coulomb", "viscous", "offset"))
+        check_numbers(self, ("coulomb", "viscous", "offset"))
         _check_not_negative(self, ("coulomb",))
 
     def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
@@ -96,7 +96,7 @@ class Side:
     def __post_init__(self) -> None:
         if self.stiction is None:
             object.__setattr__(self, "stiction", self.coulomb)
-        _check_finite(self, ("coulomb", "viscous", "stiction", "stribeck", "exponent"))
+        check_numbers(self, ("coulomb", "viscous", "stiction", "stribeck", "exponent"))
         _check_not_negative(self, ("coulomb", "stiction"))
         for name in ("stribeck", "exponent"):
             if not getattr(self, name) > 0:
@@ -124,7 +124,7 @@ class Stribeck(FrictionCurve):
     def __post_init__(self) -> None:
         if self.backward is None:
             object.__setattr__(self, "backward", self.forward)
-        _check_finite(self, ("offset",))
+        check_numbers(self, ("offset",))
 
     def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
         """The equation of the class; viscous friction is that of the side given by the velocity's sign."""
@@ -201,10 +201,11 @@ def directed(dz: ArrayLike, direction: ArrayLike | None) -> tuple[Array, Array]:
     return v, np.sign(v) if direction is None else np.asarray(direction, dtype=float)
 
 
-def _check_finite(curve: object, names: tuple[str, ...]) -> None:
+def check_numbers(part: object, names: tuple[str, ...], of: str = "") -> None:
+    """Raise `InputError` for the first field of a curve or of a part of one that is not finite."""
     for name in names:
-        if not np.isfinite(getattr(curve, name)):
-            raise InputError(f"friction: {name} must be a finite number, given {getattr(curve, name)}")
+        if not np.isfinite(getattr(part, name)):
+            raise InputError(f"friction: {of}{name} must be a finite number, given {getattr(part, name)}")
 
 
 def _check_not_negative(curve: object, names: tuple[str, ...]) -> None:

@@ -21,6 +21,7 @@ from regressors.robot.friction.curve import (
     TableFriction,
     Wrapped,
     by_direction,
+    check_numbers,
     directed,
 )
 from regressors.robot.robot import Robot, drive_numbers, transmission_of
@@ -175,11 +176,7 @@ class Slope:
     viscous: float = 0.0  # b, of viscous friction [Nm s/rad/K or N s/m/K]
 
     def __post_init__(self) -> None:
-        for name in ("coulomb", "viscous"):
-            if not np.isfinite(getattr(self, name)):
-                raise InputError(
-                    f"friction: temperature slope {name} must be a finite number, given {getattr(self, name)}"
-                )
+        check_numbers(self, ("coulomb", "viscous"), "temperature slope ")
 
 
 @dataclass(frozen=True)
