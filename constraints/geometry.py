@@ -182,19 +182,7 @@ class World:
             ) from error
 
     def check(self, robot: Robot) -> None:
-        """Check that the world fits a robot.
-
-        Parameters
-        ----------
-        robot : Robot
-
-        Raises
-        ------
-        UnknownName
-            A capsule on a link that the robot does not have.
-        InputError
-            An obstacle that contains the robot's base.
-        """
+        """Raise `InputError` for a capsule on a link that a robot does not have, or an obstacle around its base."""
         known = (BASE, *(body.name for body in robot.bodies))
         check_names(f"link of robot {robot.name!r}", (part.link for part in self.parts), known)
         for obstacle in (each for each in self.obstacles if not each.mounting):

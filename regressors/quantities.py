@@ -87,25 +87,25 @@ QUANTITIES: Mapping[str, Quantity] = {
     **dict.fromkeys(("torque_margin", "model_error"), SHARE),
     **dict.fromkeys(("periods", "points"), COUNT),
     **dict.fromkeys(("repeat", "repeats", "breakaways"), replace(COUNT, least=0)),
-    **dict.fromkeys(("carried", "prior_value", "friction_parameter"), ANY),
+    **dict.fromkeys(("carried", "prior_value", "friction_parameter", "gain"), ANY),
+    **dict.fromkeys(("payload", "load", "ratio"), Quantity("", -1e9, 1e9)),
+    **dict.fromkeys(("precision", "prior"), Quantity("", 1e-9, 1e9)),
+    **dict.fromkeys(("torque_factors", "described_within"), Quantity("", 1e-6, 1e6)),
+    **dict.fromkeys(("breakaway", "position_step"), replace(DISTANCE, zero=True)),
+    **dict.fromkeys(("harmonics", "at_once"), Quantity("", 1, 1000, whole=True)),
+    **dict.fromkeys(("intervals", "plausible_robots", "workers"), Quantity("", 1, 10_000, whole=True)),
+    **dict.fromkeys(("samples", "column"), Quantity("", 1, 100_000, whole=True)),
     **dict.fromkeys(("torque_noise", "coloured_noise"), replace(NOISE, unit="Nm or N")),
     **dict.fromkeys(("sign_width", "standstill"), replace(SPEED, zero=True, least=1e-12)),
     **dict.fromkeys(("percent", "creep"), Quantity("%", 1e-6, 100.0)),
     # installation
     "gravity": Quantity("m/s^2", -1e4, 1e4),
-    "payload": Quantity("", -1e9, 1e9),
-    "load": Quantity("", -1e9, 1e9),
     # trajectory
     "period": Quantity("s", 1e-3, 1e5),
-    "harmonics": Quantity("", 1, 1000, whole=True),
-    "intervals": Quantity("", 1, 10_000, whole=True),
     "order": Quantity("", 1, 10, whole=True),
     # objective
     "noise": replace(NOISE, zero=False),
-    "precision": Quantity("", 1e-9, 1e9),
-    "prior": Quantity("", 1e-9, 1e9),
     "prior_deviation": Quantity("", 1e-12, 1e12),
-    "plausible_robots": Quantity("", 1, 10_000, whole=True),
     # limits
     "acceleration": Quantity("rad/s^2 or m/s^2", 1e-9, 1e9),
     "jerk": Quantity("rad/s^3 or m/s^3", 1e-9, 1e12),
@@ -116,18 +116,13 @@ QUANTITIES: Mapping[str, Quantity] = {
     "rounds": Quantity("", 0, 10**6, whole=True),
     "budget": Quantity("s", 0.1, 1e7),
     "seed": SEED,
-    "workers": Quantity("", 1, 10_000, whole=True),
     # output
     "speed": Quantity("", 1e-6, 1.0),
     # posterior
-    "samples": Quantity("", 1, 100_000, whole=True),
     "level": Quantity("", 0.5, 0.9999),
     # identification
     "every": Quantity("", 1, 10**9, whole=True),
-    "breakaway": replace(DISTANCE, zero=True),
-    "torque_factors": Quantity("", 1e-6, 1e6),
     "temperature": TEMPERATURE,
-    "described_within": Quantity("", 1e-6, 1e6),
     "delay": Quantity("s", -1e4, 1e4),
     "bias": Quantity("N and Nm", -1e6, 1e6),
     # simulation
@@ -141,10 +136,8 @@ QUANTITIES: Mapping[str, Quantity] = {
     "impact_torque": Quantity("Nm or N", -1e9, 1e9),
     "friction_drift": Quantity("", -0.999, 1e3),
     "torque_gain": Quantity("", -1e6, 1e6),
-    "position_step": replace(DISTANCE, zero=True),
     # verification and study
     "count": replace(COUNT, least=2),
-    "at_once": Quantity("", 1, 1000, whole=True),
     # payloads
     "gain_deviation": Quantity("", 0.0, 1.0),
     # friction experiments
@@ -154,13 +147,10 @@ QUANTITIES: Mapping[str, Quantity] = {
     "tolerance": Quantity("", 1e-9, 1e3),
     "exponent": Quantity("", 0.01, 100.0),
     # files
-    "gain": Quantity("", -1e12, 1e12),
     "ticks": Quantity("counts per revolution", -1e12, 1e12),
     "reading": Quantity("", -1e15, 1e15),
-    "column": Quantity("", 1, 100_000, whole=True),
     "skip": Quantity("", 0, 10**9, whole=True),
     "moment": Quantity("kg m or kg m^2", -1e12, 1e12),
-    "ratio": Quantity("", -1e9, 1e9),
     "bound": Quantity("", -1e20, 1e20, infinite=True),
 }
 

@@ -161,13 +161,7 @@ class LoadIntegralModel(_SensorModel, WindowModel):
         return {"sensor": self.sensor, "window": self.window}
 
     def instantaneous(self) -> RegressorModel:
-        """Model of the wrench that this model integrates.
-
-        Raises
-        ------
-        InputError
-            A subclass with further columns, whose wrench is not known here.
-        """
+        """Model of the wrench that this model integrates; `InputError` of a subclass with further columns."""
         model = LoadModel(self.robot, self.sensor)
         return model if model.columns == self.columns else super().instantaneous()
 

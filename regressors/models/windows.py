@@ -56,31 +56,14 @@ class Window:
                 raise InputError(f"window {what} must be a positive number of seconds, given {value}")
 
     def fitted(self, spacing: float) -> Window:
-        """These windows with short ones rounded to a whole number of samples; long ones as they are.
-
-        Parameters
-        ----------
-        spacing : float
-            Sample time [s].
-        """
+        """These windows with short ones rounded to a whole number of samples; long ones as they are."""  # spacing [s]
         if self.kind == "long":
             return self
         length = max(1, round(self.length / spacing)) * spacing
         return Window(self.kind, length, None if self.step is None else max(1, round(self.step / spacing)) * spacing)
 
     def ends(self, time: Array) -> tuple[Index, Index]:
-        """Indices of the first and the last sample of every window.
-
-        Parameters
-        ----------
-        time : ndarray, shape (N,)
-            Uniform sample times [s].
-
-        Raises
-        ------
-        InputError
-            A window shorter than the sample time, or not a whole number of samples, or longer than the motion.
-        """
+        """First and last sample of every window of uniform times [s]; `InputError` where windows do not fit these."""
         if self.kind == "long":
             last = np.arange(1, time.size)
             return np.zeros_like(last), last
@@ -168,22 +151,7 @@ class WindowModel(RegressorModel):
         return cumulated
 
     def assemble(self, samples: Samples) -> Array:
-        """Stacked regressor W, the r rows of the first window, then of the second, and so on.
-
-        Parameters
-        ----------
-        samples : Samples
-            N uniform instants of one motion.
-
-        Returns
-        -------
-        ndarray, shape (windows * r, p)
-
-        Raises
-        ------
-        InputError
-            See `Window.ends`.
-        """
+        """Stacked regressor W of uniform samples, the r rows of each window in turn, shape (windows * r, p)."""
         W = self.assembled_entries(samples, np.arange(len(self.columns)))
         return np.asarray(W.transpose(2, 0, 1).reshape(-1, len(self.columns)))
 
@@ -196,17 +164,7 @@ class WindowModel(RegressorModel):
         return np.asarray(cumulated[..., last] - cumulated[..., first])
 
     def right_side(self, samples: Samples, measured: Array) -> Array:
-        """Integrals of the `measured_density` over the windows.
-
-        Parameters
-        ----------
-        samples : Samples
-        measured : ndarray, shape (N, ...)
-
-        Returns
-        -------
-        ndarray, shape (windows * r,)
-        """
+        """Integrals of the `measured_density` over the windows, shape (windows * r,)."""  # measured (N, ...)
         first, last = self.window.ends(samples.time)
         cumulated = _running_integral(self.measured_density(samples, np.asarray(measured, dtype=float)), samples.time)
         return np.asarray((cumulated[last] - cumulated[first]).reshape(-1))

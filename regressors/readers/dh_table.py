@@ -215,14 +215,9 @@ def _parameters(row: _Row, convention: str) -> Array | None:
 def _transmission(rows: list[_Row]) -> Transmission | None:
     if not any(column in row for row in rows for column in _DRIVE):
         return None
+    gears = (ConstantRatio(row.get("ratio", 1.0)) for row in rows)
     drives = tuple(
-        Drive(
-            row.name,
-            ConstantRatio(row.get("ratio", 1.0)),
-            row.get("rotor_inertia"),
-            row.get("coulomb"),
-            row.get("viscous"),
-        )
-        for row in rows
+        Drive(row.name, gear, row.get("rotor_inertia"), row.get("coulomb"), row.get("viscous"))
+        for row, gear in zip(rows, gears, strict=True)
     )
     return Transmission(np.eye(len(rows)), drives, Limits.none(len(rows)))

@@ -148,15 +148,7 @@ class Terms:
         return cls(rotor=False, coulomb=False, viscous=False, offset=False)
 
     def include(self, kind: str, number: int) -> bool:
-        """Whether a drive has a column of some kind.
-
-        Parameters
-        ----------
-        kind : str
-            One of `FRICTION_KINDS`, or ``rotor``.
-        number : int
-            Number of the drive.
-        """
+        """Whether a drive has a column of some kind, one of `FRICTION_KINDS` or ``rotor``."""
         chosen: Drives = getattr(self, kind.replace(" ", "_"))
         return chosen if isinstance(chosen, bool) else number in chosen
 
@@ -167,12 +159,7 @@ class Terms:
         return tuple(sorted({number for one in chosen if not isinstance(one, bool) for number in one}))
 
     def among(self, numbers: Container[int]) -> Terms:
-        """The same terms without the drives of other numbers, such as those behind locked joints.
-
-        Parameters
-        ----------
-        numbers : container of int
-        """
+        """The same terms without the drives of other numbers, such as those behind locked joints."""
         chosen = ((name, getattr(self, name)) for name in _SELECTIONS)
         by_number = ((name, one) for name, one in chosen if not isinstance(one, bool))
         left: dict[str, Any] = {name: tuple(k for k in one if k in numbers) for name, one in by_number}

@@ -225,13 +225,7 @@ class Limits(_Rebuilt):
         return cls(-inf, inf, inf, inf, inf, inf)
 
     def check(self, labels: tuple[str, ...]) -> None:
-        """Raise `InputError` naming the first coordinate whose bounds leave no room.
-
-        Parameters
-        ----------
-        labels : tuple of str
-            Names of the coordinates for the message.
-        """
+        """Raise `InputError` naming, by its label, the first coordinate whose bounds leave no room."""
         for label, lower, upper in zip(labels, self.lower, self.upper, strict=True):
             if not lower < upper:
                 raise InputError(f"{label}: lower position limit {lower:g} must be below the upper one {upper:g}")
