@@ -42,31 +42,27 @@ def enclose(
     """  # jerk (n,)
     half = np.full(_INTERVALS, 0.5 * duration / _INTERVALS)
     middle = (np.arange(_INTERVALS) + 0.5) * duration / _INTERVALS
-    k = len(constraint.labels)
-    high, low = np.full(k, -np.inf), np.full(k, np.inf)
-    reached_high, reached_low = np.full(k, -np.inf), np.full(k, np.inf)
-    high_time, low_time = np.zeros(k), np.zeros(k)
+    limit, scale = np.concatenate([constraint.upper, -constraint.lower]), np.tile(constraint.scale, 2)
+    # of the functions, then of these with the other sign
+    bound, reached, time = np.full(limit.size, -np.inf), np.full(limit.size, -np.inf), np.zeros(limit.size)
     for depth in range(_DEPTH + 1):
         value, slack = _mean_value(constraint, motion(middle), half, jerk)
-        best, least = value.argmax(axis=0), value.argmin(axis=0)
-        higher, lower = value[best, np.arange(k)] > reached_high, value[least, np.arange(k)] < reached_low
-        high_time, low_time = np.where(higher, middle[best], high_time), np.where(lower, middle[least], low_time)
-        reached_high = np.maximum(reached_high, value.max(axis=0))
-        reached_low = np.minimum(reached_low, value.min(axis=0))
-        above = _undecided(value + slack, reached_high, constraint.upper, constraint.scale)
-        below = _undecided(slack - value, -reached_low, -constraint.lower, constraint.scale)
-        split = np.any(above | below, axis=1)
+        both = np.hstack([value, -value])
+        best = both.argmax(axis=0)
+        time = np.where(both[best, np.arange(limit.size)] > reached, middle[best], time)
+        reached = np.maximum(reached, both.max(axis=0))
+        beyond = both + np.hstack([slack, slack])
+        split = np.any(_undecided(beyond, reached, limit, scale), axis=1)
         if depth == _DEPTH or split.sum() * _PARTS > _MOST:
             split[:] = False
-        kept = ~split
-        high = np.maximum(high, (value + slack)[kept].max(axis=0, initial=-np.inf))
-        low = np.minimum(low, (value - slack)[kept].min(axis=0, initial=np.inf))
+        bound = np.maximum(bound, beyond[~split].max(axis=0, initial=-np.inf))
         if not np.any(split):
             break
         offsets = (2 * np.arange(_PARTS) + 1) / _PARTS - 1.0
         middle = (middle[split, None] + half[split, None] * offsets).ravel()
         half = np.repeat(half[split] / _PARTS, _PARTS)
-    return Extrema(low, high, low_time, high_time)
+    (high, low), (high_time, low_time) = np.split(bound, 2), np.split(time, 2)
+    return Extrema(0.0 - low, high, low_time, high_time)
 
 
 def _undecided(bound: Array, reached: Array, limit: Array, scale: Array) -> NDArray[np.bool_]:

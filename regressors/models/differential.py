@@ -33,7 +33,7 @@ from regressors.robot.friction.load_and_temperature import torques_at_drives
 from regressors.robot.inertia import PARAMETERS_PER_LINK
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import bodies, body_regressor, effort_regressor, sparse
-from regressors.robot.symbolic.vectorised import VectorisedFunction
+from regressors.robot.symbolic.vectorised import VectorisedFunction, entries_at_samples
 from regressors.samples import Array, Samples
 
 
@@ -135,11 +135,7 @@ class DifferentialModel(RegressorModel):
 
     def friction_magnitudes(self, samples: Samples) -> Array:
         """Magnitude of every directed friction column of a drive, see `regressors.models.model.RegressorModel`."""
-        motion = (np.ascontiguousarray(x.T) for x in (samples.q, samples.dq, samples.ddq))
-        function = self._magnitudes
-        values = np.zeros((function.shape[0], samples.time.size))
-        values[function.row] = function(*motion)
-        return values.T
+        return entries_at_samples(self._magnitudes, samples)[:, 0].T
 
     @cached_property
     def _magnitudes(self) -> VectorisedFunction:

@@ -22,7 +22,6 @@ from regressors.robot.symbolic.kinematics import (
     chain,
     effort_regressor,
     next_link,
-    times_inertia,
 )
 from regressors.samples import Array, Samples
 
@@ -171,18 +170,14 @@ class LoadIntegralModel(_SensorModel, WindowModel):
     def state(self, q: ca.SX, dq: ca.SX) -> ca.SX:
         """Bracketed terms of K_I: ``[v, [omega x], 0; 0, -[v x], [. omega]]``, shape (r, 10)."""
         body = self._body(q, dq)
-        force = ca.horzcat(body.v, ca.skew(body.omega), ca.SX(3, 6))
-        moment = ca.horzcat(ca.SX(3, 1), -ca.skew(body.v), times_inertia(body.omega))
-        return ca.vertcat(force, moment)[self._equations, :]
+        return ca.vertcat(*body_regressor(ca.SX(3, 1), body.omega, body.v))[self._equations, :]
 
     def density(self, q: ca.SX, dq: ca.SX) -> ca.SX:
         """Integrands of K_I: ``omega x v - R g``, ``[omega x][omega x]``, ``[omega x][. omega]``, shape (r, 10)."""
         body = self._body(q, dq)
         w = body.omega
         a = ca.cross(w, body.v) - body.up
-        force = ca.horzcat(a, ca.mtimes(ca.skew(w), ca.skew(w)), ca.SX(3, 6))
-        moment = ca.horzcat(ca.SX(3, 1), -ca.skew(a), ca.mtimes(ca.skew(w), times_inertia(w)))
-        return ca.vertcat(force, moment)[self._equations, :]
+        return ca.vertcat(*body_regressor(w, ca.SX(3, 1), a))[self._equations, :]
 
     def measured_density(self, samples: Samples, measured: Array) -> Array:
         """The wrench itself, selected equations, shape (N, r) [N, Nm]; `measured` has shape (N, 6) or (N, r)."""
