@@ -47,7 +47,15 @@ class PowerLimit(Limit):
     friction: FrictionCurves | None = None
 
     def imposed(self, robot: Robot, motion: PartialMotion) -> Sequence[NonlinearConstraint]:
-        """One constraint for all drives or joints that have a bound; see `constraints.torque.drive_torque_matrix`."""
+        """One constraint for all drives or joints that have a bound.
+
+        Raises
+        ------
+        InputError
+            Powers that are not positive or of the wrong number, a robot without the limits to derive them from, links
+            of unknown inertia, friction without a velocity limit or that uses up a bound, or see
+            `constraints.torque.drive_torque_matrix`.
+        """
         check_inertias(robot, "power limits")
         friction = drive_friction(robot, standard_values(robot), motion, self.friction)
         transmission, C_T = transmission_of(robot), drive_torque_matrix(robot)

@@ -217,7 +217,14 @@ class PlausibleTorqueLimit(Limit):
     friction: FrictionCurves | None = None
 
     def imposed(self, robot: Robot, motion: PartialMotion) -> Sequence[NonlinearConstraint]:
-        """One constraint for the joints and one for the drives, where these have torque limits; see `torque_limits`."""
+        """One constraint for the joints and one for the drives, where these have torque limits.
+
+        Raises
+        ------
+        InputError
+            An uncertainty that is not greater than zero, a robot without torque limits, friction that uses up a limit,
+            or see `constraints.torque.torque_limits`.
+        """
         if not 0 < self.uncertainty < np.inf:
             raise InputError(f"torque uncertainty must be a number greater than 0, given {self.uncertainty}")
         check_inertias(robot, "torque limits")

@@ -118,7 +118,13 @@ class DifferentialModel(RegressorModel):
         return {"terms": self.terms, "sign_width": self.sign_width, **given}
 
     def torque(self, parameters: Array, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
-        """``rows @ parameters`` by each body's wrench, shape (n, 1) [Nm or N]."""  # parameters (p,); q, dq, ddq (n, 1)
+        """``rows @ parameters`` by each body's wrench, shape (n, 1) [Nm or N].
+
+        Parameters
+        ----------
+        parameters : ndarray, shape (p,)
+        q, dq, ddq : SX, shape (n, 1)
+        """
         standard = self.reduction.matrix @ parameters
         inertial, of_drives = np.split(standard, [PARAMETERS_PER_LINK * len(self.robot.bodies)])
         tau = inertial_torque(self.robot, inertial.reshape(-1, PARAMETERS_PER_LINK), q, dq, ddq)

@@ -88,7 +88,13 @@ class EnergyModel(WindowModel):
         return {"terms": self.terms, "window": self.window, "sign_width": self.sign_width}
 
     def instantaneous(self) -> RegressorModel:
-        """Model of the torques whose work this model integrates; `InputError` of a subclass with further columns."""
+        """Model of the torques whose work this model integrates.
+
+        Raises
+        ------
+        InputError
+            A subclass with further columns, whose torques are not known here.
+        """
         model = DifferentialModel(self.robot, self.terms, sign_width=self.sign_width)
         return model if model.columns == self.columns else super().instantaneous()
 

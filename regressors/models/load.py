@@ -160,7 +160,13 @@ class LoadIntegralModel(_SensorModel, WindowModel):
         return {"sensor": self.sensor, "window": self.window}
 
     def instantaneous(self) -> RegressorModel:
-        """Model of the wrench that this model integrates; `InputError` of a subclass with further columns."""
+        """Model of the wrench that this model integrates.
+
+        Raises
+        ------
+        InputError
+            A subclass with further columns, whose wrench is not known here.
+        """
         model = LoadModel(self.robot, self.sensor)
         return model if model.columns == self.columns else super().instantaneous()
 

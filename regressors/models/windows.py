@@ -32,20 +32,11 @@ SHORT = 0.005
 @checked
 @dataclass(frozen=True)
 class Window:
-    """Time windows that form the rows of W.
+    """Time windows that form the rows of W."""
 
-    Parameters
-    ----------
-    kind : {"short", "long"}
-        (t_k, t_k + length), or (t_0, t_k) from the first sample on.
-    length : float
-        Length of a short window [s]; 5 ms in [KD96].
-    step : float, optional
-        Time from the start of a short window to that of the next [s]; `length` if not given, so that they adjoin.
-    """
-
-    kind: Literal["short", "long"] = "short"
-    length: float = SHORT
+    kind: Literal["short", "long"] = "short"  # (t_k, t_k + length), or (t_0, t_k) from the first sample on
+    length: float = SHORT  # of a short window [s]; 5 ms in [KD96]
+    # time from the start of a short window to that of the next [s]; the length if not given, so that they adjoin
     step: float | None = None
 
     def __post_init__(self) -> None:
@@ -151,7 +142,22 @@ class WindowModel(RegressorModel):
         return cumulated
 
     def assemble(self, samples: Samples) -> Array:
-        """Stacked regressor W of uniform samples, the r rows of each window in turn, shape (windows * r, p)."""
+        """Stacked regressor W, the r rows of the first window, then of the second, and so on.
+
+        Parameters
+        ----------
+        samples : Samples
+            N uniform instants of one motion.
+
+        Returns
+        -------
+        ndarray, shape (windows * r, p)
+
+        Raises
+        ------
+        InputError
+            See `Window.ends`.
+        """
         W = self.assembled_entries(samples, np.arange(len(self.columns)))
         return np.asarray(W.transpose(2, 0, 1).reshape(-1, len(self.columns)))
 
@@ -164,7 +170,17 @@ class WindowModel(RegressorModel):
         return np.asarray(cumulated[..., last] - cumulated[..., first])
 
     def right_side(self, samples: Samples, measured: Array) -> Array:
-        """Integrals of the `measured_density` over the windows, shape (windows * r,)."""  # measured (N, ...)
+        """Integrals of the `measured_density` over the windows.
+
+        Parameters
+        ----------
+        samples : Samples
+        measured : ndarray, shape (N, ...)
+
+        Returns
+        -------
+        ndarray, shape (windows * r,)
+        """
         first, last = self.window.ends(samples.time)
         cumulated = _running_integral(self.measured_density(samples, np.asarray(measured, dtype=float)), samples.time)
         return np.asarray((cumulated[last] - cumulated[first]).reshape(-1))

@@ -73,25 +73,13 @@ class CoulombViscous(FrictionCurve):
 
 @dataclass(frozen=True)
 class Side:
-    """Friction in one direction, ``Fc + (Fs - Fc) exp(-(v / vs)^delta) + Fv v`` at speed v >= 0 [Tustin 1947].
+    """Friction in one direction, ``Fc + (Fs - Fc) exp(-(v / vs)^delta) + Fv v`` at speed v >= 0 [Tustin 1947]."""
 
-    Parameters
-    ----------
-    coulomb, viscous : float
-        [Nm, Nm s/rad, or with N and m]
-    stiction : float, optional
-        Break-away torque Fs [Nm]; equal to the Coulomb friction if not given.
-    stribeck : float
-        Speed vs over which friction falls from Fs to Fc, > 0 [rad/s or m/s].
-    exponent : float
-        delta, > 0; 1 in Tustin's model, 2 the usual choice since.
-    """
-
-    coulomb: float
+    coulomb: float  # [Nm, Nm s/rad, or with N and m]
     viscous: float = 0.0
-    stiction: float | None = None
-    stribeck: float = 0.05
-    exponent: float = 2.0
+    stiction: float | None = None  # break-away torque Fs [Nm]; equal to the Coulomb friction if not given
+    stribeck: float = 0.05  # speed vs over which friction falls from Fs to Fc, > 0 [rad/s or m/s]
+    exponent: float = 2.0  # delta, > 0; 1 in Tustin's model, 2 the usual choice since
 
     def __post_init__(self) -> None:
         if self.stiction is None:

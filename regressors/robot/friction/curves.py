@@ -53,24 +53,12 @@ from regressors.samples import Array
 
 @dataclass(frozen=True, eq=False)
 class FrictionCurves:
-    """Friction of a robot's drives, so that identification can subtract it from the torques [KD96] section 5.2.
+    """Friction of a robot's drives, so that identification can subtract it from the torques [KD96] section 5.2."""
 
-    Parameters
-    ----------
-    curves : mapping of str to FrictionCurve or callable
-        Curves by name of the drive, or of the joint where the robot has no transmission; a drive without an entry has
-        no friction. A function of velocities is accepted as a curve, see `FunctionFriction`.
-    uncertainty : mapping of str to CurveUncertainty
-        Uncertainty of curves by name; curves without one count as exact.
-
-    Raises
-    ------
-    UnknownName
-        An uncertainty without a curve, or of a parameter that its curve does not have.
-    """
-
+    # by name of the drive, or of the joint where the robot has no transmission; a drive without an entry has no
+    # friction. A function of velocities is accepted as a curve, see `FunctionFriction`
     curves: Mapping[str, FrictionCurve | Callable[[Array], Array]]
-    uncertainty: Mapping[str, CurveUncertainty] = field(default_factory=dict)
+    uncertainty: Mapping[str, CurveUncertainty] = field(default_factory=dict)  # curves without one count as exact
 
     def __post_init__(self) -> None:
         curves = {
