@@ -237,13 +237,14 @@ def _array(kinds: str, dtype: Any, value: Any) -> Any:
 def _of_class(kind: Any, value: Any) -> Any:
     if isinstance(value, Mapping) and hasattr(kind, "from_dict"):
         return kind.from_dict(value)
-    if getattr(kind, "_is_protocol", False):  # properties are not evaluated
-        fits = all(inspect.getattr_static(value, name, Unfit) is not Unfit for name in _members(kind))
-    else:
-        fits = isinstance(value, kind)
-    if not fits:
+    if not (_has_members(kind, value) if getattr(kind, "_is_protocol", False) else isinstance(value, kind)):
         raise Unfit
     return value
+
+
+def _has_members(protocol: type, value: Any) -> bool:
+    """Whether a value has what a protocol asks for; properties are not evaluated."""
+    return all(inspect.getattr_static(value, name, Unfit) is not Unfit for name in _members(protocol))
 
 
 @cache

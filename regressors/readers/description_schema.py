@@ -157,11 +157,8 @@ class LimitsSection(Section):
 def limits(sections: list[LimitsSection]) -> Limits:
     """Limits of several coordinates."""
     lower, upper = np.array([s.position or [-np.inf, np.inf] for s in sections], dtype=float).reshape(-1, 2).T
-    rest = [
-        np.array([np.inf if bound is None else bound for bound in (getattr(s, name) for s in sections)])
-        for name in ("velocity", "acceleration", "jerk", "torque")
-    ]
-    return Limits(lower, upper, *rest)
+    rates = ("velocity", "acceleration", "jerk", "torque")
+    return Limits(lower, upper, *(np.array([getattr(s, name) or np.inf for s in sections]) for name in rates))
 
 
 class MdhSection(Section):
@@ -278,14 +275,11 @@ class LinkSection(NamedSection):
     def _known_or_unknown(self) -> LinkSection:
         if self.com is not None and self.first_moment is not None:
             raise ValueError(f"link {self.name!r}: give com or first_moment, not both")
-        given = {
-            "mass": self.mass is not None,
-            "com or first_moment": self.com is not None or self.first_moment is not None,
-            "inertia": self.inertia is not None,
-        }
-        if any(given.values()) and not all(given.values()):
-            missing = ", ".join(name for name, there in given.items() if not there)
-            raise ValueError(f"link {self.name!r}: give mass, com or first_moment, and inertia, or none; no {missing}")
+        given = {"mass": self.mass, "com or first_moment": self.com or self.first_moment, "inertia": self.inertia}
+        missing = [name for name, value in given.items() if value is None]
+        if 0 < len(missing) < len(given):
+            wanted = "give mass, com or first_moment, and inertia, or none"
+            raise ValueError(f"link {self.name!r}: {wanted}; no {', '.join(missing)}")
         if self.mass == 0.0 and any(self.first_moment or ()):
             raise ValueError(f"link {self.name!r}: a link without mass has no first moment")
         return self
@@ -297,11 +291,8 @@ class LinkSection(NamedSection):
         with np.errstate(over="ignore", invalid="ignore"):  # a link refuses what is not finite
             return Link(self.name, self._theta(self.mass, self.inertia))
 
-    def _theta(self, mass: float, inertia: InertiaSection) -> Array:
-        moment = np.array(self.first_moment if self.com is None else self.com)
-        if self.com is not None:
-            moment = mass * moment
-        i = inertia
+    def _theta(self, mass: float, i: InertiaSection) -> Array:
+        moment = np.array(self.first_moment) if self.com is None else mass * np.array(self.com)
         theta = np.array([mass, *moment, i.xx, i.xy, i.xz, i.yy, i.yz, i.zz])
         if i.about == "centre-of-mass" and mass > 0:
             theta = from_centre_of_mass(mass, moment / mass, inertia_tensor(theta))

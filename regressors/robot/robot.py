@@ -379,16 +379,10 @@ class Robot(_Rebuilt):
         """The whole robot as plain lists, numbers and strings, ready for JSON."""
         content = plain(self)
         assert isinstance(content, dict)
-        del content["notes"]
+        content["shapes"] = [part.to_dict() for part in self.shapes]
         # robots without them keep the hash that they had before there were branches, or homes
-        if not self.branches:
-            del content["branches"]
-        if self.home is None:
-            del content["home"]
-        del content["shapes"]
-        if self.shapes:
-            content["shapes"] = [part.to_dict() for part in self.shapes]
-        return content
+        optional = ("branches", "home", "shapes")
+        return {name: value for name, value in content.items() if name != "notes" and (value or name not in optional)}
 
     def sha256(self) -> str:
         """Hash of the content, independent of the format and the place of the file that it was read from."""
