@@ -27,7 +27,7 @@ from regressors.robot.shapes import Part
 JointKind = Literal["revolute", "prismatic"]
 
 
-class _Rebuilt:
+class Rebuilt:
     """Pickled and copied as the arguments of the constructor: what is read back is checked, and read-only, again."""
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
@@ -45,7 +45,7 @@ class _Rebuilt:
 
 
 @dataclass(frozen=True, eq=False)
-class Joint(_Rebuilt):
+class Joint(Rebuilt):
     """One joint and where it sits: its link's frame has the pose ``placement(q=0) motion(q)`` in the parent link's."""
 
     name: str
@@ -94,7 +94,7 @@ class Joint(_Rebuilt):
 
 
 @dataclass(frozen=True, eq=False)
-class Link(_Rebuilt):
+class Link(Rebuilt):
     """A rigid body moved by the joint of the same number."""
 
     name: str
@@ -116,7 +116,7 @@ BASE = "base"
 
 
 @dataclass(frozen=True, eq=False)
-class Branch(_Rebuilt):
+class Branch(Rebuilt):
     """A body beside the chain that moves with a linear combination of the joints, such as a bar of a parallelogram.
 
     Its joint sits on a link, or on another branch, and its coordinate is ``coupling @ q + offset``.
@@ -149,7 +149,7 @@ LIMITED = ("position", "velocity", "acceleration", "jerk", "torque")
 
 
 @dataclass(frozen=True, eq=False)
-class Limits(_Rebuilt):
+class Limits(Rebuilt):
     """Bounds on a set of coordinates; infinite where there is none."""
 
     lower: Array  # (n,) position [rad or m]; ``lower < upper``
@@ -205,7 +205,7 @@ class Drive:
 
 
 @dataclass(frozen=True, eq=False)
-class Transmission(_Rebuilt):
+class Transmission(Rebuilt):
     """How drives move joints: ``z = C q + z0``, hence ``tau_q = C' tau_z``."""
 
     coupling: Array  # (m, n) ``C``; the identity where each drive moves its own joint
@@ -246,7 +246,7 @@ class Structure:
 
 @checked
 @dataclass(frozen=True, eq=False)
-class Robot(_Rebuilt):
+class Robot(Rebuilt):
     """A serial robot, with bodies that its joints move along: everything that its regressor and its limits need.
 
     Parameters
