@@ -7,7 +7,7 @@ joints that follow others or are held are part of the tree; what else they tie i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -189,15 +189,8 @@ def _reach(bounds: Array) -> float:
     return min(-lower, upper) if lower < 0.0 < upper else np.inf
 
 
-@dataclass(frozen=True)
-class Tie:
-    """A constraint between bodies, or between joints, that is no joint of the tree."""
-
-    label: str  # what it is, for messages
-    joints: tuple[str, ...] = ()  # those that it concerns
-    bodies: tuple[str, ...] = ()
-
-
+# a constraint between bodies, or between joints, that is no joint of the tree: what it is, its joints, its bodies
+Tie = tuple[str, list[str], list[str]]
 # joints that follow another one, and positions at which joints are held [rad or m], by their numbers; all the others
 Equalities = tuple[dict[int, Mimic], dict[int, float], list[Tie]]
 
@@ -221,11 +214,10 @@ def equalities(model: Any) -> Equalities:
             what = "connect" if kind == kinds.mjEQ_CONNECT else "weld"
             at_sites = int(model.eq_objtype[number]) == mujoco.mjtObj.mjOBJ_SITE
             ends = (int(model.site_bodyid[end]) if at_sites else end for end in (first, second))
-            ties.append(Tie(f"the equality <{what}>", bodies=tuple(bodies[end] for end in ends)))
+            ties.append((f"the equality <{what}>", [], [bodies[end] for end in ends]))
         elif kind == kinds.mjEQ_TENDON:
             of_joints, of_bodies = _ends_of_tendons(model, [tendon for tendon in (first, second) if tendon >= 0])
-            names = (tuple(joints[k] for k in of_joints), tuple(bodies[k] for k in of_bodies))
-            ties.append(Tie("the equality <tendon>", *names))
+            ties.append(("the equality <tendon>", [joints[k] for k in of_joints], [bodies[k] for k in of_bodies]))
     return mimics, held, ties
 
 
