@@ -66,10 +66,8 @@ def _least(
 
 
 def _middle(A: Array, lower: Array, upper: Array) -> Array | None:
-    """Pose in the middle between the bounds of every row, where there is one, as there is for bounds on single joints.
-
-    Without SciPy's optimisers, whose import takes longer than all else here.
-    """
+    """Pose in the middle between the bounds of every row, where there is one, as there is for bounds on single joints."""
+    # without SciPy's optimisers, whose import takes longer than all else here
     wanted = 0.5 * (lower + upper)
     pose: Array = np.linalg.lstsq(A, wanted)[0].astype(float)
     return pose if np.all(np.abs(A @ pose - wanted) <= 1e-12 * (upper - lower)) else None

@@ -79,12 +79,7 @@ def _samples(seconds: float, spacing: float, what: str) -> int:
 
 
 class WindowModel(RegressorModel):
-    """A model whose rows are differences of states plus integrals of densities over windows.
-
-    Attributes
-    ----------
-    window : Window
-    """
+    """A model whose rows are differences of states plus integrals of densities over windows."""
 
     window: Window
 
