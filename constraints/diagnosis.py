@@ -66,7 +66,7 @@ def _least(
 
 
 def _middle(A: Array, lower: Array, upper: Array) -> Array | None:
-    """Pose in the middle between the bounds of every row, where there is one, as there is for bounds on single joints."""
+    """Pose in the middle between the bounds of every row, where there is one, as for bounds on single joints."""
     # without SciPy's optimisers, whose import takes longer than all else here
     wanted = 0.5 * (lower + upper)
     pose: Array = np.linalg.lstsq(A, wanted)[0].astype(float)
