@@ -59,7 +59,7 @@ class CoulombViscous(FrictionCurve):
 
     def __post_init__(self) -> None:
         check_numbers(self, ("coulomb", "viscous", "offset"))
-        _check_not_negative(self, ("coulomb",))
+        check_numbers(self, ("coulomb",), _NOT_NEGATIVE)
 
     def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
         """``Fc s + Fv dz + Fo``."""
@@ -85,10 +85,8 @@ class Side:
         if self.stiction is None:
             object.__setattr__(self, "stiction", self.coulomb)
         check_numbers(self, ("coulomb", "viscous", "stiction", "stribeck", "exponent"))
-        _check_not_negative(self, ("coulomb", "stiction"))
-        for name in ("stribeck", "exponent"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"friction: {name} must be greater than zero, given {getattr(self, name):g}")
+        check_numbers(self, ("coulomb", "stiction"), _NOT_NEGATIVE)
+        check_numbers(self, ("stribeck", "exponent"), _POSITIVE)
 
     @property
     def drop(self) -> float:
@@ -189,17 +187,18 @@ def directed(dz: ArrayLike, direction: ArrayLike | None) -> tuple[Array, Array]:
     return v, np.sign(v) if direction is None else np.asarray(direction, dtype=float)
 
 
-def check_numbers(part: object, names: tuple[str, ...], of: str = "") -> None:
-    """Raise `InputError` for the first field of a curve or of a part of one that is not finite."""
-    for name in names:
-        if not np.isfinite(getattr(part, name)):
-            raise InputError(f"friction: {of}{name} must be a finite number, given {getattr(part, name)}")
+Rule = tuple[str, Callable[[float], object]]
+_FINITE: Rule = ("a finite number", np.isfinite)
+_NOT_NEGATIVE: Rule = ("zero or more", lambda x: x >= 0)
+_POSITIVE: Rule = ("greater than zero", lambda x: x > 0)
 
 
-def _check_not_negative(curve: object, names: tuple[str, ...]) -> None:
+def check_numbers(part: object, names: tuple[str, ...], rule: Rule = _FINITE, of: str = "") -> None:
+    """Raise `InputError` for the first field of a curve, or of a part of one, for which a rule does not hold."""
+    must_be, holds = rule
     for name in names:
-        if getattr(curve, name) < 0:
-            raise InputError(f"friction: {name} must be zero or more, given {getattr(curve, name):g}")
+        if not holds(getattr(part, name)):
+            raise InputError(f"friction: {of}{name} must be {must_be}, given {getattr(part, name):g}")
 
 
 _FUNCTION_POINTS = 201

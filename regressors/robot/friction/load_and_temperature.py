@@ -48,9 +48,7 @@ class Loaded(Wrapped):
         super().__post_init__()
         if self.backward is None:
             object.__setattr__(self, "backward", self.forward)
-        for name in ("forward", "backward"):
-            if not 0.0 <= getattr(self, name) < 1.0:
-                raise InputError(f"friction: load {name} must be at least 0 and below 1, given {getattr(self, name):g}")
+        check_numbers(self, ("forward", "backward"), ("at least 0 and below 1", lambda k: 0.0 <= k < 1.0), of="load ")
 
     @property
     def shares(self) -> tuple[float, float]:
@@ -176,7 +174,7 @@ class Slope:
     viscous: float = 0.0  # b, of viscous friction [Nm s/rad/K or N s/m/K]
 
     def __post_init__(self) -> None:
-        check_numbers(self, ("coulomb", "viscous"), "temperature slope ")
+        check_numbers(self, ("coulomb", "viscous"), of="temperature slope ")
 
 
 @dataclass(frozen=True)
