@@ -54,40 +54,29 @@ def _plain(number: float) -> str:
     return f"{number:.0f}" if number == round(number) and abs(number) < 1e9 else f"{number:g}"
 
 
-ANY = Quantity("", -1e12, 1e12)
-LENGTH = Quantity("m", -1e4, 1e4)
-ANGLE = Quantity("rad", -1e4, 1e4)
-PLACE = Quantity("rad or m", -1e4, 1e4)  # of a joint
 TIME = Quantity("s", 1e-6, 1e5)
-REST = replace(TIME, zero=True)
-FREQUENCY = Quantity("Hz", 1e-6, 1e7)
 SPEED = Quantity("rad/s or m/s", 1e-9, 1e6)
 DISTANCE = Quantity("rad or m", 1e-12, 1e4)
 NOISE = Quantity("", 1e-12, 1e12, zero=True)
-PERCENT = Quantity("%", 1e-6, 1e6)
-MASS = Quantity("kg", 1e-9, 1e9)
-SHARE = Quantity("", 0.0, 0.999)
 COUNT = Quantity("", 1, 10**6, whole=True)
-SEED = Quantity("", 0, 2**63 - 1, whole=True)
-TEMPERATURE = Quantity("deg C", -273.15, 1e4)
 
 QUANTITIES: Mapping[str, Quantity] = {
     # options of one kind
-    **dict.fromkeys(("sensor_xyz", "frame", "tool_box", "tool_point", "floor", "length"), LENGTH),
-    **dict.fromkeys(("mount", "sensor_rpy", "angle"), ANGLE),
-    **dict.fromkeys(("position", "home", "via", "pose"), PLACE),
+    **dict.fromkeys(("sensor_xyz", "frame", "tool_box", "tool_point", "floor", "length"), Quantity("m", -1e4, 1e4)),
+    **dict.fromkeys(("mount", "sensor_rpy", "angle"), Quantity("rad", -1e4, 1e4)),
+    **dict.fromkeys(("position", "home", "via", "pose"), Quantity("rad or m", -1e4, 1e4)),
     **dict.fromkeys(
         ("window_length", "max_time", "impact_duration", "horizon", "shortest", "creeping", "ramping", "window"), TIME
     ),
-    **dict.fromkeys(("settle", "warm_up", "pause"), REST),
-    **dict.fromkeys(("rate", "cutoff", "low_pass", "wrench_rate", "noise_corner"), FREQUENCY),
+    **dict.fromkeys(("settle", "warm_up", "pause"), replace(TIME, zero=True)),
+    **dict.fromkeys(("rate", "cutoff", "low_pass", "wrench_rate", "noise_corner"), Quantity("Hz", 1e-6, 1e7)),
     **dict.fromkeys(("stribeck_speed", "velocity"), SPEED),
-    **dict.fromkeys(("torque_tolerance", "motion_tolerance", "below"), PERCENT),
-    **dict.fromkeys(("known_mass", "mass"), MASS),
-    **dict.fromkeys(("torque_margin", "model_error"), SHARE),
+    **dict.fromkeys(("torque_tolerance", "motion_tolerance", "below"), Quantity("%", 1e-6, 1e6)),
+    **dict.fromkeys(("known_mass", "mass"), Quantity("kg", 1e-9, 1e9)),
+    **dict.fromkeys(("torque_margin", "model_error"), Quantity("", 0.0, 0.999)),
     **dict.fromkeys(("periods", "points"), COUNT),
     **dict.fromkeys(("repeat", "repeats", "breakaways"), replace(COUNT, least=0)),
-    **dict.fromkeys(("carried", "prior_value", "friction_parameter", "gain"), ANY),
+    **dict.fromkeys(("carried", "prior_value", "friction_parameter", "gain"), Quantity("", -1e12, 1e12)),
     **dict.fromkeys(("payload", "load", "ratio"), Quantity("", -1e9, 1e9)),
     **dict.fromkeys(("precision", "prior"), Quantity("", 1e-9, 1e9)),
     **dict.fromkeys(("torque_factors", "described_within"), Quantity("", 1e-6, 1e6)),
@@ -115,14 +104,14 @@ QUANTITIES: Mapping[str, Quantity] = {
     "starts": Quantity("", 1, 10**7, whole=True),
     "rounds": Quantity("", 0, 10**6, whole=True),
     "budget": Quantity("s", 0.1, 1e7),
-    "seed": SEED,
+    "seed": Quantity("", 0, 2**63 - 1, whole=True),
     # output
     "speed": Quantity("", 1e-6, 1.0),
     # posterior
     "level": Quantity("", 0.5, 0.9999),
     # identification
     "every": Quantity("", 1, 10**9, whole=True),
-    "temperature": TEMPERATURE,
+    "temperature": Quantity("deg C", -273.15, 1e4),
     "delay": Quantity("s", -1e4, 1e4),
     "bias": Quantity("N and Nm", -1e6, 1e6),
     # simulation
