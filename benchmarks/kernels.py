@@ -80,7 +80,7 @@ def with_casadi(function: ca.Function) -> Kernel:
 
 def with_numpy(function: ca.Function) -> Kernel:
     """The fallback of this project."""
-    return vectorised._ArrayProgram(function)
+    return vectorised._array_program(function)
 
 
 def with_llvm(function: ca.Function) -> Kernel:

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from constraints.linear import OTHER, Constraint
+from constraints.nonlinear import NonlinearConstraint
 from regressors.samples import Array
 
 TOLERANCE = 1e-9
@@ -17,40 +18,22 @@ EXACT, ENCLOSED = "exact", "enclosed"
 
 @dataclass(frozen=True)
 class LimitUse:
-    """One bound and the extreme value that comes closest to it.
-
-    Parameters
-    ----------
-    label, unit : str
-    extreme : float
-        Value over continuous time that is closest to a bound, or furthest beyond it.
-    time : float
-        When it occurs [s].
-    bound : float
-        The bound that it is closest to.
-    margin : float
-        Distance to the bound, negative beyond it; in the same unit.
-    use : float
-        Fraction used of the distance from the middle of the allowed range to its edge; of the bound, if only one side
-        is bounded, or of the largest value where that bound is zero. Above 1 where the limit is violated; 0, never
-        below, where a value is further away than that.
-    method : {"exact", "enclosed"}
-        Whether the extreme is exact, or an outer bound that is proven for every instant.
-    quantity : str
-        What is limited, in a word.
-    """
+    """One bound and the extreme value that comes closest to it."""
 
     beside: ClassVar[Mapping[str, Callable[[LimitUse], bool]]] = {"holds": lambda use: use.holds}
 
     label: str
     unit: str
-    extreme: float
-    time: float
-    bound: float
-    margin: float
+    extreme: float  # value over continuous time that is closest to a bound, or furthest beyond it
+    time: float  # when it occurs [s]
+    bound: float  # the one that it is closest to
+    margin: float  # distance to the bound, negative beyond it; in the same unit
+    # fraction used of the distance from the middle of the allowed range to its edge; of the bound, if only one side is
+    # bounded, or of the largest value where that bound is zero. Above 1 where the limit is violated; 0, never below,
+    # where a value is further away than that
     use: float
-    method: str = EXACT
-    quantity: str = OTHER
+    method: str = EXACT  # whether the extreme is exact, or an outer bound that is proven for every instant, `ENCLOSED`
+    quantity: str = OTHER  # what is limited, in a word
 
     @property
     def holds(self) -> bool:
@@ -105,6 +88,10 @@ class Extrema:
         pairs = [(value, time, value.argmin(), value.argmax()) for value, time in zip(values, times, strict=True)]
         rows = [(value[low], value[high], time[low], time[high]) for value, time, low, high in pairs]
         return cls(*np.array(rows, dtype=float).reshape(-1, 4).T)
+
+    def uses(self, constraint: NonlinearConstraint) -> list[LimitUse]:
+        """Certificate of each label of a constraint that these enclose, in the quantity that is reported."""
+        return worst_of_each(limit_uses(constraint, self, ENCLOSED, constraint.shown))
 
 
 def evaluate(constant: Array, cosine: Array, sine: Array, angle: Array) -> Array:

@@ -18,7 +18,7 @@ from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
 from regressors.robot.robot import BASE, Robot, finite_ranges
 from regressors.robot.shapes import Capsule
-from regressors.robot.symbolic.intervals import IntervalFunction
+from regressors.robot.symbolic.intervals import OverBoxes, interval_function
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array, Samples
@@ -110,17 +110,11 @@ class Clearance(NonlinearConstraint):
         return VectorisedFunction([q, dq, ddq], ca.horzcat(slopes, ca.SX(g.numel(), 2 * self.joints)))
 
     @cached_property
-    def rate(self) -> IntervalFunction:
+    def rate(self) -> OverBoxes:
         """``dg/dt`` of (q, dq, ddq, dddq), enclosed over boxes."""
         q, dq, ddq, dddq = self._symbols(4)
         _, g, held, meaning = self._expression(q)
-        return IntervalFunction([q, dq, ddq, dddq], ca.substitute(ca.jtimes(g, q, dq), held, meaning))
-
-    def restricted(self, motion: PartialMotion) -> Clearance:
-        """The same bounds as functions of the moving coordinates s of ``q = N s + q0``."""
-        N, q0 = self.motion.matrix @ motion.matrix, self.motion.matrix @ motion.offset + self.motion.offset
-        through = PartialMotion(motion.labels, motion.units, N, q0)
-        return Clearance(self.robot, through, self.pairs, self.world)
+        return interval_function([q, dq, ddq, dddq], ca.substitute(ca.jtimes(g, q, dq), held, meaning))
 
 
 def _value(gap: Gap, clearance: float) -> ca.SX:
@@ -139,16 +133,6 @@ def collision_limits(robot: Robot, world: World, motion: PartialMotion) -> list[
     return _limits(robot, world, motion, _pairs(robot, world).values())
 
 
-def limits_of_pairs(robot: Robot, world: World, motion: PartialMotion) -> list[NonlinearConstraint]:
-    """The limits of `collision_limits`, each pair of bodies on its own: a search can do with a few of them.
-
-    Heights above the surface that the robot is fastened to share most of their terms, and are one limit.
-    """
-    world.check(robot)
-    numbers = (motion.matrix.tobytes(), motion.offset.tobytes())
-    return list(_alone(_Situation((robot.sha256(), *motion.labels, *numbers), world, robot, motion)))
-
-
 @dataclass(frozen=True)
 class _Situation:
     """What limits of pairs depend on."""
@@ -162,7 +146,7 @@ class _Situation:
 @lru_cache(maxsize=16)  # designs of one robot after the other have the same limits, whose functions are compiled
 def _alone(case: _Situation) -> tuple[NonlinearConstraint, ...]:
     pairs = [pair for pairs in _pairs(case.robot, case.world).values() for pair in pairs]
-    heights = [pair for pair in pairs if pair.mounting]
+    heights = [pair for pair in pairs if pair.mounting]  # which share most of their terms, and are one limit
     groups = [*([pair] for pair in pairs if not pair.mounting), heights]
     return tuple(_limits(case.robot, case.world, case.motion, groups))
 
@@ -279,5 +263,7 @@ class SelfCollisions(Collisions):
     """The same, each pair of bodies a constraint of its own."""
 
     def imposed(self, robot: Robot, motion: PartialMotion) -> Sequence[NonlinearConstraint]:
-        """See `limits_of_pairs`."""
-        return limits_of_pairs(robot, self.world, motion)
+        """The limits of `collision_limits`, each pair of bodies on its own: a search can do with a few of them."""
+        self.world.check(robot)
+        numbers = (motion.matrix.tobytes(), motion.offset.tobytes())
+        return list(_alone(_Situation((robot.sha256(), *motion.labels, *numbers), self.world, robot, motion)))

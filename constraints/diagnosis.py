@@ -11,7 +11,7 @@ from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
-from regressors.samples import Array, Index, Samples
+from regressors.samples import Array, Samples
 
 _WIDE = 1e9  # [rad or m]; a pose is sought within it of zero, or of the nearer bound
 
@@ -20,36 +20,34 @@ class ContradictionError(InputError):
     """Limits that no motion can keep; the message names them and the smallest relaxation."""
 
 
-class _Rows:
-    """All position bounds as ``lower <= A q <= upper``."""
+def interior_pose(limits: Sequence[LinearConstraint], n: int) -> Array:
+    """Pose as far as possible from all position limits, relative to their ranges; zero where there are none."""
+    A, lower, upper = _positions(limits, n)
+    if not len(A):
+        return np.zeros(n)
+    # HiGHS takes 1e20 for infinite
+    lower, upper = np.maximum(lower, np.minimum(upper, 0.0) - _WIDE), np.minimum(upper, np.maximum(lower, 0.0) + _WIDE)
+    best, room = _most_room(A, lower, upper)
+    if room <= 1e-9:
+        raise ContradictionError(_explanation(limits, A, lower, upper))
+    return np.where(np.any(A != 0.0, axis=0), best, 0.0)
 
-    def __init__(self, limits: Sequence[LinearConstraint], n: int) -> None:
-        self.A, lower, upper = _positions(limits, n)
-        self.lower = np.maximum(lower, np.minimum(upper, 0.0) - _WIDE)  # HiGHS takes 1e20 for infinite
-        self.upper = np.minimum(upper, np.maximum(lower, 0.0) + _WIDE)
-        self.shown = [
-            (label, unit, lower, upper)
-            for limit in limits
-            if limit.derivative == 0
-            for label, unit, lower, upper in zip(limit.labels, limit.units, limit.lower, limit.upper, strict=True)
-        ]
 
-    def most_room(self, keep: Index) -> tuple[Array, float]:
-        """Pose with the largest distance t, in half ranges, from every bound kept; t <= 0 if there is none."""
-        A, lower, upper = self.A[keep], self.lower[keep], self.upper[keep]
-        half = 0.5 * (upper - lower)[:, None]
-        middle = _middle(A, lower, upper)
-        if middle is not None:
-            return middle, 1.0
-        best = _least(A, lower, upper, half, np.array([-1.0]), (None, 1.0))
-        return best[:-1], float(best[-1])
+def _most_room(A: Array, lower: Array, upper: Array) -> tuple[Array, float]:
+    """Pose with the largest distance t, in half ranges, from every bound; t <= 0 if there is none."""
+    middle = _middle(A, lower, upper)
+    if middle is not None:
+        return middle, 1.0
+    best = _least(A, lower, upper, 0.5 * (upper - lower)[:, None], np.array([-1.0]), (None, 1.0))
+    return best[:-1], float(best[-1])
 
-    def least_widening(self) -> Array:
-        """Widenings with the least sum, relative to the half ranges, that leave a pose; one number per row [-]."""
-        half = 0.5 * (self.upper - self.lower)
-        k, n = self.A.shape
-        best = _least(self.A, self.lower, self.upper, -np.diag(half), np.ones(k), (0.0, None))
-        return np.asarray(best[n:] * half)
+
+def _least_widening(A: Array, lower: Array, upper: Array) -> Array:
+    """Widenings with the least sum, relative to the half ranges, that leave a pose; one number per row [-]."""
+    half = 0.5 * (upper - lower)
+    k, n = A.shape
+    best = _least(A, lower, upper, -np.diag(half), np.ones(k), (0.0, None))
+    return np.asarray(best[n:] * half)
 
 
 def _least(
@@ -68,24 +66,11 @@ def _least(
 
 
 def _middle(A: Array, lower: Array, upper: Array) -> Array | None:
-    """Pose in the middle between the bounds of every row, where there is one, as there is for bounds on single joints.
-
-    Without SciPy's optimisers, whose import takes longer than all else here.
-    """
+    """Pose in the middle between the bounds of every row, where there is one, as for bounds on single joints."""
+    # without SciPy's optimisers, whose import takes longer than all else here
     wanted = 0.5 * (lower + upper)
     pose: Array = np.linalg.lstsq(A, wanted)[0].astype(float)
     return pose if np.all(np.abs(A @ pose - wanted) <= 1e-12 * (upper - lower)) else None
-
-
-def interior_pose(limits: Sequence[LinearConstraint], n: int) -> Array:
-    """Pose as far as possible from all position limits, relative to their ranges; zero where there are none."""
-    rows = _Rows(limits, n)
-    if not rows.shown:
-        return np.zeros(n)
-    best, room = rows.most_room(np.arange(len(rows.shown)))
-    if room <= 1e-9:
-        raise ContradictionError(_explanation(rows))
-    return np.where(np.any(rows.A != 0.0, axis=0), best, 0.0)
 
 
 def _rounded_up(value: float) -> float:
@@ -94,19 +79,23 @@ def _rounded_up(value: float) -> float:
     return float((np.floor(value / step + 1e-6) + 1) * step)
 
 
-def _explanation(rows: _Rows) -> str:
+def _explanation(limits: Sequence[LinearConstraint], A: Array, lower: Array, upper: Array) -> str:
     """Name an irreducible set of contradicting bounds, found by deletion filtering, and the smallest relaxation."""
-    keep = list(range(len(rows.shown)))
+    keep = list(range(len(A)))
     for row in tuple(keep):
         fewer = [k for k in keep if k != row]
-        if fewer and rows.most_room(np.array(fewer))[1] <= 1e-9:
+        if fewer and _most_room(A[fewer], lower[fewer], upper[fewer])[1] <= 1e-9:
             keep = fewer
-    parts = [f"{rows.shown[k][0]} in [{rows.shown[k][2]:.4g}, {rows.shown[k][3]:.4g}] {rows.shown[k][1]}" for k in keep]
-    widening = rows.least_widening()
-    cures = [
-        f"{rows.shown[k][0]} by {_rounded_up(widening[k]):.4g} {rows.shown[k][1]}"
-        for k in np.flatnonzero(widening > 1e-12)
+    shown = [
+        bound
+        for limit in limits
+        if limit.derivative == 0
+        for bound in zip(limit.labels, limit.units, limit.lower, limit.upper, strict=True)
     ]
+    parts = [f"{label} in [{low:.4g}, {high:.4g}] {unit}" for label, unit, low, high in (shown[k] for k in keep)]
+    widening = _least_widening(A, lower, upper)
+    needed = np.flatnonzero(widening > 1e-12)
+    cures = [f"{shown[k][0]} by {_rounded_up(widening[k]):.4g} {shown[k][1]}" for k in needed]
     cure = f"; the smallest relaxation widens {' and '.join(cures)}" if cures else "; only a single pose keeps them"
     return f"limits contradict each other: no pose has {' and '.join(parts)}{cure}"
 

@@ -11,7 +11,6 @@ coefficients do not pass what is reached at the ends of the others need no roots
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from math import comb
 from typing import Protocol
 
@@ -19,7 +18,7 @@ import numpy as np
 import numpy.polynomial.chebyshev as chebyshev
 from numpy.typing import NDArray
 
-from constraints.certificate import ENCLOSED, Extrema, LimitUse, limit_uses, worst_of_each
+from constraints.certificate import Extrema, LimitUse, limit_uses
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
 from regressors.samples import Array, Samples
@@ -33,52 +32,37 @@ _ROUNDING = 1e-12  # of a function's scale and value: the rounding error of a va
 _MOST = 200_000
 
 
-@dataclass(frozen=True, eq=False)
-class Enclosure:
-    """Bounds that hold at every instant."""
-
-    extrema: Extrema  # outer bounds of every function over continuous time, and instants near which they are approached
-
-    def uses(self, constraint: NonlinearConstraint) -> list[LimitUse]:
-        """Certificate of each label of the constraint that was enclosed, in the quantity that is reported."""
-        return worst_of_each(limit_uses(constraint, self.extrema, ENCLOSED, constraint.shown))
-
-
 def enclose(
     constraint: NonlinearConstraint, motion: Callable[[Array], Samples], duration: float, jerk: Array
-) -> Enclosure:
-    """Bounds of a constraint's functions over a motion.
+) -> Extrema:
+    """Bounds of a constraint's functions that hold at every instant of a motion, and instants near which they are met.
 
     Within a function's scale of a limit they exceed values that occur by at most 0.01 of that scale, and near or beyond
     the limit by at most 0.001; by more only where a motion varies so fast that 9 splits do not decide.
     """  # jerk (n,)
     half = np.full(_INTERVALS, 0.5 * duration / _INTERVALS)
     middle = (np.arange(_INTERVALS) + 0.5) * duration / _INTERVALS
-    k = len(constraint.labels)
-    high, low = np.full(k, -np.inf), np.full(k, np.inf)
-    reached_high, reached_low = np.full(k, -np.inf), np.full(k, np.inf)
-    high_time, low_time = np.zeros(k), np.zeros(k)
+    limit, scale = np.concatenate([constraint.upper, -constraint.lower]), np.tile(constraint.scale, 2)
+    # of the functions, then of these with the other sign
+    bound, reached, time = np.full(limit.size, -np.inf), np.full(limit.size, -np.inf), np.zeros(limit.size)
     for depth in range(_DEPTH + 1):
         value, slack = _mean_value(constraint, motion(middle), half, jerk)
-        best, least = value.argmax(axis=0), value.argmin(axis=0)
-        higher, lower = value[best, np.arange(k)] > reached_high, value[least, np.arange(k)] < reached_low
-        high_time, low_time = np.where(higher, middle[best], high_time), np.where(lower, middle[least], low_time)
-        reached_high = np.maximum(reached_high, value.max(axis=0))
-        reached_low = np.minimum(reached_low, value.min(axis=0))
-        above = _undecided(value + slack, reached_high, constraint.upper, constraint.scale)
-        below = _undecided(slack - value, -reached_low, -constraint.lower, constraint.scale)
-        split = np.any(above | below, axis=1)
+        both = np.hstack([value, -value])
+        best = both.argmax(axis=0)
+        time = np.where(both[best, np.arange(limit.size)] > reached, middle[best], time)
+        reached = np.maximum(reached, both.max(axis=0))
+        beyond = both + np.hstack([slack, slack])
+        split = np.any(_undecided(beyond, reached, limit, scale), axis=1)
         if depth == _DEPTH or split.sum() * _PARTS > _MOST:
             split[:] = False
-        kept = ~split
-        high = np.maximum(high, (value + slack)[kept].max(axis=0, initial=-np.inf))
-        low = np.minimum(low, (value - slack)[kept].min(axis=0, initial=np.inf))
+        bound = np.maximum(bound, beyond[~split].max(axis=0, initial=-np.inf))
         if not np.any(split):
             break
         offsets = (2 * np.arange(_PARTS) + 1) / _PARTS - 1.0
         middle = (middle[split, None] + half[split, None] * offsets).ravel()
         half = np.repeat(half[split] / _PARTS, _PARTS)
-    return Enclosure(Extrema(low, high, low_time, high_time))
+    (high, low), (high_time, low_time) = np.split(bound, 2), np.split(time, 2)
+    return Extrema(0.0 - low, high, low_time, high_time)
 
 
 def _undecided(bound: Array, reached: Array, limit: Array, scale: Array) -> NDArray[np.bool_]:

@@ -100,36 +100,14 @@ def _obstacle(name: str, plain: Mapping[str, Any]) -> Obstacle:
 
 @dataclass(frozen=True)
 class World:
-    """Shape of a robot, its obstacles, and the clearance between them.
+    """Shape of a robot, its obstacles, and the clearance between them."""
 
-    Parameters
-    ----------
-    parts : tuple of Part
-        Capsules of the robot.
-    obstacles : tuple of Obstacle
-    clearance : float
-        Least distance, > 0.
-    self_collision : bool
-        Whether the robot's links must stay apart from each other.
-    ignored : tuple of (str, str)
-        Pairs of names, of links or obstacles, that need not stay apart.
-    tolerance : float
-        Amount by which a capsule may be thickened, > 0; smaller values are slower.
-
-    Raises
-    ------
-    InputError
-        Invalid numbers, a duplicate name, or no part of the robot.
-    UnknownName
-        A pair with a name that is neither a link with a shape nor an obstacle.
-    """
-
-    parts: tuple[Part, ...]
+    parts: tuple[Part, ...]  # capsules of the robot
     obstacles: tuple[Obstacle, ...] = ()
-    clearance: float = 0.01
-    self_collision: bool = True
-    ignored: tuple[tuple[str, str], ...] = ()
-    tolerance: float = 0.005
+    clearance: float = 0.01  # least distance, > 0
+    self_collision: bool = True  # whether the robot's links must stay apart from each other
+    ignored: tuple[tuple[str, str], ...] = ()  # names of links or obstacles that need not stay apart
+    tolerance: float = 0.005  # amount by which a capsule may be thickened, > 0; smaller values are slower
 
     def __post_init__(self) -> None:
         for what in ("clearance", "tolerance"):
@@ -182,19 +160,7 @@ class World:
             ) from error
 
     def check(self, robot: Robot) -> None:
-        """Check that the world fits a robot.
-
-        Parameters
-        ----------
-        robot : Robot
-
-        Raises
-        ------
-        UnknownName
-            A capsule on a link that the robot does not have.
-        InputError
-            An obstacle that contains the robot's base.
-        """
+        """Raise `InputError` for a capsule on a link that a robot does not have, or an obstacle around its base."""
         known = (BASE, *(body.name for body in robot.bodies))
         check_names(f"link of robot {robot.name!r}", (part.link for part in self.parts), known)
         for obstacle in (each for each in self.obstacles if not each.mounting):

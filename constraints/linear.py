@@ -21,24 +21,13 @@ OTHER = "other"  # what a constraint limits, in a word, where it does not say
 
 
 class Constraint(ABC):
-    """A set of k bounds on functions of the motion.
+    """A set of k bounds on functions of the motion."""
 
-    Attributes
-    ----------
-    labels : tuple of str
-        Name of each function, such as ``joint q2 velocity``.
-    units : tuple of str
-    lower, upper : ndarray, shape (k,)
-        Bounds; infinite where there is none.
-    quantity : str
-        What is limited, in a word, such as ``velocity``, ``torque`` or ``distance``.
-    """
-
-    labels: tuple[str, ...]
+    labels: tuple[str, ...]  # name of each function, such as ``joint q2 velocity``
     units: tuple[str, ...]
-    lower: Array
+    lower: Array  # (k,) bounds; infinite where there is none
     upper: Array
-    quantity: str = OTHER
+    quantity: str = OTHER  # what is limited, in a word, such as ``velocity``, ``torque`` or ``distance``
 
     @abstractmethod
     def values(self, samples: Samples) -> Array:

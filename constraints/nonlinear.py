@@ -22,9 +22,9 @@ from regressors.arguments import checked
 from regressors.models.partial import PartialMotion
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
-from regressors.robot.symbolic.intervals import IntervalFunction
+from regressors.robot.symbolic.intervals import OverBoxes, interval_function
 from regressors.robot.symbolic.kinematics import sparse
-from regressors.robot.symbolic.vectorised import VectorisedFunction, evaluate_samples
+from regressors.robot.symbolic.vectorised import VectorisedFunction, evaluate_samples, interpret_samples
 from regressors.samples import Array, Index, Samples
 
 
@@ -137,11 +137,11 @@ class NonlinearConstraint(Constraint):
         return VectorisedFunction(symbols, ca.jacobian(self.expression(*symbols), ca.vertcat(*symbols)))
 
     @cached_property
-    def rate(self) -> IntervalFunction:
+    def rate(self) -> OverBoxes:
         """``dg/dt`` of (q, dq, ddq, dddq), enclosed over boxes."""
         q, dq, ddq, dddq = self._symbols(4)
         g = self.expression(q, dq, ddq)
-        return IntervalFunction([q, dq, ddq, dddq], ca.jtimes(g, ca.vertcat(q, dq, ddq), ca.vertcat(dq, ddq, dddq)))
+        return interval_function([q, dq, ddq, dddq], ca.jtimes(g, ca.vertcat(q, dq, ddq), ca.vertcat(dq, ddq, dddq)))
 
     def restricted(self, motion: PartialMotion) -> NonlinearConstraint:
         """The same bounds as functions of the moving coordinates s of ``q = N s + q0``."""
@@ -161,10 +161,8 @@ class NonlinearConstraint(Constraint):
 
     def at_rest(self, pose: Array) -> Array:
         """Values of g at rest in one pose of shape (n,), shape (k,)."""
-        zero = np.zeros((self.joints, 1))
-        values = np.zeros(self.function.shape)
-        values[self.function.row, self.function.column] = self.function.interpreted(pose[:, None], zero, zero)[:, 0]
-        return values[:, 0]
+        zero = np.zeros((1, self.joints))
+        return interpret_samples(self.function, Samples(np.zeros(1), pose[None], zero, zero, zero))[0, :, 0]
 
     @cached_property
     def derivatives(self) -> tuple[int, ...]:

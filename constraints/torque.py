@@ -26,7 +26,7 @@ from regressors.robot.columns import COULOMB, VISCOUS, Terms, drive_column
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import moving_drive_numbers
 from regressors.robot.plausibility import implausible_inertias
-from regressors.robot.robot import Robot, drive_numbers, linear_drives, transmission_of
+from regressors.robot.robot import Robot, linear_drives, transmission_of
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array, Index
 
@@ -120,7 +120,7 @@ def check_inertias(robot: Robot, what: str) -> None:
 
 def joint_torque(robot: Robot, known: Mapping[str, float]) -> Expression:
     """Torques at the joints [Nm or N], with viscous friction only."""
-    model = DifferentialModel(robot, Terms(rotor=True, coulomb=False, viscous=True, offset=False))
+    model = DifferentialModel(robot, Terms(coulomb=False))
     definition, names = model.definition()
     parameters = np.asarray(definition @ np.array([known.get(name, 0.0) for name in names]))
     return lambda q, dq, ddq: model.torque(parameters, q, dq, ddq)
@@ -229,29 +229,23 @@ class PlausibleTorqueLimit(Limit):
             raise InputError(f"torque uncertainty must be a number greater than 0, given {self.uncertainty}")
         check_inertias(robot, "torque limits")
         known = standard_values(robot)
-        coulomb = {drive_column(number, COULOMB).name for number in moving_drive_numbers(robot).values()}
+        numbers = moving_drive_numbers(robot)
+        coulomb = {drive_column(number, COULOMB).name for number in numbers.values()}
         largest = {name: value * (1 + self.uncertainty * (name in coulomb)) for name, value in known.items()}
         drives = drive_friction(robot, largest, motion, self.friction)
         torques = viscous_and_carried(robot, known, drives)
-        deviations = stated_deviations(robot, self.uncertainty)
-        terms = _deviation_terms(robot, {**deviations, **dict.fromkeys(_of_curves(robot, self.friction), 0.0)})
+        curves = {} if self.friction is None else self.friction.curves
+        exact = {drive_column(number, VISCOUS).name: 0.0 for name, number in numbers.items() if name in curves}
+        terms = _deviation_terms(robot, {**stated_deviations(robot, self.uncertainty), **exact})
         return [
             _robust_limits(rows, robot.n, rows.total(*torques), terms).restricted(motion)
             for rows in limited_torques(robot, drives)
         ]
 
 
-def _of_curves(robot: Robot, friction: FrictionCurves | None) -> list[str]:
-    """Names of the viscous friction of drives that have a curve."""
-    if friction is None:
-        return []
-    numbers = zip(drive_numbers(robot), transmission_of(robot).drives, strict=True)
-    return [drive_column(k, VISCOUS).name for k, drive in numbers if friction.curve(drive.name) is not None]
-
-
 def _deviation_terms(robot: Robot, deviations: Mapping[str, float]) -> Expression:
     """``Y diag(d)``, shape (n, parameters that deviate)."""
-    model = DifferentialModel(robot, Terms(rotor=True, coulomb=False, viscous=True, offset=False))
+    model = DifferentialModel(robot, Terms(coulomb=False))
     definition, names = model.definition()
     d = np.array([deviations.get(name, 0.0) for name in names])
     scaled = sparse(definition[:, d > 0] * d[d > 0])

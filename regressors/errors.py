@@ -138,14 +138,8 @@ class Finding:
     where: str  # link, joint or file
     what: str  # what was noticed, in words
     advice: str = ""  # what to do about it; empty where nothing is to be done
+    joint: str = ""  # name of the joint that is not continuous, but whose range is not stated
 
     def __str__(self) -> str:
         """Whole sentence for notes and messages."""
         return f"{self.where}: {self.what}" + (f"; {self.advice}" if self.advice else "")
-
-
-@dataclass(frozen=True)
-class MissingRange(Finding):
-    """A joint that is not continuous, but whose range is not stated."""
-
-    joint: str = ""  # its name

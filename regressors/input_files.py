@@ -60,10 +60,10 @@ def read_bytes(path: str | Path, most: int = FILE) -> bytes:
     return content
 
 
-def regular_size(path: str | Path, most: int = FILE) -> int:
+def regular_size(path: str | Path) -> int:
     """Size of a file [bytes] that another library opens by its name: no pipe, no device; see `opened`."""
     status = os.stat(path)
-    _check(status, most)
+    _check(status, FILE)
     if stat.S_ISFIFO(status.st_mode):
         raise UnreadableFile("it is a pipe, expected a file")
     return status.st_size

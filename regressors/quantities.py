@@ -54,58 +54,47 @@ def _plain(number: float) -> str:
     return f"{number:.0f}" if number == round(number) and abs(number) < 1e9 else f"{number:g}"
 
 
-ANY = Quantity("", -1e12, 1e12)
-LENGTH = Quantity("m", -1e4, 1e4)
-ANGLE = Quantity("rad", -1e4, 1e4)
-PLACE = Quantity("rad or m", -1e4, 1e4)  # of a joint
 TIME = Quantity("s", 1e-6, 1e5)
-REST = replace(TIME, zero=True)
-FREQUENCY = Quantity("Hz", 1e-6, 1e7)
 SPEED = Quantity("rad/s or m/s", 1e-9, 1e6)
 DISTANCE = Quantity("rad or m", 1e-12, 1e4)
 NOISE = Quantity("", 1e-12, 1e12, zero=True)
-PERCENT = Quantity("%", 1e-6, 1e6)
-MASS = Quantity("kg", 1e-9, 1e9)
-SHARE = Quantity("", 0.0, 0.999)
 COUNT = Quantity("", 1, 10**6, whole=True)
-SEED = Quantity("", 0, 2**63 - 1, whole=True)
-TEMPERATURE = Quantity("deg C", -273.15, 1e4)
 
 QUANTITIES: Mapping[str, Quantity] = {
     # options of one kind
-    **dict.fromkeys(("sensor_xyz", "frame", "tool_box", "tool_point", "floor", "length"), LENGTH),
-    **dict.fromkeys(("mount", "sensor_rpy", "angle"), ANGLE),
-    **dict.fromkeys(("position", "home", "via", "pose"), PLACE),
+    **dict.fromkeys(("sensor_xyz", "frame", "tool_box", "tool_point", "floor", "length"), Quantity("m", -1e4, 1e4)),
+    **dict.fromkeys(("mount", "sensor_rpy", "angle"), Quantity("rad", -1e4, 1e4)),
+    **dict.fromkeys(("position", "home", "via", "pose"), Quantity("rad or m", -1e4, 1e4)),
     **dict.fromkeys(
         ("window_length", "max_time", "impact_duration", "horizon", "shortest", "creeping", "ramping", "window"), TIME
     ),
-    **dict.fromkeys(("settle", "warm_up", "pause"), REST),
-    **dict.fromkeys(("rate", "cutoff", "low_pass", "wrench_rate", "noise_corner"), FREQUENCY),
+    **dict.fromkeys(("settle", "warm_up", "pause"), replace(TIME, zero=True)),
+    **dict.fromkeys(("rate", "cutoff", "low_pass", "wrench_rate", "noise_corner"), Quantity("Hz", 1e-6, 1e7)),
     **dict.fromkeys(("stribeck_speed", "velocity"), SPEED),
-    **dict.fromkeys(("torque_tolerance", "motion_tolerance", "below"), PERCENT),
-    **dict.fromkeys(("known_mass", "mass"), MASS),
-    **dict.fromkeys(("torque_margin", "model_error"), SHARE),
+    **dict.fromkeys(("torque_tolerance", "motion_tolerance", "below"), Quantity("%", 1e-6, 1e6)),
+    **dict.fromkeys(("known_mass", "mass"), Quantity("kg", 1e-9, 1e9)),
+    **dict.fromkeys(("torque_margin", "model_error"), Quantity("", 0.0, 0.999)),
     **dict.fromkeys(("periods", "points"), COUNT),
     **dict.fromkeys(("repeat", "repeats", "breakaways"), replace(COUNT, least=0)),
-    **dict.fromkeys(("carried", "prior_value", "friction_parameter"), ANY),
+    **dict.fromkeys(("carried", "prior_value", "friction_parameter", "gain"), Quantity("", -1e12, 1e12)),
+    **dict.fromkeys(("payload", "load", "ratio"), Quantity("", -1e9, 1e9)),
+    **dict.fromkeys(("precision", "prior"), Quantity("", 1e-9, 1e9)),
+    **dict.fromkeys(("torque_factors", "described_within"), Quantity("", 1e-6, 1e6)),
+    **dict.fromkeys(("breakaway", "position_step"), replace(DISTANCE, zero=True)),
+    **dict.fromkeys(("harmonics", "at_once"), Quantity("", 1, 1000, whole=True)),
+    **dict.fromkeys(("intervals", "plausible_robots", "workers"), Quantity("", 1, 10_000, whole=True)),
+    **dict.fromkeys(("samples", "column"), Quantity("", 1, 100_000, whole=True)),
     **dict.fromkeys(("torque_noise", "coloured_noise"), replace(NOISE, unit="Nm or N")),
     **dict.fromkeys(("sign_width", "standstill"), replace(SPEED, zero=True, least=1e-12)),
     **dict.fromkeys(("percent", "creep"), Quantity("%", 1e-6, 100.0)),
     # installation
     "gravity": Quantity("m/s^2", -1e4, 1e4),
-    "payload": Quantity("", -1e9, 1e9),
-    "load": Quantity("", -1e9, 1e9),
     # trajectory
     "period": Quantity("s", 1e-3, 1e5),
-    "harmonics": Quantity("", 1, 1000, whole=True),
-    "intervals": Quantity("", 1, 10_000, whole=True),
     "order": Quantity("", 1, 10, whole=True),
     # objective
     "noise": replace(NOISE, zero=False),
-    "precision": Quantity("", 1e-9, 1e9),
-    "prior": Quantity("", 1e-9, 1e9),
     "prior_deviation": Quantity("", 1e-12, 1e12),
-    "plausible_robots": Quantity("", 1, 10_000, whole=True),
     # limits
     "acceleration": Quantity("rad/s^2 or m/s^2", 1e-9, 1e9),
     "jerk": Quantity("rad/s^3 or m/s^3", 1e-9, 1e12),
@@ -115,19 +104,14 @@ QUANTITIES: Mapping[str, Quantity] = {
     "starts": Quantity("", 1, 10**7, whole=True),
     "rounds": Quantity("", 0, 10**6, whole=True),
     "budget": Quantity("s", 0.1, 1e7),
-    "seed": SEED,
-    "workers": Quantity("", 1, 10_000, whole=True),
+    "seed": Quantity("", 0, 2**63 - 1, whole=True),
     # output
     "speed": Quantity("", 1e-6, 1.0),
     # posterior
-    "samples": Quantity("", 1, 100_000, whole=True),
     "level": Quantity("", 0.5, 0.9999),
     # identification
     "every": Quantity("", 1, 10**9, whole=True),
-    "breakaway": replace(DISTANCE, zero=True),
-    "torque_factors": Quantity("", 1e-6, 1e6),
-    "temperature": TEMPERATURE,
-    "described_within": Quantity("", 1e-6, 1e6),
+    "temperature": Quantity("deg C", -273.15, 1e4),
     "delay": Quantity("s", -1e4, 1e4),
     "bias": Quantity("N and Nm", -1e6, 1e6),
     # simulation
@@ -141,10 +125,8 @@ QUANTITIES: Mapping[str, Quantity] = {
     "impact_torque": Quantity("Nm or N", -1e9, 1e9),
     "friction_drift": Quantity("", -0.999, 1e3),
     "torque_gain": Quantity("", -1e6, 1e6),
-    "position_step": replace(DISTANCE, zero=True),
     # verification and study
     "count": replace(COUNT, least=2),
-    "at_once": Quantity("", 1, 1000, whole=True),
     # payloads
     "gain_deviation": Quantity("", 0.0, 1.0),
     # friction experiments
@@ -154,13 +136,10 @@ QUANTITIES: Mapping[str, Quantity] = {
     "tolerance": Quantity("", 1e-9, 1e3),
     "exponent": Quantity("", 0.01, 100.0),
     # files
-    "gain": Quantity("", -1e12, 1e12),
     "ticks": Quantity("counts per revolution", -1e12, 1e12),
     "reading": Quantity("", -1e15, 1e15),
-    "column": Quantity("", 1, 100_000, whole=True),
     "skip": Quantity("", 0, 10**9, whole=True),
     "moment": Quantity("kg m or kg m^2", -1e12, 1e12),
-    "ratio": Quantity("", -1e9, 1e9),
     "bound": Quantity("", -1e20, 1e20, infinite=True),
 }
 

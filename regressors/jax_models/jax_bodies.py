@@ -30,12 +30,6 @@ def effort(l: jax.Array, s: jax.Array, w: jax.Array, dw: jax.Array, a: jax.Array
     return _joined(dot(l, a), moment, inertia)
 
 
-def momentum(l: jax.Array, s: jax.Array, w: jax.Array, v: jax.Array) -> jax.Array:
-    """``l'P + s'L`` per parameter: linear and angular momentum, the bracketed terms of [KD96] eq. (12), (13)."""
-    # l, s (..., 3, L); w, v (..., 3, L)
-    return _joined(dot(l, v), cross(l, w) + cross(v, s), times_inertia(s, w))
-
-
 def torque_regressor(tree: KinematicTree, motion: TreeMotion) -> jax.Array:
     """Joint torques per inertial parameter, shape (n, 10 B, L) [Nm or N per unit parameter].
 

@@ -86,13 +86,9 @@ class DriveConstants:
         torques: jax.Array = ratio**2 * ddz + ratio * slope * dz**2
         return torques
 
-    def torque_columns(
-        self, q: jax.Array, dq: jax.Array, ddq: jax.Array, carried: jax.Array | None = None
-    ) -> list[jax.Array]:
-        """Joint torques per parameter, each of shape (n, k, L): rotors, then friction by kind, where selected.
-
-        A drive's torque reaches the joints by its row of C; `carried` has shape (m, L), for load shares.
-        """
+    def torque_columns(self, q: jax.Array, dq: jax.Array, ddq: jax.Array, carried: jax.Array | None) -> list[jax.Array]:
+        """Joint torques per parameter, each of shape (n, k, L): rotors, then friction by kind, where selected."""
+        # carried (m, L), for load shares
         dz = self.velocities(dq)
         blocks = []
         if self.terms.rotor and self.rotors.size:

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from regressors.errors import InputError
-from regressors.jax_models.jax_bodies import effort, energy_regressor, momentum, torque_regressor, tree_motion, tree_of
+from regressors.jax_models.jax_bodies import effort, energy_regressor, torque_regressor, tree_motion, tree_of
 from regressors.jax_models.jax_drives import cross, drives_of, path_lengths, running_integral
 from regressors.models.differential import DifferentialModel, carried_rotors
 from regressors.models.energy import EnergyModel
@@ -286,9 +286,9 @@ class LoadIntegralPart(_SensorPart, WindowPart):
         self.window = model.window
 
     def state(self, q: jax.Array, dq: jax.Array) -> jax.Array:
-        """Momentum, shape (r, p, L)."""
+        """Momentum, the effort at the accelerations ``omega`` and ``v`` of a body that does not turn, (r, p, L)."""
         w, _, v, _, _ = self._motion(q, dq, jnp.zeros_like(q))
-        return self._per_parameter(momentum, w, v)
+        return self._per_parameter(effort, jnp.zeros_like(w), w, v)
 
     def density(self, q: jax.Array, dq: jax.Array) -> jax.Array:
         """Effort at the acceleration ``omega x v - g`` without angular acceleration, shape (r, p, L)."""

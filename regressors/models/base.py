@@ -48,31 +48,16 @@ def triangular_factor(W: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """A choice of base columns, and the base parameters that belong to them.
+    """A choice of base columns, and the base parameters that belong to them."""
 
-    Parameters
-    ----------
-    columns : tuple of Column
-        Columns of the model, p of them.
-    index : ndarray of int, shape (b,)
-        Indices of the chosen columns.
-    D : ndarray, shape (b, p)
-        ``beta = D p`` and ``W = W[:, index] D``; the identity on the chosen columns.
-    singular_values : ndarray, shape (p,)
-        Of the column-normalised regressor at the random states; what falls behind number b is the gap. Where parameters
-        that are hardly seen were left out, of columns in units of their parameters' sizes.
-    expressions : tuple of str
-        Readable expression of each base parameter in standard parameters.
-    by_rounding : tuple of str
-        Names of columns that were left out because only rounding shows their parameters, see `base_parameters`.
-    """
-
-    columns: tuple[Column, ...]
-    index: Index
-    D: Array
+    columns: tuple[Column, ...]  # of the model, p of them
+    index: Index  # (b,) indices of the chosen columns
+    D: Array  # (b, p) ``beta = D p`` and ``W = W[:, index] D``; the identity on the chosen columns
+    # (p,) of the column-normalised regressor at the random states; what falls behind number b is the gap. Where
+    # parameters that are hardly seen were left out, of columns in units of their parameters' sizes
     singular_values: Array
-    expressions: tuple[str, ...]
-    by_rounding: tuple[str, ...] = ()
+    expressions: tuple[str, ...]  # readable expression of each base parameter in standard parameters
+    by_rounding: tuple[str, ...] = ()  # names of columns left out because only rounding shows their parameters
 
     @property
     def rank(self) -> int:

@@ -32,8 +32,8 @@ from regressors.robot.columns import BODY_KINDS, DIRECTED_KINDS, LOAD_SHARE, ROT
 from regressors.robot.friction.load_and_temperature import torques_at_drives
 from regressors.robot.inertia import PARAMETERS_PER_LINK
 from regressors.robot.robot import Robot
-from regressors.robot.symbolic.kinematics import bodies, body_regressor, sparse
-from regressors.robot.symbolic.vectorised import VectorisedFunction
+from regressors.robot.symbolic.kinematics import bodies, body_regressor, effort_regressor, sparse
+from regressors.robot.symbolic.vectorised import VectorisedFunction, entries_at_samples
 from regressors.samples import Array, Samples
 
 
@@ -43,13 +43,8 @@ def inertial_regressor(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
     Body i's wrench about its own origin is ``[F; N] = [F_i; N_i](q, dq, ddq) theta_i``; joint j carries its part
     along the joint's motion vector in that frame, ``Y_ji = l_j' F_i + s_j' N_i`` (zero for the joints after link i).
     """  # q, dq, ddq (n, 1)
-    n = robot.n
-    blocks = []
-    for body in bodies(robot, q, dq, ddq):
-        force, moment = body_regressor(body.omega, body.domega, body.a)
-        rows = [ca.mtimes(linear.T, force) + ca.mtimes(angular.T, moment) for angular, linear in body.axes]
-        blocks.append(ca.vertcat(*rows, ca.SX(n - len(rows), 10)))
-    return ca.horzcat(*blocks)
+    blocks = (effort_regressor(body) for body in bodies(robot, q, dq, ddq))
+    return ca.horzcat(*(ca.vertcat(rows, ca.SX(robot.n - rows.shape[0], 10)) for rows in blocks))
 
 
 def inertial_torque(robot: Robot, theta: Array, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
@@ -146,11 +141,7 @@ class DifferentialModel(RegressorModel):
 
     def friction_magnitudes(self, samples: Samples) -> Array:
         """Magnitude of every directed friction column of a drive, see `regressors.models.model.RegressorModel`."""
-        motion = (np.ascontiguousarray(x.T) for x in (samples.q, samples.dq, samples.ddq))
-        function = self._magnitudes
-        values = np.zeros((function.shape[0], samples.time.size))
-        values[function.row] = function(*motion)
-        return values.T
+        return entries_at_samples(self._magnitudes, samples)[:, 0].T
 
     @cached_property
     def _magnitudes(self) -> VectorisedFunction:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -16,7 +16,13 @@ from regressors.quantities import place_of
 from regressors.robot.columns import body_columns
 from regressors.robot.inertia import is_rotation
 from regressors.robot.robot import Joint, Robot
-from regressors.robot.symbolic.kinematics import LinkMotion, body_regressor, chain, next_link, times_inertia
+from regressors.robot.symbolic.kinematics import (
+    LinkMotion,
+    body_regressor,
+    chain,
+    effort_regressor,
+    next_link,
+)
 from regressors.samples import Array, Samples
 
 EQUATIONS = ("fx", "fy", "fz", "nx", "ny", "nz")
@@ -84,14 +90,15 @@ class _SensorModel(RegressorModel):
 
     channel = "wrench"
     keeps_all_links = True
+    _per_unit: ClassVar[str] = ""
 
-    def __init__(self, robot: Robot, sensor: Sensor | None, per_unit: str = "") -> None:
+    def __init__(self, robot: Robot, sensor: Sensor | None = None) -> None:
         self.robot = robot
         self.sensor = sensor if sensor is not None else Sensor()
         self.sensor.place(robot)
         self.columns = _COLUMNS
         names = self.sensor.equations
-        self.row_labels = tuple((name, ("N" if name[0] == "f" else "Nm") + per_unit) for name in names)
+        self.row_labels = tuple((name, ("N" if name[0] == "f" else "Nm") + self._per_unit) for name in names)
         self._equations = [EQUATIONS.index(name) for name in names]
 
     def _selected(self, measured: Array) -> Array:
@@ -110,9 +117,6 @@ class LoadModel(_SensorModel):
     """
 
     jax_form = "regressors.jax_models.jax_model:LoadPart"
-
-    def __init__(self, robot: Robot, sensor: Sensor | None = None) -> None:
-        super().__init__(robot, sensor)
 
     @property
     def options(self) -> dict[str, Any]:
@@ -144,9 +148,10 @@ class LoadIntegralModel(_SensorModel, WindowModel):
     """
 
     jax_form = "regressors.jax_models.jax_model:LoadIntegralPart"
+    _per_unit = " s"
 
     def __init__(self, robot: Robot, sensor: Sensor | None = None, window: Window | None = None) -> None:
-        super().__init__(robot, sensor, " s")
+        super().__init__(robot, sensor)
         self.window = window if window is not None else Window()
 
     @property
@@ -171,18 +176,14 @@ class LoadIntegralModel(_SensorModel, WindowModel):
     def state(self, q: ca.SX, dq: ca.SX) -> ca.SX:
         """Bracketed terms of K_I: ``[v, [omega x], 0; 0, -[v x], [. omega]]``, shape (r, 10)."""
         body = self._body(q, dq)
-        force = ca.horzcat(body.v, ca.skew(body.omega), ca.SX(3, 6))
-        moment = ca.horzcat(ca.SX(3, 1), -ca.skew(body.v), times_inertia(body.omega))
-        return ca.vertcat(force, moment)[self._equations, :]
+        return ca.vertcat(*body_regressor(ca.SX(3, 1), body.omega, body.v))[self._equations, :]
 
     def density(self, q: ca.SX, dq: ca.SX) -> ca.SX:
         """Integrands of K_I: ``omega x v - R g``, ``[omega x][omega x]``, ``[omega x][. omega]``, shape (r, 10)."""
         body = self._body(q, dq)
         w = body.omega
         a = ca.cross(w, body.v) - body.up
-        force = ca.horzcat(a, ca.mtimes(ca.skew(w), ca.skew(w)), ca.SX(3, 6))
-        moment = ca.horzcat(ca.SX(3, 1), -ca.skew(a), ca.mtimes(ca.skew(w), times_inertia(w)))
-        return ca.vertcat(force, moment)[self._equations, :]
+        return ca.vertcat(*body_regressor(w, ca.SX(3, 1), a))[self._equations, :]
 
     def measured_density(self, samples: Samples, measured: Array) -> Array:
         """The wrench itself, selected equations, shape (N, r) [N, Nm]; `measured` has shape (N, 6) or (N, r)."""
@@ -212,6 +213,4 @@ class PayloadModel(RegressorModel):
     def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         """Torques of the joints, shape (n, 10) [Nm or N, per unit parameter]."""
         *_, last = chain(self.robot, q, dq, ddq)
-        force, moment = body_regressor(last.omega, last.domega, last.a)
-        rows = [ca.mtimes(linear.T, force) + ca.mtimes(angular.T, moment) for angular, linear in last.axes]
-        return ca.vertcat(*rows)
+        return effort_regressor(last)

@@ -6,7 +6,7 @@ written in; then ``Y S = Y_X B`` and the columns in X are ``Y S R`` with any R t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -52,20 +52,6 @@ class Reduction:
     columns: tuple[Column, ...]  # what remains
     matrix: Array  # (standard, columns) ``Y_left = Y_standard @ matrix``
     definition: Array  # (columns, standard) value of each remaining parameter, ``definition @ standard``
-
-    @classmethod
-    def of(cls, robot: Robot, standard: Sequence[Column], *, reflected: bool = False) -> Reduction:
-        """Reduction of standard columns by the robot's structure."""
-        # `reflected` as in `Terms`; combinations that the structure names stay as named
-        standard = tuple(standard)
-        columns, S, value = _zero_and_equal(robot, standard)
-        names = robot.joint_names
-        form = next((a for a in robot.structure.aggregates if a.joints == names), None)
-        if form is None:
-            columns, factors = _reflected(robot, columns) if reflected else (columns, np.ones(len(columns)))
-            return cls(standard, columns, S / factors, value * factors[:, None])
-        columns, R, B = _aggregated(form, columns)
-        return cls(standard, columns, S @ R, B @ value)
 
     @classmethod
     def none(cls, columns: tuple[Column, ...]) -> Reduction:
@@ -146,7 +132,14 @@ def reduction_by(robot: Robot, terms: Terms) -> Reduction:
     """Columns of a robot's bodies, and those that terms choose of its drives, reduced by its structure."""
     check_names("drive", map(str, terms.numbers), [str(number) for number in drive_numbers(robot)])
     drives = drive_motions(robot, *(ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")))
-    return Reduction.of(robot, (*inertial_columns(robot), *column_list(drives, terms)), reflected=terms.reflected)
+    standard = (*inertial_columns(robot), *column_list(drives, terms))
+    columns, S, value = _zero_and_equal(robot, standard)
+    form = next((a for a in robot.structure.aggregates if a.joints == robot.joint_names), None)
+    if form is None:
+        columns, factors = _reflected(robot, columns) if terms.reflected else (columns, np.ones(len(columns)))
+        return Reduction(standard, columns, S / factors, value * factors[:, None])
+    columns, R, B = _aggregated(form, columns)  # combinations that the structure names stay as named
+    return Reduction(standard, columns, S @ R, B @ value)
 
 
 @dataclass(frozen=True, eq=False)

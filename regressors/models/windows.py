@@ -32,20 +32,11 @@ SHORT = 0.005
 @checked
 @dataclass(frozen=True)
 class Window:
-    """Time windows that form the rows of W.
+    """Time windows that form the rows of W."""
 
-    Parameters
-    ----------
-    kind : {"short", "long"}
-        (t_k, t_k + length), or (t_0, t_k) from the first sample on.
-    length : float
-        Length of a short window [s]; 5 ms in [KD96].
-    step : float, optional
-        Time from the start of a short window to that of the next [s]; `length` if not given, so that they adjoin.
-    """
-
-    kind: Literal["short", "long"] = "short"
-    length: float = SHORT
+    kind: Literal["short", "long"] = "short"  # (t_k, t_k + length), or (t_0, t_k) from the first sample on
+    length: float = SHORT  # of a short window [s]; 5 ms in [KD96]
+    # time from the start of a short window to that of the next [s]; the length if not given, so that they adjoin
     step: float | None = None
 
     def __post_init__(self) -> None:
@@ -56,31 +47,14 @@ class Window:
                 raise InputError(f"window {what} must be a positive number of seconds, given {value}")
 
     def fitted(self, spacing: float) -> Window:
-        """These windows with short ones rounded to a whole number of samples; long ones as they are.
-
-        Parameters
-        ----------
-        spacing : float
-            Sample time [s].
-        """
+        """These windows with short ones rounded to a whole number of samples; long ones as they are."""  # spacing [s]
         if self.kind == "long":
             return self
         length = max(1, round(self.length / spacing)) * spacing
         return Window(self.kind, length, None if self.step is None else max(1, round(self.step / spacing)) * spacing)
 
     def ends(self, time: Array) -> tuple[Index, Index]:
-        """Indices of the first and the last sample of every window.
-
-        Parameters
-        ----------
-        time : ndarray, shape (N,)
-            Uniform sample times [s].
-
-        Raises
-        ------
-        InputError
-            A window shorter than the sample time, or not a whole number of samples, or longer than the motion.
-        """
+        """First and last sample of every window of uniform times [s]; `InputError` where windows do not fit these."""
         if self.kind == "long":
             last = np.arange(1, time.size)
             return np.zeros_like(last), last
@@ -105,12 +79,7 @@ def _samples(seconds: float, spacing: float, what: str) -> int:
 
 
 class WindowModel(RegressorModel):
-    """A model whose rows are differences of states plus integrals of densities over windows.
-
-    Attributes
-    ----------
-    window : Window
-    """
+    """A model whose rows are differences of states plus integrals of densities over windows."""
 
     window: Window
 

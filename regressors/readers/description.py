@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regressors.errors import Finding, InputError, MissingRange, UnknownName, about
+from regressors.errors import Finding, InputError, UnknownName, about
 from regressors.input_files import read_text
-from regressors.readers.description_schema import AggregatesSection, Description, LinkSection, limits
+from regressors.readers.description_schema import AggregatesSection, Description, LinkSection, coefficient_value, limits
 from regressors.readers.documents import Document, FieldPath, parse_document, validate
 from regressors.readers.urdf_tree import TreeJoint
 from regressors.robot.columns import FRICTION_KINDS, ROTOR, Column, body_columns, drive_column
@@ -88,7 +88,7 @@ def _transmission(description: Description) -> Transmission | None:
 
 def _aggregates(section: AggregatesSection, joints: Sequence[str], constants: dict[str, float]) -> Aggregates:
     parameters = {
-        name: {parameter: coefficient.value(constants) for parameter, coefficient in terms.items()}
+        name: {parameter: coefficient_value(coefficient, constants) for parameter, coefficient in terms.items()}
         for name, terms in section.parameters.items()
     }
     return Aggregates(tuple(sorted(section.joints, key=joints.index)), parameters)
@@ -179,7 +179,7 @@ def _value_problems(description: Description, bodies: Sequence[tuple[int, Link]]
         for name, terms in form.parameters.items():
             for parameter, coefficient in terms.items():
                 try:
-                    coefficient.value(description.constants)
+                    coefficient_value(coefficient, description.constants)
                 except InputError as error:
                     yield ("structure", "aggregates", i, "parameters", name, parameter), str(error)
     known = _known_values(bodies)
@@ -234,7 +234,7 @@ def range_findings(chain: Iterable[TreeJoint]) -> Iterator[Finding]:
                 f'write <limit lower="..." upper="..." effort="..." velocity="..."/> into the file, or '
                 f'type="continuous" if it turns without end{held}, or give `position`'
             )
-            yield MissingRange("missing", where, what, advice, joint.name)
+            yield Finding("missing", where, what, advice, joint.name)
         elif joint.kind != "continuous" and len(joint.bounds.keys() & {"lower", "upper"}) == 1:
             (other,) = {"lower", "upper"} - joint.bounds.keys()
             yield Finding("assumed", where, f"{other}=0, which <limit> does not state", f"write {other} into the file")
@@ -247,7 +247,7 @@ def refuse_missing_ranges(robot: Robot, moving: ArrayLike) -> None:
     """Raise `InputError` where joints shall move whose ranges are not known, though they have ends."""  # moving (n,)
     unlimited = np.isinf(robot.limits.lower) & np.isinf(robot.limits.upper) & np.asarray(moving, dtype=bool)
     names = set(compress(robot.joint_names, unlimited))
-    missing = [note for note in robot.notes if isinstance(note, MissingRange) and note.joint in names]
+    missing = [note for note in robot.notes if note.joint and note.joint in names]
     if missing:
         others = f" (the same for {', '.join(note.joint for note in missing[1:])})" if len(missing) > 1 else ""
         raise InputError(f"{robot.source}, {missing[0].where}: {missing[0].what}{others}; {missing[0].advice}")

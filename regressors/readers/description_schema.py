@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -39,42 +39,38 @@ _NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 _POWER = re.compile(r"([A-Za-z][A-Za-z0-9_]*)(?:\^(-?[0-9]{1,2}))?")
 
 
-@dataclass(frozen=True)
-class Coefficient:
-    """A number times powers of named constants."""
+Coefficient = tuple[float, list[tuple[str, int]]]  # a number, times powers of named constants
 
-    number: float
-    powers: tuple[tuple[str, int], ...] = ()  # name and exponent of each constant
 
-    @classmethod
-    def parse(cls, text: str) -> Coefficient:
-        """Coefficient from its text: ``[+-] factor * factor * ...`` with factors ``2.5``, ``l2`` or ``n1^2``."""
-        unsigned = text.strip()
-        number = -1.0 if unsigned.startswith("-") else 1.0
-        powers = []
-        for factor in unsigned.removeprefix("-" if number < 0 else "+").split("*"):
-            if _NUMBER.fullmatch(factor.strip()):
-                number *= float(factor)
-            elif power := _POWER.fullmatch(factor.strip()):
-                powers.append((power[1], int(power[2] or 1)))
-            else:
-                raise InputError(f"expected a number or a product such as '-2*l2*n1^2', given {text!r}")
-        if not math.isfinite(number):
-            raise InputError(f"coefficient must be finite, given {text!r}")
-        return cls(number, tuple(powers))
+def coefficient_of(text: str) -> Coefficient:
+    """Coefficient from its text: ``[+-] factor * factor * ...`` with factors ``2.5``, ``l2`` or ``n1^2``."""
+    unsigned = text.strip()
+    number = -1.0 if unsigned.startswith("-") else 1.0
+    powers = []
+    for factor in unsigned.removeprefix("-" if number < 0 else "+").split("*"):
+        if _NUMBER.fullmatch(factor.strip()):
+            number *= float(factor)
+        elif power := _POWER.fullmatch(factor.strip()):
+            powers.append((power[1], int(power[2] or 1)))
+        else:
+            raise InputError(f"expected a number or a product such as '-2*l2*n1^2', given {text!r}")
+    if not math.isfinite(number):
+        raise InputError(f"coefficient must be finite, given {text!r}")
+    return number, powers
 
-    def value(self, constants: Mapping[str, float]) -> float:
-        """Value of the product for given values of the constants."""
-        value = self.number
-        check_names("constant", (name for name, _ in self.powers), constants)
-        for name, exponent in self.powers:
-            try:
-                value *= constants[name] ** exponent
-            except (OverflowError, ZeroDivisionError):
-                value = math.nan
-        if not math.isfinite(value):
-            raise InputError(f"coefficient is not a finite number with {dict(constants)}")
-        return value
+
+def coefficient_value(coefficient: Coefficient, constants: Mapping[str, float]) -> float:
+    """Value of the product for given values of the constants."""
+    value, powers = coefficient
+    check_names("constant", (name for name, _ in powers), constants)
+    for name, exponent in powers:
+        try:
+            value *= constants[name] ** exponent
+        except (OverflowError, ZeroDivisionError):
+            value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"coefficient is not a finite number with {dict(constants)}")
+    return value
 
 
 def _radians(per: str) -> Callable[[object], object]:
@@ -91,10 +87,10 @@ def _radians(per: str) -> Callable[[object], object]:
 
 def _coefficient(value: object) -> Coefficient:
     if isinstance(value, str):
-        return Coefficient.parse(value)
+        return coefficient_of(value)
     if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(float(value)):
         raise ValueError(f"expected a finite number or a product such as '-2*l2*n1^2', given {described(value)}")
-    return Coefficient(float(value))
+    return float(value), []
 
 
 def _name(value: str) -> str:
@@ -161,11 +157,8 @@ class LimitsSection(Section):
 def limits(sections: list[LimitsSection]) -> Limits:
     """Limits of several coordinates."""
     lower, upper = np.array([s.position or [-np.inf, np.inf] for s in sections], dtype=float).reshape(-1, 2).T
-    rest = [
-        np.array([np.inf if bound is None else bound for bound in (getattr(s, name) for s in sections)])
-        for name in ("velocity", "acceleration", "jerk", "torque")
-    ]
-    return Limits(lower, upper, *rest)
+    rates = ("velocity", "acceleration", "jerk", "torque")
+    return Limits(lower, upper, *(np.array([getattr(s, name) or np.inf for s in sections]) for name in rates))
 
 
 class MdhSection(Section):
@@ -282,14 +275,11 @@ class LinkSection(NamedSection):
     def _known_or_unknown(self) -> LinkSection:
         if self.com is not None and self.first_moment is not None:
             raise ValueError(f"link {self.name!r}: give com or first_moment, not both")
-        given = {
-            "mass": self.mass is not None,
-            "com or first_moment": self.com is not None or self.first_moment is not None,
-            "inertia": self.inertia is not None,
-        }
-        if any(given.values()) and not all(given.values()):
-            missing = ", ".join(name for name, there in given.items() if not there)
-            raise ValueError(f"link {self.name!r}: give mass, com or first_moment, and inertia, or none; no {missing}")
+        given = {"mass": self.mass, "com or first_moment": self.com or self.first_moment, "inertia": self.inertia}
+        missing = [name for name, value in given.items() if value is None]
+        if 0 < len(missing) < len(given):
+            wanted = "give mass, com or first_moment, and inertia, or none"
+            raise ValueError(f"link {self.name!r}: {wanted}; no {', '.join(missing)}")
         if self.mass == 0.0 and any(self.first_moment or ()):
             raise ValueError(f"link {self.name!r}: a link without mass has no first moment")
         return self
@@ -301,11 +291,8 @@ class LinkSection(NamedSection):
         with np.errstate(over="ignore", invalid="ignore"):  # a link refuses what is not finite
             return Link(self.name, self._theta(self.mass, self.inertia))
 
-    def _theta(self, mass: float, inertia: InertiaSection) -> Array:
-        moment = np.array(self.first_moment if self.com is None else self.com)
-        if self.com is not None:
-            moment = mass * moment
-        i = inertia
+    def _theta(self, mass: float, i: InertiaSection) -> Array:
+        moment = np.array(self.first_moment) if self.com is None else mass * np.array(self.com)
         theta = np.array([mass, *moment, i.xx, i.xy, i.xz, i.yy, i.yz, i.zz])
         if i.about == "centre-of-mass" and mass > 0:
             theta = from_centre_of_mass(mass, moment / mass, inertia_tensor(theta))

@@ -11,6 +11,7 @@ import csv
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -86,14 +87,11 @@ def read_dh_table(path: str | Path) -> Robot:
         return _robot(head.get("name") or path.stem, rows, convention, path.name)
 
 
-class _Row(dict[str, float]):
-    """Numbers of a joint by column, in SI units, with its texts."""
+_Row = dict[str, Any]  # numbers of a joint by column, in SI units, with its texts
 
-    name: str
-    kind: JointKind
 
-    def array(self, *columns: str) -> Array:
-        return np.array([self.get(column, 0.0) for column in columns])
+def _array(row: _Row, *columns: str) -> Array:
+    return np.array([row.get(column, 0.0) for column in columns])
 
 
 def _said(line: str) -> tuple[str, str]:
@@ -143,10 +141,10 @@ def _row(columns: list[tuple[str, str]], cells: list[str], number: int, place: s
             row[name] = _number(cell, f"{place}: {name}") * _COLUMNS[name].get(unit, 1.0)
     if texts["type"].lower() not in KINDS:
         raise InputError(f"{place}: type: expected revolute or prismatic, given {texts['type']!r}")
-    row.name, row.kind = texts["name"] or f"q{number}", KINDS[texts["type"].lower()]
-    _check_units(columns, cells, row.kind, place)
+    kind = KINDS[texts["type"].lower()]
+    _check_units(columns, cells, kind, place)
     _check_complete(row, place)
-    return row
+    return {**row, "name": texts["name"] or f"q{number}", "type": kind}
 
 
 def _number(cell: str, place: str) -> float:
@@ -190,12 +188,12 @@ def _robot(name: str, rows: list[_Row], convention: str, source: str) -> Robot:
 
 def _joints(rows: list[_Row], convention: str) -> list[Joint]:
     """Joints in modified parameters: a standard table's alpha and a are those of the next joint."""
-    steps = [row.array("alpha", "a") for row in rows]
+    steps = [_array(row, "alpha", "a") for row in rows]
     if convention == "standard":
         steps = [np.zeros(2), *steps[:-1]]
     return [
         Joint.from_mdh(
-            row.name, row.kind, alpha=float(x), a=float(a), d=row.get("d", 0.0), offset=row.get("theta", 0.0)
+            row["name"], row["type"], alpha=float(x), a=float(a), d=row.get("d", 0.0), offset=row.get("theta", 0.0)
         )
         for row, (x, a) in zip(rows, steps, strict=True)
     ]
@@ -204,8 +202,8 @@ def _joints(rows: list[_Row], convention: str) -> list[Joint]:
 def _parameters(row: _Row, convention: str) -> Array | None:
     if "mass" not in row:
         return None
-    tensor = inertia_tensor(row.array("mass", *_CENTRE, *_INERTIA))
-    theta = from_centre_of_mass(row["mass"], row.array(*_CENTRE), tensor)
+    tensor = inertia_tensor(_array(row, "mass", *_CENTRE, *_INERTIA))
+    theta = from_centre_of_mass(row["mass"], _array(row, *_CENTRE), tensor)
     if convention == "modified":
         return theta
     step = Joint.from_mdh("step", "revolute", alpha=row.get("alpha", 0.0), a=row.get("a", 0.0))
@@ -215,14 +213,9 @@ def _parameters(row: _Row, convention: str) -> Array | None:
 def _transmission(rows: list[_Row]) -> Transmission | None:
     if not any(column in row for row in rows for column in _DRIVE):
         return None
+    gears = (ConstantRatio(row.get("ratio", 1.0)) for row in rows)
     drives = tuple(
-        Drive(
-            row.name,
-            ConstantRatio(row.get("ratio", 1.0)),
-            row.get("rotor_inertia"),
-            row.get("coulomb"),
-            row.get("viscous"),
-        )
-        for row in rows
+        Drive(row["name"], gear, row.get("rotor_inertia"), row.get("coulomb"), row.get("viscous"))
+        for row, gear in zip(rows, gears, strict=True)
     )
     return Transmission(np.eye(len(rows)), drives, Limits.none(len(rows)))

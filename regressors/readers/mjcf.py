@@ -62,7 +62,7 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: str | None = No
     joints = names_of(model, "joint")
     robot = robot_of_tree(tree, base, tip)
     ends = (tree.root if base is None else base, robot.links[-1].name)
-    for tie in equalities(model).ties:
+    for tie in equalities(model)[2]:
         _check_tie(tie, tree, robot, ends)
     return robot.replace(
         transmission=_transmission(model, robot, joints),
@@ -105,8 +105,9 @@ def _check_tie(tie: Tie, tree: UrdfTree, robot: Robot, ends: tuple[str, str]) ->
     links = [body.name for body in robot.links]
     if not _ties(tie, tree, links):
         return
-    names = [joint for joint in tie.joints if joint in robot.joint_names]
-    what = f"joint {names[0]!r}" if names else " and ".join(f"body {body!r}" for body in tie.bodies[:2])
+    label, joints, bodies = tie
+    names = [joint for joint in joints if joint in robot.joint_names]
+    what = f"joint {names[0]!r}" if names else " and ".join(f"body {body!r}" for body in bodies[:2])
 
     def accepts(chain: Chain) -> None:
         if _ties(tie, tree, [joint.child for joint in chain.moving]):
@@ -116,7 +117,7 @@ def _check_tie(tie: Tie, tree: UrdfTree, robot: Robot, ends: tuple[str, str]) ->
     working = working_ends(tree, candidates, *ends, accepts)
     cure = f", or choose the chain beside it with {working}" if working else ""
     raise InputError(
-        f"{tree.source}: {tie.label} on {what} closes a loop with the chain, expected joints that move on their own; "
+        f"{tree.source}: {label} on {what} closes a loop with the chain, expected joints that move on their own; "
         f"switch it off in the file (active='false'){cure}"
     )
 
@@ -124,8 +125,9 @@ def _check_tie(tie: Tie, tree: UrdfTree, robot: Robot, ends: tuple[str, str]) ->
 def _ties(tie: Tie, tree: UrdfTree, links: list[str]) -> bool:
     """Whether a constraint holds between parts that links of a chain move differently."""
     moving = {tree.above[link].name for link in links}
-    moved = {tree.carrier(body, links) for body in tie.bodies}
-    return len(moved) > 1 or any(joint in moving for joint in tie.joints)
+    _, joints, bodies = tie
+    moved = {tree.carrier(body, links) for body in bodies}
+    return len(moved) > 1 or any(joint in moving for joint in joints)
 
 
 def _left_out(model: Any, robot: Robot, joints: list[str]) -> str:

@@ -6,8 +6,8 @@ joints that follow others or are held are part of the tree; what else they tie i
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -76,6 +76,7 @@ def _joint(
     angles: AngleReader,
 ) -> tuple[TreeJoint, Array]:
     """A joint, and the pose of its body in the frame of the link that it moves."""
+    mimics, held, _ = equal
     kind = int(model.jnt_type[number])
     if kind not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
         placed = _fixed(*names, T)
@@ -87,9 +88,9 @@ def _joint(
     axis = np.array(model.jnt_axis[number])
     axis = angles.axis(axis, f"joint {names[0]!r}", " ".join(f"{part:.7g}" for part in axis), QUATERNION)
     at_zero = Joint(names[0], "revolute" if hinge else "prismatic", np.eye(3), anchor, axis)
-    start = equal.held.get(number, 0.0) - float(model.qpos0[model.jnt_qposadr[number]])
+    start = held.get(number, 0.0) - float(model.qpos0[model.jnt_qposadr[number]])
     pose, back = T @ at_zero.motion(start), pose_of(np.eye(3), -anchor)
-    if number in equal.held:
+    if number in held:
         return _fixed(*names, pose), back
     limited = bool(model.jnt_limited[number])
     bounds = dict(zip(("lower", "upper"), model.jnt_range[number].tolist(), strict=True)) if limited else {}
@@ -103,7 +104,7 @@ def _joint(
         bounds={**bounds, "effort": torque_limit(model, number, actuators)},
         damping=float(model.dof_damping[dof]) + reflected(model, "actuator_damping", actuators),
         friction=float(model.dof_frictionloss[dof]),
-        mimic=equal.mimics.get(number),
+        mimic=mimics.get(number),
     )
     return placed, back
 
@@ -188,22 +189,10 @@ def _reach(bounds: Array) -> float:
     return min(-lower, upper) if lower < 0.0 < upper else np.inf
 
 
-@dataclass(frozen=True)
-class Tie:
-    """A constraint between bodies, or between joints, that is no joint of the tree."""
-
-    label: str  # what it is, for messages
-    joints: tuple[str, ...] = ()  # those that it concerns
-    bodies: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Equalities:
-    """The active equality constraints of a model."""
-
-    mimics: Mapping[int, Mimic]  # joints that follow another one, by their number
-    held: Mapping[int, float]  # position at which a joint is held [rad or m]
-    ties: tuple[Tie, ...]  # all the others
+# a constraint between bodies, or between joints, that is no joint of the tree: what it is, its joints, its bodies
+Tie = tuple[str, list[str], list[str]]
+# joints that follow another one, and positions at which joints are held [rad or m], by their numbers; all the others
+Equalities = tuple[dict[int, Mimic], dict[int, float], list[Tie]]
 
 
 def equalities(model: Any) -> Equalities:
@@ -225,12 +214,11 @@ def equalities(model: Any) -> Equalities:
             what = "connect" if kind == kinds.mjEQ_CONNECT else "weld"
             at_sites = int(model.eq_objtype[number]) == mujoco.mjtObj.mjOBJ_SITE
             ends = (int(model.site_bodyid[end]) if at_sites else end for end in (first, second))
-            ties.append(Tie(f"the equality <{what}>", bodies=tuple(bodies[end] for end in ends)))
+            ties.append((f"the equality <{what}>", [], [bodies[end] for end in ends]))
         elif kind == kinds.mjEQ_TENDON:
             of_joints, of_bodies = _ends_of_tendons(model, [tendon for tendon in (first, second) if tendon >= 0])
-            names = (tuple(joints[k] for k in of_joints), tuple(bodies[k] for k in of_bodies))
-            ties.append(Tie("the equality <tendon>", *names))
-    return Equalities(mimics, held, tuple(ties))
+            ties.append(("the equality <tendon>", [joints[k] for k in of_joints], [bodies[k] for k in of_bodies]))
+    return mimics, held, ties
 
 
 def _mimic(model: Any, number: int, leader: str) -> Mimic:

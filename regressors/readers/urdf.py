@@ -52,8 +52,8 @@ def parse_urdf(
     - A link with which no ``<inertial>`` was merged has unknown parameters (``theta`` is None).
 
     Limits: an effort or velocity of zero, or not stated, means no limit. If one of ``lower`` and ``upper`` is stated,
-    the other is zero as URDF says. A joint with neither, or with both zero, has no position limits here and a note,
-    `MissingRange`: no motion is designed for it until its range is given. Continuous joints have no position limits.
+    the other is zero as URDF says. A joint with neither, or with both zero, has no position limits here and a note:
+    no motion is designed for it until its range is given. Continuous joints have no position limits.
     URDF has no limits on acceleration and jerk. ``<safety_controller>`` is not read.
 
     Angles of ``rpy`` with four decimals or more that are a multiple of pi/4 or pi/6, rounded or cut off to these

@@ -181,8 +181,9 @@ def _callee(node: ast.expr, of: Callable[[ast.AST], Any]) -> Callable[..., Any]:
 
 def _combined(sign: ast.operator, a: Any, b: Any) -> Any:
     """Value of an operation whose size is looked at before it is worked out."""
-    if isinstance(sign, ast.Pow):
-        return _power(a, b)
+    whole = isinstance(a, int) and isinstance(b, int)
+    if isinstance(sign, ast.Pow) and whole and a.bit_length() * b > BITS:
+        raise Refused(f"a whole number of more than {BITS} binary digits is too large")
     if isinstance(sign, ast.Mult):
         for many, text in ((a, b), (b, a)):
             if isinstance(many, int) and hasattr(text, "__len__") and many * len(text) > LARGEST:
@@ -190,12 +191,6 @@ def _combined(sign: ast.operator, a: Any, b: Any) -> Any:
     if isinstance(sign, ast.Mod) and isinstance(a, str | bytes) and _WIDE.search(str(a)):
         raise Refused("a format with such a width is not allowed in an expression")
     return _bounded(_BINARY[type(sign)](a, b))
-
-
-def _power(a: Any, b: Any) -> Any:
-    if isinstance(a, int) and isinstance(b, int) and a.bit_length() * b > BITS:
-        raise Refused(f"a whole number of more than {BITS} binary digits is too large")
-    return a**b
 
 
 def _bounded(value: Any) -> Any:

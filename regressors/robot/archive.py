@@ -56,13 +56,10 @@ def _branch(plain: Mapping[str, Any]) -> Branch:
 
 
 def _transmission(plain: Mapping[str, Any]) -> Transmission:
-    drives = tuple(Drive(**{**drive, "ratio": _gear(drive["ratio"])}) for drive in map(_untyped, plain["drives"]))
+    gears = (_GEARS[drive["ratio"]["type"]](**_untyped(drive["ratio"])) for drive in plain["drives"])
+    drives = tuple(Drive(**{**_untyped(drive), "ratio": g}) for drive, g in zip(plain["drives"], gears, strict=True))
     return Transmission(np.array(plain["coupling"]), drives, _limits(plain["limits"]), np.array(plain["offset"]))
 
 
 def _untyped(plain: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in plain.items() if name != "type"}
-
-
-def _gear(plain: Mapping[str, Any]) -> GearFunction:
-    return _GEARS[plain["type"]](**_untyped(plain))

@@ -92,49 +92,24 @@ class Terms:
     """Optional columns of a model beside the links' inertial parameters.
 
     The friction of each drive is ``F.c s + F.v dz + F.o + F.l |tau| s + F.r sqrt|dz| s + F.a |dz| +
-    F.s exp(-(dz/v)^2) s`` with the direction of motion ``s = sign(dz)`` and the torque tau that the drive carries.
-
-    Parameters
-    ----------
-    rotor : bool
-        Rotor inertia of each drive, ``Ia``.
-    coulomb, viscous : bool or tuple of int
-        ``F.c`` [Nm] and ``F.v`` [Nm s/rad]: of every drive, of none, or of the drives of these numbers; the same for
-        all that follow.
-    offset : bool or tuple of int
-        ``F.o`` [Nm].
-    reflected : bool
-        Rotor inertias as parameters at the drive coordinate, ``Iar = n^2 Ia``, with the gear's reference ratio n;
-        else the motors' own, ``Ia``, whose columns are n^2 times as large as those of links.
-    load_share : bool or tuple of int
-        ``F.l``, friction per torque that the drive carries [Nm/Nm], see
-        `regressors.robot.friction.load_and_temperature.Loaded`. The carried torque is that of bodies and rotors with
-        known parameters, see `DifferentialModel`.
-    root : bool or tuple of int
-        ``F.r``, friction that grows with the root of the speed, as that of lubricants [Nm (s/rad)^0.5].
-    asymmetry : bool or tuple of int
-        ``F.a``, half the difference of the viscous friction in the two directions [Nm s/rad].
-    stribeck : bool or tuple of int
-        ``F.s``, friction beyond Coulomb's near standstill [Nm].
-    stribeck_speed : float
-        v, at which that friction has fallen to 1/e [rad/s or m/s].
-
-    Raises
-    ------
-    InputError
-        Drives that are not numbers from 1 on, or a Stribeck speed that is not greater than zero.
+    F.s exp(-(dz/v)^2) s`` with the direction of motion ``s = sign(dz)`` and the torque tau that the drive carries: of
+    every drive, of none, or of the drives of some numbers.
     """
 
-    rotor: bool = True
-    coulomb: Drives = True
-    viscous: Drives = True
-    offset: Drives = False
+    rotor: bool = True  # rotor inertia of each drive, ``Ia``
+    coulomb: Drives = True  # ``F.c`` [Nm]
+    viscous: Drives = True  # ``F.v`` [Nm s/rad]
+    offset: Drives = False  # ``F.o`` [Nm]
+    # rotor inertias as parameters at the drive coordinate, ``Iar = n^2 Ia``, with the gear's reference ratio n; else
+    # the motors' own, ``Ia``, whose columns are n^2 times as large as those of links
     reflected: bool = True
+    # ``F.l`` [Nm/Nm], see `regressors.robot.friction.load_and_temperature.Loaded`. The carried torque is that of bodies
+    # and rotors with known parameters, see `DifferentialModel`
     load_share: Drives = False
-    root: Drives = False
-    asymmetry: Drives = False
-    stribeck: Drives = False
-    stribeck_speed: float = 0.1
+    root: Drives = False  # ``F.r``, friction that grows with the root of the speed, as of lubricants [Nm (s/rad)^0.5]
+    asymmetry: Drives = False  # ``F.a``, half the difference of the viscous friction in the two directions [Nm s/rad]
+    stribeck: Drives = False  # ``F.s``, friction beyond Coulomb's near standstill [Nm]
+    stribeck_speed: float = 0.1  # v, > 0, at which that friction has fallen to 1/e [rad/s or m/s]
 
     def __post_init__(self) -> None:
         for name in _SELECTIONS:
@@ -148,15 +123,7 @@ class Terms:
         return cls(rotor=False, coulomb=False, viscous=False, offset=False)
 
     def include(self, kind: str, number: int) -> bool:
-        """Whether a drive has a column of some kind.
-
-        Parameters
-        ----------
-        kind : str
-            One of `FRICTION_KINDS`, or ``rotor``.
-        number : int
-            Number of the drive.
-        """
+        """Whether a drive has a column of some kind, one of `FRICTION_KINDS` or ``rotor``."""
         chosen: Drives = getattr(self, kind.replace(" ", "_"))
         return chosen if isinstance(chosen, bool) else number in chosen
 
@@ -167,12 +134,7 @@ class Terms:
         return tuple(sorted({number for one in chosen if not isinstance(one, bool) for number in one}))
 
     def among(self, numbers: Container[int]) -> Terms:
-        """The same terms without the drives of other numbers, such as those behind locked joints.
-
-        Parameters
-        ----------
-        numbers : container of int
-        """
+        """The same terms without the drives of other numbers, such as those behind locked joints."""
         chosen = ((name, getattr(self, name)) for name in _SELECTIONS)
         by_number = ((name, one) for name, one in chosen if not isinstance(one, bool))
         left: dict[str, Any] = {name: tuple(k for k in one if k in numbers) for name, one in by_number}

@@ -27,7 +27,7 @@ from regressors.robot.shapes import Part
 JointKind = Literal["revolute", "prismatic"]
 
 
-class _Rebuilt:
+class Rebuilt:
     """Pickled and copied as the arguments of the constructor: what is read back is checked, and read-only, again."""
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
@@ -45,25 +45,14 @@ class _Rebuilt:
 
 
 @dataclass(frozen=True, eq=False)
-class Joint(_Rebuilt):
-    """One joint and where it sits: pose of its link's frame in the parent link's frame is ``placement(q=0) motion(q)``.
-
-    Parameters
-    ----------
-    name : str
-    kind : {"revolute", "prismatic"}
-    rotation : array_like, shape (3, 3)
-        Axes of the link frame in the parent's frame at q = 0.
-    translation : array_like, shape (3,)
-        Origin of the link frame in the parent's frame at q = 0 [m].
-    axis : array_like, shape (3,)
-        Unit vector of the joint axis in the link's own frame.
-    """
+class Joint(Rebuilt):
+    """One joint and where it sits: its link's frame has the pose ``placement(q=0) motion(q)`` in the parent link's."""
 
     name: str
     kind: JointKind
-    rotation: Array
-    translation: Array
+    rotation: Array  # (3, 3) axes of the link frame in the parent's frame at q = 0
+    translation: Array  # (3,) origin of the link frame in the parent's frame at q = 0 [m]
+    # (3,) unit vector of the joint axis in the link's own frame
     axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
 
     def __post_init__(self) -> None:
@@ -83,17 +72,9 @@ class Joint(_Rebuilt):
     def from_mdh(
         cls, name: str, kind: JointKind, *, alpha: float, a: float, d: float = 0.0, offset: float = 0.0
     ) -> Joint:
-        """Joint from modified Denavit-Hartenberg parameters, ``Rx(alpha) Tx(a) Rz(theta) Tz(d)`` [Craig 1986].
-
-        Parameters
-        ----------
-        name, kind
-            As in `Joint`.
-        alpha, a : float
-            Twist [rad] and length [m] from the previous z axis to this one.
-        d, offset : float
-            ``theta = q + offset`` for a revolute joint, ``d + q`` along z for a prismatic one [m, rad].
-        """
+        """Joint from modified Denavit-Hartenberg parameters, ``Rx(alpha) Tx(a) Rz(theta) Tz(d)`` [Craig 1986]."""
+        # twist alpha [rad] and length a [m] from the previous z axis to this one; ``theta = q + offset`` of a revolute
+        # joint, ``d + q`` along z of a prismatic one [m, rad]
         ca, sa, co, so = np.cos(alpha), np.sin(alpha), np.cos(offset), np.sin(offset)
         rx = np.array([[1, 0, 0], [0, ca, -sa], [0, sa, ca]])
         rz = np.array([[co, -so, 0], [so, co, 0], [0, 0, 1]])
@@ -113,21 +94,14 @@ class Joint(_Rebuilt):
 
 
 @dataclass(frozen=True, eq=False)
-class Link(_Rebuilt):
-    """A rigid body moved by the joint of the same number.
-
-    Parameters
-    ----------
-    name : str
-    theta : array_like, shape (10,), optional
-        Inertial parameters about the link frame's origin, see `regressors.robot.inertia`; None where unknown.
-    number : int
-        Number of the link in parameter names; 0 for its place in the chain, branches following the links. A robot
-        some of whose joints rest keeps the numbers of the whole robot.
-    """
+class Link(Rebuilt):
+    """A rigid body moved by the joint of the same number."""
 
     name: str
+    # (10,) inertial parameters about the link frame's origin, see `regressors.robot.inertia`; None where unknown
     theta: Array | None = None
+    # in parameter names; 0 for its place in the chain, branches following the links. A robot some of whose joints rest
+    # keeps the numbers of the whole robot
     number: int = 0
 
     def __post_init__(self) -> None:
@@ -142,35 +116,17 @@ BASE = "base"
 
 
 @dataclass(frozen=True, eq=False)
-class Branch(_Rebuilt):
+class Branch(Rebuilt):
     """A body beside the chain that moves with a linear combination of the joints, such as a bar of a parallelogram.
 
     Its joint sits on a link, or on another branch, and its coordinate is ``coupling @ q + offset``.
-
-    Parameters
-    ----------
-    parent : str
-        Name of the link or of the earlier branch that carries it, or `BASE` for the base frame.
-    joint : Joint
-        Where it sits: pose of its body's frame in the parent's frame.
-    link : Link
-        The body; the branch bears its name.
-    coupling : array_like, shape (n,)
-        Coordinate of the branch's joint per coordinate of the robot's joints; not all zero.
-    offset : float
-        Coordinate of the branch's joint at q = 0 [rad or m].
-
-    Raises
-    ------
-    InputError
-        The coupling is not a row of finite numbers, or holds zeros only.
     """
 
-    parent: str
-    joint: Joint
-    link: Link
-    coupling: Array
-    offset: float = 0.0
+    parent: str  # name of the link or of the earlier branch that carries it, or `BASE` for the base frame
+    joint: Joint  # where it sits: pose of its body's frame in the parent's frame
+    link: Link  # the body; the branch bears its name
+    coupling: Array  # (n,) coordinate of the branch's joint per coordinate of the robot's joints; not all zero
+    offset: float = 0.0  # coordinate of the branch's joint at q = 0 [rad or m]
 
     def __post_init__(self) -> None:
         row = self._freeze("coupling", (np.size(self.coupling),), f"branch {self.name!r}, coupling")
@@ -193,20 +149,12 @@ LIMITED = ("position", "velocity", "acceleration", "jerk", "torque")
 
 
 @dataclass(frozen=True, eq=False)
-class Limits(_Rebuilt):
-    """Bounds on a set of coordinates; infinite where there is none.
+class Limits(Rebuilt):
+    """Bounds on a set of coordinates; infinite where there is none."""
 
-    Parameters
-    ----------
-    lower, upper : array_like, shape (n,)
-        Position [rad or m]; ``lower < upper``.
-    velocity, acceleration, jerk, torque : array_like, shape (n,)
-        Largest magnitude, > 0 [rad/s, rad/s^2, rad/s^3, Nm, or the same with m and N].
-    """
-
-    lower: Array
+    lower: Array  # (n,) position [rad or m]; ``lower < upper``
     upper: Array
-    velocity: Array
+    velocity: Array  # (n,) largest magnitude, > 0 [rad/s, rad/s^2, rad/s^3, Nm, or the same with m and N]
     acceleration: Array
     jerk: Array
     torque: Array
@@ -225,13 +173,7 @@ class Limits(_Rebuilt):
         return cls(-inf, inf, inf, inf, inf, inf)
 
     def check(self, labels: tuple[str, ...]) -> None:
-        """Raise `InputError` naming the first coordinate whose bounds leave no room.
-
-        Parameters
-        ----------
-        labels : tuple of str
-            Names of the coordinates for the message.
-        """
+        """Raise `InputError` naming, by its label, the first coordinate whose bounds leave no room."""
         for label, lower, upper in zip(labels, self.lower, self.upper, strict=True):
             if not lower < upper:
                 raise InputError(f"{label}: lower position limit {lower:g} must be below the upper one {upper:g}")
@@ -263,24 +205,13 @@ class Drive:
 
 
 @dataclass(frozen=True, eq=False)
-class Transmission(_Rebuilt):
-    """How drives move joints: ``z = C q + z0``, hence ``tau_q = C' tau_z``.
+class Transmission(Rebuilt):
+    """How drives move joints: ``z = C q + z0``, hence ``tau_q = C' tau_z``."""
 
-    Parameters
-    ----------
-    coupling : array_like, shape (m, n)
-        ``C``; the identity where each drive moves its own joint.
-    drives : tuple of Drive, length m
-    limits : Limits
-        Bounds on the drive coordinates z, m of them.
-    offset : array_like, shape (m,), optional
-        ``z0``, zero if not given.
-    """
-
-    coupling: Array
+    coupling: Array  # (m, n) ``C``; the identity where each drive moves its own joint
     drives: tuple[Drive, ...]
-    limits: Limits
-    offset: Array = field(default_factory=lambda: np.zeros(0))
+    limits: Limits  # bounds on the drive coordinates z, m of them
+    offset: Array = field(default_factory=lambda: np.zeros(0))  # (m,) ``z0``, zero if not given
 
     def __post_init__(self) -> None:
         C = self._freeze("coupling", np.shape(self.coupling), "transmission, coupling")
@@ -306,26 +237,16 @@ class Aggregates:
 
 @dataclass(frozen=True)
 class Structure:
-    """What is known of the parameters before any measurement.
+    """What is known of the parameters before any measurement."""
 
-    Parameters
-    ----------
-    zero : frozenset of str
-        Standard parameters known to vanish, such as ``m2c2y`` of a symmetric link.
-    equal : tuple of tuples of str
-        Groups of standard parameters that share one value.
-    aggregates : tuple of Aggregates
-        Named combinations that replace the standard parameters, per set of moving joints.
-    """
-
-    zero: frozenset[str] = frozenset()
-    equal: tuple[tuple[str, ...], ...] = ()
-    aggregates: tuple[Aggregates, ...] = ()
+    zero: frozenset[str] = frozenset()  # standard parameters known to vanish, such as ``m2c2y`` of a symmetric link
+    equal: tuple[tuple[str, ...], ...] = ()  # groups of standard parameters that share one value
+    aggregates: tuple[Aggregates, ...] = ()  # combinations that replace standard parameters, per set of moving joints
 
 
 @checked
 @dataclass(frozen=True, eq=False)
-class Robot(_Rebuilt):
+class Robot(Rebuilt):
     """A serial robot, with bodies that its joints move along: everything that its regressor and its limits need.
 
     Parameters
@@ -458,16 +379,10 @@ class Robot(_Rebuilt):
         """The whole robot as plain lists, numbers and strings, ready for JSON."""
         content = plain(self)
         assert isinstance(content, dict)
-        del content["notes"]
+        content["shapes"] = [part.to_dict() for part in self.shapes]
         # robots without them keep the hash that they had before there were branches, or homes
-        if not self.branches:
-            del content["branches"]
-        if self.home is None:
-            del content["home"]
-        del content["shapes"]
-        if self.shapes:
-            content["shapes"] = [part.to_dict() for part in self.shapes]
-        return content
+        optional = ("branches", "home", "shapes")
+        return {name: value for name, value in content.items() if name != "notes" and (value or name not in optional)}
 
     def sha256(self) -> str:
         """Hash of the content, independent of the format and the place of the file that it was read from."""

@@ -13,7 +13,7 @@ from slow_dynamics import random_chain
 
 import excite
 from constraints.clearance import CLEARANCE, assumed_radius, mounting_surface, skeleton, upwards, why_not_mounted
-from constraints.collision_limits import Clearance, limits_of_pairs
+from constraints.collision_limits import Clearance, SelfCollisions
 from constraints.enclosure import enclose
 from constraints.geometry import HalfSpace, Obstacle, Part, World
 from constraints.shapes import lowest_point
@@ -150,7 +150,7 @@ def test_wrong_heights_are_refused(value: object) -> None:
 
 def low_limits(robot: Robot, world: World) -> Clearance:
     """The one limit of heights above the surface."""
-    (limit,) = limits_of_pairs(robot, world, of_joints(robot, range(robot.n)))
+    (limit,) = SelfCollisions(world).imposed(robot, of_joints(robot, range(robot.n)))
     return limit
 
 

@@ -240,7 +240,7 @@ def test_nothing_is_beyond_an_enclosure_and_little_is_between(name: str, traject
     for limit in limits_of(name):
         values = [limit.values(part) for part in samples]
         low, high = np.min([v.min(axis=0) for v in values], axis=0), np.max([v.max(axis=0) for v in values], axis=0)
-        tight = enclose(limit, motion.samples, motion.duration, jerk).extrema
+        tight = enclose(limit, motion.samples, motion.duration, jerk)
         assert np.all(tight.high >= high)
         assert np.all(tight.low <= low)
         for beyond, left in ((tight.high - high, limit.upper - high), (low - tight.low, low - limit.lower)):
@@ -276,7 +276,7 @@ def test_what_happens_between_samples_is_found(width: float, bound: float, holds
     found = enclose(limit, motion, 2.0, np.array([0.7**3]))
     (use,) = found.uses(limit)
     assert use.holds is holds
-    assert 1.0 <= found.extrema.high[0] <= 1.011
+    assert 1.0 <= found.high[0] <= 1.011
     assert abs(q(use.time) - q(time)) <= width
     assert use.method == ENCLOSED
 
@@ -291,7 +291,7 @@ def test_what_is_reached_at_an_end_is_enclosed() -> None:
     def motion(t: Array) -> Samples:
         return Samples(t, *(x[:, None] for x in (t**3, 3 * t**2, 6 * t, np.full_like(t, 6.0))))
 
-    found = enclose(limit, motion, 2.0, np.array([6.0])).extrema
+    found = enclose(limit, motion, 2.0, np.array([6.0]))
     assert np.all((found.high >= scale) & (found.high <= 1.01 * scale))
     assert np.all((found.low <= 0.0) & (found.low >= -0.01 * scale))
 

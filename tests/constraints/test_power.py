@@ -91,7 +91,7 @@ def test_designs_keep_it_between_samples_too() -> None:
         most.append(float((values / limit.upper).max()))
     assert most[0] > 1.0 >= most[1]
     third = design.trajectory.jerk
-    extrema = enclose(limit, design.trajectory.samples, design.trajectory.duration, third).extrema
+    extrema = enclose(limit, design.trajectory.samples, design.trajectory.duration, third)
     assert np.all(extrema.high >= values.max(axis=0))
     assert np.all(extrema.low <= values.min(axis=0))
 

@@ -58,8 +58,8 @@ class CoulombViscous(FrictionCurve):
     offset: float = 0.0
 
     def __post_init__(self) -> None:
-        _check_finite(self, ("coulomb", "viscous", "offset"))
-        _check_not_negative(self, ("coulomb",))
+        check_numbers(self, ("coulomb", "viscous", "offset"))
+        check_numbers(self, ("coulomb",), _NOT_NEGATIVE)
 
     def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
         """``Fc s + Fv dz + Fo``."""
@@ -73,34 +73,20 @@ class CoulombViscous(FrictionCurve):
 
 @dataclass(frozen=True)
 class Side:
-    """Friction in one direction, ``Fc + (Fs - Fc) exp(-(v / vs)^delta) + Fv v`` at speed v >= 0 [Tustin 1947].
+    """Friction in one direction, ``Fc + (Fs - Fc) exp(-(v / vs)^delta) + Fv v`` at speed v >= 0 [Tustin 1947]."""
 
-    Parameters
-    ----------
-    coulomb, viscous : float
-        [Nm, Nm s/rad, or with N and m]
-    stiction : float, optional
-        Break-away torque Fs [Nm]; equal to the Coulomb friction if not given.
-    stribeck : float
-        Speed vs over which friction falls from Fs to Fc, > 0 [rad/s or m/s].
-    exponent : float
-        delta, > 0; 1 in Tustin's model, 2 the usual choice since.
-    """
-
-    coulomb: float
+    coulomb: float  # [Nm, Nm s/rad, or with N and m]
     viscous: float = 0.0
-    stiction: float | None = None
-    stribeck: float = 0.05
-    exponent: float = 2.0
+    stiction: float | None = None  # break-away torque Fs [Nm]; equal to the Coulomb friction if not given
+    stribeck: float = 0.05  # speed vs over which friction falls from Fs to Fc, > 0 [rad/s or m/s]
+    exponent: float = 2.0  # delta, > 0; 1 in Tustin's model, 2 the usual choice since
 
     def __post_init__(self) -> None:
         if self.stiction is None:
             object.__setattr__(self, "stiction", self.coulomb)
-        _check_finite(self, ("coulomb", "viscous", "stiction", "stribeck", "exponent"))
-        _check_not_negative(self, ("coulomb", "stiction"))
-        for name in ("stribeck", "exponent"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"friction: {name} must be greater than zero, given {getattr(self, name):g}")
+        check_numbers(self, ("coulomb", "viscous", "stiction", "stribeck", "exponent"))
+        check_numbers(self, ("coulomb", "stiction"), _NOT_NEGATIVE)
+        check_numbers(self, ("stribeck", "exponent"), _POSITIVE)
 
     @property
     def drop(self) -> float:
@@ -124,7 +110,7 @@ class Stribeck(FrictionCurve):
     def __post_init__(self) -> None:
         if self.backward is None:
             object.__setattr__(self, "backward", self.forward)
-        _check_finite(self, ("offset",))
+        check_numbers(self, ("offset",))
 
     def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
         """The equation of the class; viscous friction is that of the side given by the velocity's sign."""
@@ -201,16 +187,18 @@ def directed(dz: ArrayLike, direction: ArrayLike | None) -> tuple[Array, Array]:
     return v, np.sign(v) if direction is None else np.asarray(direction, dtype=float)
 
 
-def _check_finite(curve: object, names: tuple[str, ...]) -> None:
-    for name in names:
-        if not np.isfinite(getattr(curve, name)):
-            raise InputError(f"friction: {name} must be a finite number, given {getattr(curve, name)}")
+Rule = tuple[str, Callable[[float], object]]
+_FINITE: Rule = ("a finite number", np.isfinite)
+_NOT_NEGATIVE: Rule = ("zero or more", lambda x: x >= 0)
+_POSITIVE: Rule = ("greater than zero", lambda x: x > 0)
 
 
-def _check_not_negative(curve: object, names: tuple[str, ...]) -> None:
+def check_numbers(part: object, names: tuple[str, ...], rule: Rule = _FINITE, of: str = "") -> None:
+    """Raise `InputError` for the first field of a curve, or of a part of one, for which a rule does not hold."""
+    must_be, holds = rule
     for name in names:
-        if getattr(curve, name) < 0:
-            raise InputError(f"friction: {name} must be zero or more, given {getattr(curve, name):g}")
+        if not holds(getattr(part, name)):
+            raise InputError(f"friction: {of}{name} must be {must_be}, given {getattr(part, name):g}")
 
 
 _FUNCTION_POINTS = 201

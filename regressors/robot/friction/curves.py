@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -46,31 +45,19 @@ from regressors.robot.friction.uncertainty import (
     together,
     uncertainty_at,
 )
-from regressors.robot.robot import Robot, plain, transmission_of
+from regressors.robot.robot import Rebuilt, Robot, plain, transmission_of
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array
 
 
 @dataclass(frozen=True, eq=False)
-class FrictionCurves:
-    """Friction of a robot's drives, so that identification can subtract it from the torques [KD96] section 5.2.
+class FrictionCurves(Rebuilt):
+    """Friction of a robot's drives, so that identification can subtract it from the torques [KD96] section 5.2."""
 
-    Parameters
-    ----------
-    curves : mapping of str to FrictionCurve or callable
-        Curves by name of the drive, or of the joint where the robot has no transmission; a drive without an entry has
-        no friction. A function of velocities is accepted as a curve, see `FunctionFriction`.
-    uncertainty : mapping of str to CurveUncertainty
-        Uncertainty of curves by name; curves without one count as exact.
-
-    Raises
-    ------
-    UnknownName
-        An uncertainty without a curve, or of a parameter that its curve does not have.
-    """
-
+    # by name of the drive, or of the joint where the robot has no transmission; a drive without an entry has no
+    # friction. A function of velocities is accepted as a curve, see `FunctionFriction`
     curves: Mapping[str, FrictionCurve | Callable[[Array], Array]]
-    uncertainty: Mapping[str, CurveUncertainty] = field(default_factory=dict)
+    uncertainty: Mapping[str, CurveUncertainty] = field(default_factory=dict)  # curves without one count as exact
 
     def __post_init__(self) -> None:
         curves = {
@@ -91,10 +78,6 @@ class FrictionCurves:
         return plain((self.curves, self.uncertainty)) == plain((other.curves, other.uncertainty))
 
     __hash__ = None  # type: ignore[assignment]
-
-    def __reduce__(self) -> tuple[type[FrictionCurves], tuple[dict[str, Any], dict[str, CurveUncertainty]]]:
-        """Pickle plain dictionaries; the read-only mappings are rebuilt from them."""
-        return FrictionCurves, (dict(self.curves), dict(self.uncertainty))
 
     @classmethod
     def of_robot(cls, robot: Robot) -> FrictionCurves:

@@ -21,6 +21,7 @@ from regressors.robot.friction.curve import (
     TableFriction,
     Wrapped,
     by_direction,
+    check_numbers,
     directed,
 )
 from regressors.robot.robot import Robot, drive_numbers, transmission_of
@@ -47,9 +48,7 @@ class Loaded(Wrapped):
         super().__post_init__()
         if self.backward is None:
             object.__setattr__(self, "backward", self.forward)
-        for name in ("forward", "backward"):
-            if not 0.0 <= getattr(self, name) < 1.0:
-                raise InputError(f"friction: load {name} must be at least 0 and below 1, given {getattr(self, name):g}")
+        check_numbers(self, ("forward", "backward"), ("at least 0 and below 1", lambda k: 0.0 <= k < 1.0), of="load ")
 
     @property
     def shares(self) -> tuple[float, float]:
@@ -180,11 +179,7 @@ class Slope:
     viscous: float = 0.0  # b, of viscous friction [Nm s/rad/K or N s/m/K]
 
     def __post_init__(self) -> None:
-        for name in ("coulomb", "viscous"):
-            if not np.isfinite(getattr(self, name)):
-                raise InputError(
-                    f"friction: temperature slope {name} must be a finite number, given {getattr(self, name)}"
-                )
+        check_numbers(self, ("coulomb", "viscous"), of="temperature slope ")
 
 
 @dataclass(frozen=True)

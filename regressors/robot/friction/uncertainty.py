@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -117,21 +117,20 @@ def _changed(curve: FrictionCurve, changes: Mapping[str, float]) -> FrictionCurv
     def by(*names: str) -> float:
         return sum(changes.get(name, 0.0) for name in names)
 
+    def sides(of: str = "") -> dict[str, Any]:
+        parts = {side: getattr(curve, side) for side in _SIDES}
+        return {
+            side: replace(part, **{f: getattr(part, f) + by(f"{of}{f}", f"{of}{side}.{f}") for f in _OF[type(part)]})
+            for side, part in parts.items()
+        }
+
     if isinstance(curve, Loaded):
         both = zip(_SIDES, curve.shares, strict=True)
         return Loaded(_changed(curve.curve, changes), *(x + by("load", f"load.{side}") for side, x in both))
     if isinstance(curve, Warm):
-        up, down = (
-            Slope(*(getattr(x, f) + by(f"temperature.{f}", f"temperature.{side}.{f}") for f in _OF[Slope]))
-            for side, x in zip(_SIDES, (curve.forward, curve.backward), strict=True)
-        )
-        return Warm(_changed(curve.curve, changes), curve.reference, up, down, curve.range)
+        return replace(curve, curve=_changed(curve.curve, changes), **sides("temperature."))
     if isinstance(curve, Stribeck):
-        ahead, behind = (
-            Side(*(getattr(x, f) + by(f, f"{side}.{f}") for f in _OF[Side]))
-            for side, x in zip(_SIDES, (curve.forward, curve.backward), strict=True)
-        )
-        return Stribeck(ahead, behind, curve.offset + by("offset"))
+        return replace(curve, offset=curve.offset + by("offset"), **sides())
     if isinstance(curve, CoulombViscous):
         return replace(curve, **{name: getattr(curve, name) + by(name) for name in _OF[CoulombViscous]})
     return curve
@@ -183,7 +182,7 @@ def multiplied(curve: FrictionCurve, factor: float) -> FrictionCurve:
         return _times(curve, factor)
     if isinstance(curve, Stribeck):
         ahead, behind = _times(curve.forward, factor), _times(curve.backward, factor)
-        return Stribeck(ahead, behind, offset=factor * curve.offset)
+        return Stribeck(ahead, behind, factor * curve.offset)
     if isinstance(curve, TableFriction):
         return TableFriction(curve.speed, factor * curve.friction)
     if isinstance(curve, FunctionFriction):

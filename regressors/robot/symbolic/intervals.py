@@ -15,6 +15,7 @@ import numpy as np
 from regressors.samples import Array
 
 Interval = tuple[Array, Array]
+OverBoxes = Callable[[Sequence[Array], Sequence[Array]], Interval]
 _OUTWARDS = 1e-15  # relative: a few times the rounding error of an instruction
 _LEAST = 1e-300  # absolute, against underflow
 
@@ -96,38 +97,38 @@ _KNOWN = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *_UNARY, *_BINARY}
 _CHUNK = 4096
 
 
-class IntervalFunction:
-    """Enclosure of a vector expression over boxes."""  # inputs (n_k, 1); expression (r, 1)
+def interval_function(inputs: Sequence[ca.SX], expression: ca.SX) -> OverBoxes:
+    """Enclosure of a vector expression: from lower and upper ends of boxes, bounds of every component on every box."""
+    # inputs (n_k, 1); expression (r, 1); ends (n_k, boxes); bounds (r, boxes)
+    f = ca.Function("enclosed", list(inputs), [ca.densify(ca.cse(expression))])
+    for k in range(f.n_instructions()):
+        if f.instruction_id(k) not in _KNOWN:
+            raise ValueError(f"CasADi instruction {f.instruction_id(k)} has no enclosure here")
 
-    def __init__(self, inputs: Sequence[ca.SX], expression: ca.SX) -> None:
-        self._function = f = ca.Function("enclosed", list(inputs), [ca.densify(ca.cse(expression))])
-        for k in range(f.n_instructions()):
-            if f.instruction_id(k) not in _KNOWN:
-                raise ValueError(f"CasADi instruction {f.instruction_id(k)} has no enclosure here")
-
-    def __call__(self, low: Sequence[Array], high: Sequence[Array]) -> Interval:
-        """Bounds of every component on every box."""  # low, high (n_k, boxes); result (r, boxes)
+    def bounds(low: Sequence[Array], high: Sequence[Array]) -> Interval:
         boxes = low[0].shape[1]
-        out = np.zeros((2, self._function.numel_out(0), boxes))
+        out = np.zeros((2, f.numel_out(0), boxes))
         for start in range(0, boxes, _CHUNK):
             part = slice(start, start + _CHUNK)
             with np.errstate(all="ignore"):
-                self._run([x[:, part] for x in low], [x[:, part] for x in high], out[:, :, part])
+                _run(f, [x[:, part] for x in low], [x[:, part] for x in high], out[:, :, part])
         return out[0], out[1]
 
-    def _run(self, low: Sequence[Array], high: Sequence[Array], out: Array) -> None:
-        f = self._function
-        work: list[Interval] = [(low[0][0], low[0][0])] * f.sz_w()
-        for k in range(f.n_instructions()):
-            op, o, i = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
-            if op == ca.OP_INPUT:
-                work[o[0]] = (low[i[0]][i[1]], high[i[0]][i[1]])
-            elif op == ca.OP_OUTPUT:
-                out[:, o[1]] = work[i[0]]
-            elif op == ca.OP_CONST:
-                value = np.full(out.shape[2], f.instruction_constant(k))
-                work[o[0]] = (value, value)
-            elif op in _UNARY:
-                work[o[0]] = _wider(*_UNARY[op](work[i[0]]))
-            else:
-                work[o[0]] = _wider(*_BINARY[op](work[i[0]], work[i[1]]))
+    return bounds
+
+
+def _run(f: ca.Function, low: Sequence[Array], high: Sequence[Array], out: Array) -> None:
+    work: list[Interval] = [(low[0][0], low[0][0])] * f.sz_w()
+    for k in range(f.n_instructions()):
+        op, o, i = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
+        if op == ca.OP_INPUT:
+            work[o[0]] = (low[i[0]][i[1]], high[i[0]][i[1]])
+        elif op == ca.OP_OUTPUT:
+            out[:, o[1]] = work[i[0]]
+        elif op == ca.OP_CONST:
+            value = np.full(out.shape[2], f.instruction_constant(k))
+            work[o[0]] = (value, value)
+        elif op in _UNARY:
+            work[o[0]] = _wider(*_UNARY[op](work[i[0]]))
+        else:
+            work[o[0]] = _wider(*_BINARY[op](work[i[0]], work[i[1]]))

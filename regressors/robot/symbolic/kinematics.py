@@ -134,3 +134,9 @@ def body_regressor(omega: ca.SX, domega: ca.SX, a: ca.SX) -> tuple[ca.SX, ca.SX]
     force = ca.horzcat(a, W, ca.SX(3, 6))
     moment = ca.horzcat(ca.SX(3, 1), -ca.skew(a), inertia)
     return force, moment
+
+
+def effort_regressor(body: LinkMotion) -> ca.SX:
+    """Torque per parameter of a body at each joint that moves it, ``l_j' F + s_j' N``, shape (joints, 10)."""
+    force, moment = body_regressor(body.omega, body.domega, body.a)
+    return ca.vertcat(*(ca.mtimes(linear.T, force) + ca.mtimes(angular.T, moment) for angular, linear in body.axes))

@@ -103,7 +103,7 @@ def _compiled(text: str) -> tuple[Any, Any]:
 
 def _text(function: ca.Function) -> str:
     """LLVM's language for ``run(inputs, result, instants)``, whose arrays are a row per number."""
-    body = "\n".join(_Body(function).lines())
+    body = "\n".join(_lines(function))
     of_c = (f"declare double @{name}({', '.join(['double'] * count)})" for name, count in _BY_INSTANT.values())
     intrinsic = (f"declare {_V} @{name}.v{LANES}f64({_V})" for name in _INTRINSIC.values())
     return f"""{chr(10).join((*of_c, *intrinsic))}
@@ -122,86 +122,75 @@ end:
 """
 
 
-class _Body:
-    """One pass of the loop: the instructions in order, each result a value of its own."""
-
-    def __init__(self, function: ca.Function) -> None:
-        self._function = function
-        sizes = [function.numel_in(k) for k in range(function.n_in())]
-        self._first = np.concatenate([[0], np.cumsum(sizes)]).tolist()
-        self._value: dict[int, str] = {}
-        self._count = 0
-
-    def lines(self) -> Iterator[str]:
-        function, value = self._function, self._value
-        for k in range(function.n_instructions()):
-            op, to, of = function.instruction_id(k), function.instruction_output(k), function.instruction_input(k)
-            if op == ca.OP_INPUT:
-                place = self._new()
-                yield from self._address(place, "in", self._first[of[0]] + of[1])
-                yield f"  {self._new()} = load {_V}, ptr {place}, align 8"
-            elif op == ca.OP_OUTPUT:
-                place = self._new()
-                yield from self._address(place, "out", to[1])
-                yield f"  store {_V} {value[of[0]]}, ptr {place}, align 8"
-                continue
-            elif op == ca.OP_CONST:
-                value[to[0]] = _constant(function.instruction_constant(k))
-                continue
-            else:
-                yield from self._operation(op, [value[i] for i in of])
-            value[to[0]] = f"%v{self._count}"
-
-    def _new(self) -> str:
-        self._count += 1
-        return f"%v{self._count}"
-
-    def _address(self, place: str, array: str, row: int) -> Iterator[str]:
-        """Where a row begins at this pass's instants."""
-        k = place[2:]
-        yield f"  %r{k} = mul i64 {row}, %instants"
-        yield f"  %i{k} = add i64 %r{k}, %at"
-        yield f"  {place} = getelementptr double, ptr %{array}, i64 %i{k}"
-
-    def _operation(self, op: int, of: list[str]) -> Iterator[str]:
-        """Lines whose last one defines a new value."""
-        if op in _INSTRUCTIONS:
-            yield f"  {self._new()} = {_INSTRUCTIONS[op].format(*of)}"
-        elif op in _BY_INSTANT:
-            yield from self._by_instant(_BY_INSTANT[op][0], of)
-        elif op in _SMALLER:
-            yield from self._chosen(_SMALLER[op], *of)
-        elif op == ca.OP_SIGN:
-            yield from self._sign(*of)
+def _lines(function: ca.Function) -> Iterator[str]:
+    """One pass of the loop: the instructions in order, the result of number k in ``%vk``."""
+    sizes = [function.numel_in(k) for k in range(function.n_in())]
+    first = np.concatenate([[0], np.cumsum(sizes)]).tolist()
+    value: dict[int, str] = {}
+    for k in range(function.n_instructions()):
+        op, to, of = function.instruction_id(k), function.instruction_output(k), function.instruction_input(k)
+        if op == ca.OP_OUTPUT:
+            yield from _address(k, "out", to[1])
+            yield f"  store {_V} {value[of[0]]}, ptr %p{k}, align 8"
+            continue
+        if op == ca.OP_CONST:
+            value[to[0]] = _constant(function.instruction_constant(k))
+            continue
+        if op == ca.OP_INPUT:
+            yield from _address(k, "in", first[of[0]] + of[1])
+            yield f"  %v{k} = load {_V}, ptr %p{k}, align 8"
         else:
-            raise NotCompiledError(f"CasADi instruction {op} has no counterpart here")
+            yield from _operation(k, op, [value[i] for i in of])
+        value[to[0]] = f"%v{k}"
 
-    def _by_instant(self, name: str, of: list[str]) -> Iterator[str]:
-        result = "undef"
-        for lane in range(LANES):
-            k = self._new()[2:]
-            for place, vector in enumerate(of):
-                yield f"  %e{k}.{place} = extractelement {_V} {vector}, i32 {lane}"
-            arguments = ", ".join(f"double %e{k}.{place}" for place in range(len(of)))
-            yield f"  %f{k} = call double @{name}({arguments})"
-            yield f"  %v{k} = insertelement {_V} {result}, double %f{k}, i32 {lane}"
-            result = f"%v{k}"
 
-    def _chosen(self, order: str, a: str, b: str) -> Iterator[str]:
-        """The smaller or larger one; not a number, as NumPy's, where either is."""
-        k = self._new()[2:]
-        yield f"  %c{k} = fcmp {order} {_V} {a}, {b}"
-        yield f"  %d{k} = fcmp uno {_V} {b}, {b}"
-        yield f"  %s{k} = select <{LANES} x i1> %c{k}, {_V} {a}, {_V} {b}"
-        yield f"  %v{k} = select <{LANES} x i1> %d{k}, {_V} {b}, {_V} %s{k}"
+def _address(k: int, array: str, row: int) -> Iterator[str]:
+    """Where a row begins at this pass's instants."""
+    yield f"  %r{k} = mul i64 {row}, %instants"
+    yield f"  %i{k} = add i64 %r{k}, %at"
+    yield f"  %p{k} = getelementptr double, ptr %{array}, i64 %i{k}"
 
-    def _sign(self, a: str) -> Iterator[str]:
-        k = self._new()[2:]
-        zero = _constant(0.0)
-        yield f"  %c{k} = fcmp ogt {_V} {a}, {zero}"
-        yield f"  %d{k} = fcmp olt {_V} {a}, {zero}"
-        yield f"  %s{k} = select <{LANES} x i1> %d{k}, {_V} {_constant(-1.0)}, {_V} {a}"
-        yield f"  %v{k} = select <{LANES} x i1> %c{k}, {_V} {_constant(1.0)}, {_V} %s{k}"
+
+def _operation(k: int, op: int, of: list[str]) -> Iterator[str]:
+    """Lines whose last one defines the value."""
+    if op in _INSTRUCTIONS:
+        yield f"  %v{k} = {_INSTRUCTIONS[op].format(*of)}"
+    elif op in _BY_INSTANT:
+        yield from _by_instant(k, _BY_INSTANT[op][0], of)
+    elif op in _SMALLER:
+        yield from _chosen(k, _SMALLER[op], *of)
+    elif op == ca.OP_SIGN:
+        yield from _sign(k, *of)
+    else:
+        raise NotCompiledError(f"CasADi instruction {op} has no counterpart here")
+
+
+def _by_instant(k: int, name: str, of: list[str]) -> Iterator[str]:
+    result = "undef"
+    for lane in range(LANES):
+        for place, vector in enumerate(of):
+            yield f"  %e{k}.{lane}.{place} = extractelement {_V} {vector}, i32 {lane}"
+        arguments = ", ".join(f"double %e{k}.{lane}.{place}" for place in range(len(of)))
+        yield f"  %f{k}.{lane} = call double @{name}({arguments})"
+        filled = f"%v{k}.{lane}" if lane < LANES - 1 else f"%v{k}"
+        yield f"  {filled} = insertelement {_V} {result}, double %f{k}.{lane}, i32 {lane}"
+        result = filled
+
+
+def _chosen(k: int, order: str, a: str, b: str) -> Iterator[str]:
+    """The smaller or larger one; not a number, as NumPy's, where either is."""
+    yield f"  %c{k} = fcmp {order} {_V} {a}, {b}"
+    yield f"  %d{k} = fcmp uno {_V} {b}, {b}"
+    yield f"  %s{k} = select <{LANES} x i1> %c{k}, {_V} {a}, {_V} {b}"
+    yield f"  %v{k} = select <{LANES} x i1> %d{k}, {_V} {b}, {_V} %s{k}"
+
+
+def _sign(k: int, a: str) -> Iterator[str]:
+    zero = _constant(0.0)
+    yield f"  %c{k} = fcmp ogt {_V} {a}, {zero}"
+    yield f"  %d{k} = fcmp olt {_V} {a}, {zero}"
+    yield f"  %s{k} = select <{LANES} x i1> %d{k}, {_V} {_constant(-1.0)}, {_V} {a}"
+    yield f"  %v{k} = select <{LANES} x i1> %c{k}, {_V} {_constant(1.0)}, {_V} %s{k}"
 
 
 def _constant(number: float) -> str:

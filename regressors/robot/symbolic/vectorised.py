@@ -95,7 +95,7 @@ def _program(function: ca.Function) -> Callable[[Sequence[Array]], Array]:
     try:
         return MachineCode(function)
     except NotCompiledError:
-        return _ArrayProgram(function)
+        return _array_program(function)
 
 
 def evaluation() -> str:
@@ -114,25 +114,22 @@ def interpreted_note() -> tuple[str, ...]:
     return () if "compiled" in said else (f"{said}; the numbers are the same, but take longer",)
 
 
-class _ArrayProgram:
+def _array_program(function: ca.Function) -> Callable[[Sequence[Array]], Array]:
     """Instructions on NumPy arrays, with the buffers for one number of instants."""
+    scope: dict[str, Callable[..., None]] = {}
+    exec(compile(_source(function), f"<vectorised {function.name()}>", "exec"), scope)
+    buffers: list[Array] = []
 
-    def __init__(self, function: ca.Function) -> None:
-        scope: dict[str, Callable[..., None]] = {}
-        exec(compile(_source(function), f"<vectorised {function.name()}>", "exec"), scope)
-        self._run = scope["run"]
-        self._registers = function.sz_w()
-        self._buffers: list[Array] = []
-        self._size = function.numel_out(0)
-
-    def __call__(self, inputs: Sequence[Array]) -> Array:
+    def program(inputs: Sequence[Array]) -> Array:
         instants = inputs[0].shape[1]
-        if not self._buffers or self._buffers[0].size != instants:
-            self._buffers = list(np.empty((self._registers, instants)))
-        out = np.empty((self._size, instants))
+        if not buffers or buffers[0].size != instants:
+            buffers[:] = np.empty((function.sz_w(), instants))
+        out = np.empty((function.numel_out(0), instants))
         with np.errstate(all="ignore"):
-            self._run(inputs, out, self._buffers, _FUNCTIONS)
+            scope["run"](inputs, out, buffers, _FUNCTIONS)
         return out
+
+    return program
 
 
 class VectorisedFunction:

@@ -10,7 +10,7 @@ from refused import refusal
 
 from regressors.errors import InputError, UnknownName
 from regressors.readers.description import parse_description, read_description
-from regressors.readers.description_schema import Coefficient
+from regressors.readers.description_schema import coefficient_of, coefficient_value
 from regressors.robot.gears import BallScrew, ConstantRatio
 from regressors.robot.inertia import from_centre_of_mass
 from regressors.robot.robot import Robot
@@ -282,16 +282,16 @@ NO_COEFFICIENTS = [
 
 
 def test_coefficient() -> None:
-    assert {text: Coefficient.parse(text).value(CONSTANTS) for text in COEFFICIENTS} == COEFFICIENTS
+    assert {text: coefficient_value(coefficient_of(text), CONSTANTS) for text in COEFFICIENTS} == COEFFICIENTS
 
 
 def test_coefficients_that_cannot_be() -> None:
     for text in NO_COEFFICIENTS:
-        refusal(lambda text=text: Coefficient.parse(text).value(CONSTANTS))
+        refusal(lambda text=text: coefficient_value(coefficient_of(text), CONSTANTS))
     for text in ("zero^-1", "big^2", "big*big", "1e300*big"):
-        assert "coefficient is not a finite number" in refusal(Coefficient.parse(text).value, CONSTANTS)
+        assert "coefficient is not a finite number" in refusal(coefficient_value, coefficient_of(text), CONSTANTS)
     with pytest.raises(UnknownName, match="no constant named 'k'; available: l2, n1, zero, big"):
-        Coefficient.parse("k").value(CONSTANTS)
+        coefficient_value(coefficient_of("k"), CONSTANTS)
 
 
 names = st.from_regex(r"[A-Za-z][A-Za-z0-9_]{0,3}", fullmatch=True)
@@ -306,7 +306,7 @@ def test_products_are_products(sign: str, numbers: list[float], factors: list[tu
     written = [repr(x) for x in numbers] + [name if e == 1 else f"{name}^{e}" for name, _, e in factors]
     rng.shuffle(written)
     expected = math.prod(numbers) * math.prod(value**e for _, value, e in factors)
-    found = Coefficient.parse(sign + " * ".join(written)).value({name: value for name, value, _ in factors})
+    found = coefficient_value(coefficient_of(sign + " * ".join(written)), {name: value for name, value, _ in factors})
     assert math.isclose(found, -expected if "-" in sign else expected, rel_tol=1e-12)
 
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from public_arms import ARMS, Arm
 
-from regressors.errors import InputError, MissingRange, UnknownName
+from regressors.errors import InputError, UnknownName
 from regressors.models.base import base_parameters
 from regressors.models.differential import DifferentialModel
 from regressors.readers.description import refuse_missing_ranges
@@ -342,7 +342,7 @@ def test_notes_are_no_part_of_the_description() -> None:
     assert "notes" not in robot.description()
     assert pickle.loads(pickle.dumps(robot)).notes == robot.notes
     text = document(links("a", "b", "c") + joint("j", "a", "b") + joint("k", "b", "c", inside=""))
-    assert any(isinstance(note, MissingRange) for note in with_locked_joints(parse_urdf(text), [0]).notes)
+    assert any(note.joint for note in with_locked_joints(parse_urdf(text), [0]).notes)
 
 
 KNOWN = {

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from regressors.robot.symbolic.intervals import IntervalFunction
+from regressors.robot.symbolic.intervals import OverBoxes, interval_function
 from regressors.samples import Array
 
 SEED = st.integers(0, 2**32 - 1)
@@ -41,9 +41,9 @@ TWO: dict[str, tuple[Callable[[ca.SX, ca.SX], ca.SX], Callable[[Array, Array], A
 }
 
 
-def function(count: int, expression: Callable[..., ca.SX]) -> IntervalFunction:
+def function(count: int, expression: Callable[..., ca.SX]) -> OverBoxes:
     symbols = [ca.SX.sym(f"x{k}") for k in range(count)]
-    return IntervalFunction([ca.vertcat(*symbols)], ca.vertcat(expression(*symbols)))
+    return interval_function([ca.vertcat(*symbols)], ca.vertcat(expression(*symbols)))
 
 
 def boxes(seed: int, inputs: int) -> tuple[Array, Array, Array]:
@@ -56,7 +56,7 @@ def boxes(seed: int, inputs: int) -> tuple[Array, Array, Array]:
     return place, place + width, points
 
 
-def single(f: IntervalFunction, low: float, high: float) -> tuple[float, float]:
+def single(f: OverBoxes, low: float, high: float) -> tuple[float, float]:
     bounds = f([np.array([[low]])], [np.array([[high]])])
     return float(bounds[0][0, 0]), float(bounds[1][0, 0])
 
@@ -86,7 +86,7 @@ def test_a_box_inside_another_has_an_enclosure_inside(seed: int) -> None:
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     everything = [f(x) for f, _ in ONE.values()] + [f(x, y) for f, _ in TWO.values()]
     everything.append(ca.sin(x * y) / (2 + ca.cos(x)) + ca.tanh(x - y) * ca.fmin(x, y * y) - ca.sqrt(1 + x * x))
-    f = IntervalFunction([ca.vertcat(x, y)], ca.vertcat(*everything))
+    f = interval_function([ca.vertcat(x, y)], ca.vertcat(*everything))
     low, high, points = boxes(seed, 2)
     outer = f([low], [high])
     inner = f([np.minimum(points[0], points[1])], [np.maximum(points[0], points[1])])
@@ -195,7 +195,7 @@ def test_what_is_not_known_stays_unknown(expression: Callable[[ca.SX, ca.SX], ca
 def test_many_boxes_are_as_each_alone() -> None:
     """More boxes than are worked on at a time, an expression with constants, and outputs without an input."""
     x = ca.SX.sym("x", 3)
-    f = IntervalFunction([x[:2], x[2]], ca.vertcat(ca.sin(x[0]) * x[2] + 2.5, 7.0, x[1], ca.SX(1, 1)))
+    f = interval_function([x[:2], x[2]], ca.vertcat(ca.sin(x[0]) * x[2] + 2.5, 7.0, x[1], ca.SX(1, 1)))
     rng = np.random.default_rng(3)
     low = rng.normal(size=(3, 9001))
     high = low + rng.random((3, 9001))
@@ -210,4 +210,4 @@ def test_many_boxes_are_as_each_alone() -> None:
 def test_an_instruction_without_an_enclosure_is_refused_at_once() -> None:
     x = ca.SX.sym("x")
     with pytest.raises(ValueError, match=f"instruction {ca.OP_ATAN2} has no enclosure"):
-        IntervalFunction([x], ca.atan2(x, 1 + x))
+        interval_function([x], ca.atan2(x, 1 + x))

@@ -216,5 +216,5 @@ def test_not_a_number_and_infinity_are_numpys(name: str) -> None:
     function = ca.Function("plain", x, [expression])
     values = [np.nan, np.inf, -np.inf, 0.0, -2.0, 1e308]
     inputs = [np.array(part)[None, :] for part in zip(*((a, b) for a in values for b in values), strict=True)]
-    found, expected = (make(function)(inputs) for make in (machine_code.MachineCode, vectorised._ArrayProgram))
+    found, expected = (make(function)(inputs) for make in (machine_code.MachineCode, vectorised._array_program))
     np.testing.assert_array_equal(found, expected)
