@@ -302,7 +302,7 @@ def _expanded(order: dict[str, Any]) -> dict[str, str]:
         _Expansion(xacro, files)
         _close(files)
         with redirect_stderr(io.StringIO()):
-            document = xacro.process_file(str(path), mappings={}, verbosity=0)
+            document = xacro.process_file(str(path), mappings=order["arguments"], verbosity=0)
         text = document.toprettyxml(indent="  ")
         if len(text) <= input_files.FILE:
             return {"text": text}

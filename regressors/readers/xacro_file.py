@@ -6,6 +6,7 @@ import json
 import signal
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 from regressors import input_files
@@ -18,7 +19,14 @@ MEMORY = 10**9  # bytes that it may take
 _PROCESS = "regressors.readers.xacro_expansion"
 
 
-def read_xacro(path: str | Path, *, base: str | None = None, tip: str | None = None, snap_angles: bool = True) -> Robot:
+def read_xacro(
+    path: str | Path,
+    *,
+    base: str | None = None,
+    tip: str | None = None,
+    arguments: Mapping[str, str] | None = None,
+    snap_angles: bool = True,
+) -> Robot:
     """Expand a xacro file, and read a serial chain of the URDF that comes out.
 
     A process of its own expands it, without a network and with caps on time and memory; expressions are limited to
@@ -26,15 +34,22 @@ def read_xacro(path: str | Path, *, base: str | None = None, tip: str | None = N
     that it names, and does not see the environment.
     """
     path = Path(path)
-    text = expand_xacro(path)
+    text = expand_xacro(path, arguments)
     robot = parse_urdf(text, name_of_source=f"{path.name}, expanded", base=base, tip=tip, snap_angles=snap_angles)
     return robot.replace(source=f"URDF {path.name}")
 
 
-def expand_xacro(path: str | Path) -> str:
-    """Text of the URDF that a xacro file expands to."""
-    order = {"path": str(path), "seconds": CPU, "memory": MEMORY, "silence": input_files.SILENCE}
-    answer = _answer(json.dumps(order), Path(path))
+def expand_xacro(path: str | Path, arguments: Mapping[str, str] | None = None) -> str:
+    """Text of the URDF that a xacro file expands to; parameters as of `read_xacro`."""
+    path = Path(path)
+    order = {
+        "path": str(path),
+        "arguments": dict(arguments or {}),
+        "seconds": CPU,
+        "memory": MEMORY,
+        "silence": input_files.SILENCE,
+    }
+    answer = _answer(json.dumps(order), path)
     if "text" not in answer:
         raise InputError(answer["error"])
     return answer["text"]

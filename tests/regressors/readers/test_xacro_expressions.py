@@ -412,6 +412,10 @@ def test_robot_is_that_of_the_expanded_text(name: str, tmp_path: Path, capfd: py
     assert capfd.readouterr() == ("", "")
 
 
+def test_arguments(tmp_path: Path) -> None:
+    assert read_xacro(package(tmp_path), arguments={"speed": "4"}).limits.velocity.tolist() == [4, 4]
+
+
 @pytest.mark.parametrize(
     ("how", "inside"),
     [
