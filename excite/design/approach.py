@@ -32,8 +32,8 @@ class ApproachAndReturn:
 
     Parameters
     ----------
-    approach, back : Transfer or None
-        None where the motion starts, or ends, at home.
+    transfers : dict of str to Transfer
+        Per segment; none where the motion starts, or ends, at home.
     settle : int
         Number of sampling periods of rest between them and the motion.
     rate : float
@@ -42,8 +42,7 @@ class ApproachAndReturn:
         Per segment: limits over continuous time.
     """
 
-    approach: Transfer | None
-    back: Transfer | None
+    transfers: dict[str, Transfer]
     settle: int
     rate: float
     limits: dict[str, tuple[LimitUse, ...]]
@@ -57,7 +56,7 @@ class ApproachAndReturn:
             return None
         spans = {each["name"]: float(each["end"]) - float(each["start"]) for each in played["segments"]}
         settle = max(round((spans[name] - transfer.duration) * rate) for name, transfer in transfers.items())
-        return cls(transfers.get(APPROACH), transfers.get(RETURN), settle, rate, stated_on_transfers(played))
+        return cls(transfers, settle, rate, stated_on_transfers(played))
 
     def check_joined(self, ends: Array) -> None:
         """Raise `InputError` where they do not meet the motion."""  # ends (2, n)
@@ -70,12 +69,6 @@ class ApproachAndReturn:
                     f"the {name} does not meet the motion, by {gap:.3g} rad (m): the entry 'trajectory' or 'played' "
                     "was changed after the design was written; restore the file, or design the motion again"
                 )
-
-    @property
-    def transfers(self) -> dict[str, Transfer]:
-        """Existing transfers, per segment."""
-        legs = {APPROACH: self.approach, RETURN: self.back}
-        return {segment: transfer for segment, transfer in legs.items() if transfer is not None}
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -109,17 +102,15 @@ class ApproachAndReturn:
         steps : int
             Number of its sampling periods.
         """
-        pieces = [Piece(EXCITE, motion, steps)]
-        if self.approach is not None:
-            pieces = [*self._pieces(APPROACH, self.approach, self.approach.poses[-1]), *pieces]
-        if self.back is not None:
-            pieces += reversed(self._pieces(RETURN, self.back, self.back.poses[0]))
-        return MotionSequence(tuple(pieces))
+        before, after = self._pieces(APPROACH, -1), self._pieces(RETURN, 0)
+        return MotionSequence((*before, Piece(EXCITE, motion, steps), *reversed(after)))
 
-    def _pieces(self, segment: str, transfer: Transfer, pose: Array) -> list[Piece]:
-        """A transfer, then rest in a pose."""
+    def _pieces(self, segment: str, end: int) -> list[Piece]:
+        """A transfer, if there is one, then rest at one of its ends."""
+        if (transfer := self.transfers.get(segment)) is None:
+            return []
         moving = Piece(segment, transfer, round(transfer.duration * self.rate))
-        rest = Piece(segment, Rest(pose, self.settle / self.rate), self.settle)
+        rest = Piece(segment, Rest(transfer.poses[end], self.settle / self.rate), self.settle)
         return [moving, rest] if self.settle else [moving]
 
 
@@ -146,12 +137,13 @@ def approach_and_return(
     start, end = whole_pose(limited, joints, ends)
     routes = [_around([*poses, target], limited, nonlinear, task.search.seed) for target in (start, end)]
     rate = task.output.rate
-    quickest = (quickest_transfer(route, linear, robot.joint_names) for route in (routes[0], routes[1][::-1]))
-    approach, back = (_on_samples(transfer, nonlinear, rate) for transfer in quickest)
+    transfers = {}
+    for segment, route in ((APPROACH, routes[0]), (RETURN, routes[1][::-1])):
+        if (quickest := quickest_transfer(route, linear, robot.joint_names)) is not None:
+            transfers[segment] = _on_samples(quickest, nonlinear, rate)
     settle = math.ceil(task.output.settle * rate * (1.0 - 1e-12))  # the fewest periods that last as long
-    transfers = ApproachAndReturn(approach, back, settle, rate, {})
-    limits = {name: uses_of(transfer, linear, nonlinear) for name, transfer in transfers.transfers.items()}
-    return replace(transfers, limits=limits)
+    limits = {name: uses_of(transfer, linear, nonlinear) for name, transfer in transfers.items()}
+    return ApproachAndReturn(transfers, settle, rate, limits)
 
 
 def _around(route: list[Array], robot: Robot, nonlinear: Sequence[NonlinearConstraint], seed: int) -> list[Array]:
@@ -197,13 +189,11 @@ def _waypoints(robot: Robot, task: Task, nonlinear: Sequence[NonlinearConstraint
     return poses
 
 
-def _on_samples(transfer: Transfer | None, limits: Sequence[NonlinearConstraint], rate: float) -> Transfer | None:
+def _on_samples(transfer: Transfer, limits: Sequence[NonlinearConstraint], rate: float) -> Transfer:
     """The transfer as slow as the limits require, with every change of its jerk on a sample.
 
     So what interpolates the samples keeps its limits.
     """
-    if transfer is None:
-        return None
     transfer = _slow_enough(transfer, limits)
     return replace(transfer, legs=tuple(replace(leg, law=leg.law.on_grid(1.0 / rate)) for leg in transfer.legs))
 

@@ -28,7 +28,7 @@ from excite.design.formulation import Formulation, formulate
 from excite.design.interruption import current_interruption
 from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.search_rounds import Rounds, RunningRounds, design_with_harmonics
-from excite.design.start_results import BestStarts, Progress as Progress, StartResult, best_starts, or_none
+from excite.design.start_results import BestStarts, Progress as Progress, best_starts, or_none
 from excite.design.stated_limits import remedy
 from excite.design.task_checks import suspecting, unidentifiable
 from excite.errors import NoFeasibleMotionError
@@ -246,13 +246,12 @@ _SAME = 1e-9  # of the largest number in the equations
 def certify(
     robot: Robot,
     formulation: Formulation,
-    results: BestStarts | tuple[StartResult, ...],
+    starts: BestStarts,
     provenance: dict[str, object],
     *,
     interrupted: bool = False,
 ) -> Design:
     """Evaluate the best start: its metrics, and its limits over continuous time."""
-    starts = results if isinstance(results, BestStarts) else BestStarts.of(results)
     task, target = formulation.task, formulation.target
     broken: list[LimitUse] = []
     for result in sorted(starts.best, key=lambda r: (r.value, r.index)):

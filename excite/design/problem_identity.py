@@ -23,7 +23,7 @@ from excite.registry import is_own, part
 from excite.tasks.task import Task
 
 _SEARCH = 2  # to be raised where the same problem is searched in another manner
-PACKAGES = ("excite-trajectories", "casadi", "daqp", "numpy", "scipy")
+_PACKAGES = ("excite-trajectories", "casadi", "daqp", "numpy", "scipy")
 _ANYWHERE = ("starts", "rounds", "budget", "executor", "workers", "begin", "after")
 # a start depends on the motion of `begin`, and on what `after` adds to the information
 _SHOWN, _LONGEST = 3, 40  # differences that a message names; characters of names and values that it shows
@@ -65,7 +65,7 @@ def problem_identity(blueprint: Blueprint) -> ProblemIdentity:
         "robot": {"name": task.robot_name, "sha256": whole, "moving": moving},
         "output": {"rate": task.output.rate},  # at which the criterion is evaluated
         "search": {"schema": _SEARCH},
-        "versions": {name: version(name) for name in PACKAGES},
+        "versions": package_versions(),
     }
     try:
         parts = ("model", "trajectory", "objective", "limits", "search")
@@ -78,6 +78,11 @@ def problem_identity(blueprint: Blueprint) -> ProblemIdentity:
     except NotComparable as error:
         return ProblemIdentity(content, str(error))
     return ProblemIdentity(content)
+
+
+def package_versions() -> dict[str, str]:
+    """Versions of the packages on which results depend."""
+    return {name: version(name) for name in _PACKAGES}
 
 
 def plain_options(task: Task, parts: Iterable[str], left_out: Collection[str]) -> Iterator[tuple[str, dict[str, Any]]]:

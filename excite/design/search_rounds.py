@@ -212,49 +212,43 @@ Prepare = Callable[[Formulation, bool], KeptStarts]
 Solve = Callable[[Formulation, KeptStarts], Design]
 
 
-@dataclass(frozen=True)
-class _Step:
-    """One number of harmonics, searched."""
-
-    formulation: Formulation
-    kept: KeptStarts
-    design: Design
-
-    @property
-    def trial(self) -> HarmonicsTrial:
-        cpu = float(str(self.design.provenance["cpu_seconds"]))
-        return HarmonicsTrial(int(self.design.task.trajectory.harmonics), self.design.minimised_value, cpu)
-
-
 def design_with_harmonics(robot: Robot, task: Task, prepare: Prepare, solve: Solve) -> Design:
     """Search with more and more harmonics, each time from the best motion so far, until that does not pay.
 
     The task of the result states the number that was chosen and the motion that its search began with, so it can be run
     again like any other.
     """
-    numbers, most = _numbers(task)
-    steps = [_searched(robot, _with_harmonics(task, numbers[0]), prepare, solve, fresh=False)]
-    best, end = steps[0], most
+
+    def searched(task: Task, *, fresh: bool) -> tuple[Formulation, KeptStarts, Design]:
+        formulation = formulate(robot, task)
+        kept = prepare(formulation, fresh)
+        return formulation, kept, solve(formulation, kept)
+
+    numbers, end = _numbers(task)
+    formulation, kept, best = searched(_with_harmonics(task, numbers[0]), fresh=False)
+    trials = [_trial(best)]
     for number in numbers[1:]:
-        if best.design.interrupted:
+        if best.interrupted:
             break
         try:
-            step = _searched(robot, _continued(task, best, number), prepare, solve, fresh=True)
+            made, kept, design = searched(_continued(task, best, number), fresh=True)
         except (InputError, NoFeasibleMotionError) as error:
             end = f"{number} harmonics are not possible: {error}"
             break
         except KeyboardInterrupt:
-            best = replace(best, design=replace(best.design, interrupted=True))
+            best = replace(best, interrupted=True)
             break
-        steps.append(step)
-        before = best.design.minimised_value
-        gain = (before - step.design.minimised_value) / abs(before)  # part of the criterion
+        trials.append(_trial(design))
+        gain = (best.minimised_value - design.minimised_value) / abs(best.minimised_value)  # part of the criterion
         if gain < _LEAST:
             end = f"{number} brought {100 * max(gain, 0.0):.1f} %"
             break
-        best = step
-    _keep_starts_of(best, steps[-1])
-    return _with_trials(best.design, steps, end)
+        formulation, best = made, design
+    if _trial(best).harmonics != trials[-1].harmonics:  # leave in the folder the starts of the motion that was chosen
+        remove_starts(kept.folder)
+        for start in best.starts:
+            write_start(kept.folder, start, formulation.identity.origin)
+    return _with_trials(best, trials, end)
 
 
 def _numbers(task: Task) -> tuple[list[int], str]:
@@ -279,28 +273,17 @@ def _with_harmonics(task: Task, number: int) -> Task:
     return task.changed(harmonics=number, bandwidth=None)
 
 
-def _continued(task: Task, best: _Step, number: int) -> Task:
-    design = best.design
-    begin = InitialDesign(f"the best motion of {best.trial.harmonics} harmonics", design.series)
+def _trial(design: Design) -> HarmonicsTrial:
+    cpu = float(str(design.provenance["cpu_seconds"]))
+    return HarmonicsTrial(int(design.task.trajectory.harmonics), design.minimised_value, cpu)
+
+
+def _continued(task: Task, best: Design, number: int) -> Task:
+    begin = InitialDesign(f"the best motion of {_trial(best).harmonics} harmonics", best.series)
     return _with_harmonics(task, number).changed(begin=begin, starts=_STARTS, rounds=None, budget=None)
 
 
-def _searched(robot: Robot, task: Task, prepare: Prepare, solve: Solve, *, fresh: bool) -> _Step:
-    formulation = formulate(robot, task)
-    kept = prepare(formulation, fresh)
-    return _Step(formulation, kept, solve(formulation, kept))
-
-
-def _keep_starts_of(best: _Step, last: _Step) -> None:
-    """Leave in the folder the starts of the motion that was chosen."""
-    if best.trial.harmonics != last.trial.harmonics:
-        remove_starts(last.kept.folder)
-        for start in best.design.starts:
-            write_start(last.kept.folder, start, best.formulation.identity.origin)
-
-
-def _with_trials(design: Design, steps: list[_Step], end: str) -> Design:
-    note = f"{int(design.task.trajectory.harmonics)} harmonics: {'interrupted' if design.interrupted else end}"
-    trials = tuple(step.trial for step in steps)
+def _with_trials(design: Design, trials: list[HarmonicsTrial], end: str) -> Design:
+    note = f"{_trial(design).harmonics} harmonics: {'interrupted' if design.interrupted else end}"
     provenance = {**design.provenance, "cpu_seconds": sum(trial.cpu_seconds for trial in trials)}
-    return replace(design, harmonics_trials=trials, notes=(*design.notes, note), provenance=provenance)
+    return replace(design, harmonics_trials=tuple(trials), notes=(*design.notes, note), provenance=provenance)

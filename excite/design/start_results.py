@@ -205,12 +205,6 @@ class BestStarts:
     unfinished: int
     missing: int = 0
 
-    @classmethod
-    def of(cls, results: tuple[StartResult, ...]) -> BestStarts:
-        """Of starts in memory."""
-        unfinished = sum(result.status == RUNNING for result in results)
-        return cls(results, len(results) - unfinished, unfinished)
-
     @property
     def further(self) -> int:
         """Number of starts beside the best."""

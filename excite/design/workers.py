@@ -228,7 +228,7 @@ def main_not_imported() -> Iterator[None]:
             setattr(main, name, value)
 
 
-Job = tuple[int, Starts, Path]
+Job = tuple[int, Starts, Path | None]  # seed, starts, and the folder that they are written to
 Work = Callable[[Any], Any]
 
 _PR_SET_PDEATHSIG = 1  # of Linux's prctl
@@ -245,9 +245,10 @@ def unpickled(content: bytes) -> Work:
     return work
 
 
-def work_on_starts(blueprint: Blueprint, origin: Origin) -> Work:
-    """Build the problem of a search; what is returned optimises starts."""
-    return partial(optimise_job, blueprint.problem(), instance("solver", blueprint.task.search.solver), origin)
+def work_on_starts(blueprint: Blueprint, origin: Origin, problem: Problem | None = None) -> Work:
+    """Build the problem of a search, if it is not given; what is returned optimises starts."""
+    problem = blueprint.problem() if problem is None else problem
+    return partial(optimise_job, problem, instance("solver", blueprint.task.search.solver), origin)
 
 
 def optimise_job(problem: Problem, method: Solver, origin: Origin, job: Job) -> list[StartResult]:

@@ -18,9 +18,9 @@ from excite.design.problem_identity import NotComparable, content_sha256, plain_
 from excite.errors import BrokenLimitError
 from excite.information.target import target_of
 from excite.information.weighting import minimised_text, weighting_of
-from excite.optimality.cutting_planes import BOUNDED, LOOKED_AT, BoundedCriterion, CuttingPlanes, DualCertificate, Tell
+from excite.optimality.cutting_planes import BOUNDED, LOOKED_AT, BoundedCriterion, CuttingPlanes, Tell
 from excite.optimality.limited_states import MomentConditions, StateRows, limited_states, state_rows
-from excite.optimality.proven_factor import ProvenFactor
+from excite.optimality.proven_factor import proven_factor
 from excite.optimality.sensitivity import Sensitivity, sensitivity
 from excite.registry import instance, is_own, name_of
 from excite.storage.atomic import Destination, read_json
@@ -244,7 +244,7 @@ def cutting_planes(formulation: Formulation, design: Design) -> CuttingPlanes:
     rows = state_rows(formulation)
     counted = rows.positions_that_count() & np.isfinite(states.extent(0))
     motion = _states_of(design, rows, _INSTANTS * family.richness)
-    return CuttingPlanes(rows, states, MomentConditions(states, counted, frequencies), motion)
+    return CuttingPlanes(rows, MomentConditions(states, counted, frequencies), motion)
 
 
 def _states_of(design: Design, rows: StateRows, count: int) -> Array:
@@ -259,11 +259,10 @@ def _bound(
     criterion: BoundedCriterion, planes: CuttingPlanes, design: Design, rounds: int, seed: int, progress: Tell
 ) -> CriterionBound:
     began = time.process_time()
-    relaxed = planes.run(criterion, rounds, np.random.default_rng(seed), tell=progress)
-    estimate = criterion.proven(relaxed.multipliers, relaxed.factor)
-    certificate = DualCertificate(planes.rows, planes.conditions, relaxed.multipliers)
-    factor = ProvenFactor(certificate, planes.states).run(relaxed.factor, seed, progress)
-    value = estimate if factor is None else criterion.proven(relaxed.multipliers, factor)
+    certificate, largest = planes.run(criterion, rounds, np.random.default_rng(seed), tell=progress)
+    estimate = criterion.proven(certificate, largest)
+    factor = proven_factor(certificate, largest, seed, progress)
+    value = estimate if factor is None else criterion.proven(certificate, factor)
     return CriterionBound(
         name=criterion.name,
         described=criterion.described,

@@ -95,25 +95,16 @@ def sensitivity(design: Design, progress: Callable[[str], None] = lambda _: None
         for name, made in change.every():
             progress(f"trying {name}")
             if (changed := made()) is not None:
-                _, value = changed.best(change.solver)
+                _, value = change.best(*changed)
                 rows.append(SensitivityRow(name, value, change.gain(value)))
     rows.sort(key=lambda row: -row.gain)
     criterion = str(name_of(design.task.objective.criterion))
     return Sensitivity(criterion, change.reference, tuple(rows), time.process_time() - began)
 
 
-@dataclass(frozen=True, eq=False)
-class ChangedProblem:
-    """A problem after a change, and where improvement begins."""
-
-    problem: Problem
-    starts: tuple[Array, ...]  # one or more
-    # criterion of a motion that keeps the limits after the change too; infinite where there is none
-    known: float = np.inf
-
-    def best(self, solver: Solver) -> tuple[Array, float]:
-        """The best motion found, and its criterion; where nothing better is found than what is known, that."""
-        return min((best_of(self.problem, solver, x, self.known) for x in self.starts), key=lambda end: end[1])
+#: A problem after a change; where improvement begins, one motion or more; and the criterion of a motion that keeps the
+#: limits after the change too, infinite where there is none.
+ChangedProblem = tuple[Problem, tuple[Array, ...], float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +132,10 @@ class ProblemChanges:
                 break
         return cls(formulation, solver, x, best_of(problem, solver, x, value)[1])
 
+    def best(self, problem: Problem, starts: tuple[Array, ...], known: float) -> tuple[Array, float]:
+        """The best motion found, and its criterion; where nothing better is found than what is known, that."""
+        return min((best_of(problem, self.solver, x, known) for x in starts), key=lambda end: end[1])
+
     def gain(self, value: float) -> float:
         """``1 - value / reference``."""
         return 1.0 - value / self.reference
@@ -167,7 +162,7 @@ class ProblemChanges:
         """The range of one limit about its middle enlarged by a factor."""
         problem = self.formulation.problem
         linear = tuple(loosened(limit, label, factor) for limit in problem.limits.linear)
-        return ChangedProblem(_with_linear(problem, linear), (self.x,), self.reference)
+        return _with_linear(problem, linear), (self.x,), self.reference
 
     def richer(self) -> ChangedProblem | None:
         """Twice the harmonics, or what the family has instead."""
@@ -180,7 +175,7 @@ class ProblemChanges:
         grid = changed.family.on_grid(_RICHER * grid_instants(self.formulation.problem.family.richness))
         limits = restricted_limits(self.formulation.limits, self.formulation.blueprint.motion)
         linear = tuple(GridConstraint.on_coordinates(limit, grid) for limit in limits)
-        return ChangedProblem(_with_linear(changed, linear), (start,), self.reference)
+        return _with_linear(changed, linear), (start,), self.reference
 
     def longer(self, richness: int | None = None) -> ChangedProblem | None:
         """Motions that last 1.5 times as long, begun with the same shape, and with the same speed and a rest."""
@@ -191,7 +186,7 @@ class ProblemChanges:
             return None
         stretched = same_motion(self.formulation.problem, self.x, changed)
         own_speed = (self._with_rest(changed, after) for after in (0.0, 1.0))
-        return ChangedProblem(changed, (*([] if stretched is None else [stretched]), *own_speed))
+        return changed, (*([] if stretched is None else [stretched]), *own_speed), np.inf
 
     def _with_rest(self, longer: Problem, after: float) -> Array:
         """The motion nearest to this one at its own speed, before or after (0 or 1) a rest for the rest of the time."""

@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,10 +18,10 @@ import numpy as np
 import scipy.stats
 from threadpoolctl import threadpool_limits
 
-from excite.design.executors.dask_cluster import DaskCluster, check_versions, unit_executor
+from excite.design.executors.dask_cluster import DaskCluster, check_versions, unit_executor, versions_of
 from excite.design.executors.unit_executor import SHORT, InProcesses, InThisProcess, LostUnit, UnitExecutor
 from excite.design.interruption import current_interruption
-from excite.design.problem_identity import PACKAGES, NotComparable, plain_value
+from excite.design.problem_identity import NotComparable, package_versions, plain_value
 from excite.errors import LostWorkersError
 from excite.identification.equations import predicted_rows
 from excite.identification.estimator import CONFIDENCE
@@ -168,11 +167,6 @@ def processes_here(executor: UnitExecutor) -> int:
     if isinstance(executor, DaskCluster):
         return executor.processes_here
     return executor.count if isinstance(executor, InProcesses) else 0
-
-
-def versions_of(executor: UnitExecutor) -> dict[str, str]:
-    """Packages that an executor's processes elsewhere must have in this one's versions."""
-    return {} if executor.shares_disk else {name: version(name) for name in PACKAGES}
 
 
 def units_of(executor: UnitExecutor, common: SeededExperiment, numbers: Sequence[int]) -> list[range]:
@@ -328,7 +322,7 @@ class KeptRepetitions:
 def _identity(common: SeededExperiment) -> str:
     """Hash of what repetitions depend on; empty where a later process could not tell whether it is the same."""
     try:
-        content = [plain_value(common.experiment), common.seed, {name: version(name) for name in PACKAGES}]
+        content = [plain_value(common.experiment), common.seed, package_versions()]
     except NotComparable:
         return ""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

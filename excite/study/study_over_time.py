@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from excite.design.design import Design
 from excite.design.design_json import load_design
-from excite.design.executors.dask_cluster import check_versions, unit_executor
+from excite.design.executors.dask_cluster import check_versions, unit_executor, versions_of
 from excite.design.executors.unit_executor import SHORT, InThisProcess, LostUnit, UnitExecutor
 from excite.errors import LostWorkersError
 from excite.identification.covariance import divisors
@@ -27,7 +27,7 @@ from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate
 from excite.simulation.simulation import Simulation
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
-from excite.study.repetitions import LIKELY_CAUSE, check_enough, versions_of
+from excite.study.repetitions import LIKELY_CAUSE, check_enough
 from excite.study.time_study import TimeCourse, TimeStudy
 from excite.tasks.further_settings import StudySettings
 from excite.trajectories.family import Trajectory

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from importlib.metadata import version
 from itertools import product
 from pathlib import Path
 from types import GenericAlias
@@ -14,9 +13,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from excite.design.executors.dask_cluster import unit_executor
+from excite.design.executors.dask_cluster import unit_executor, versions_of
 from excite.design.executors.unit_executor import LostUnit, UnitExecutor
-from excite.design.problem_identity import PACKAGES
 from excite.design.sweeps.cell import (
     CELLS,
     FAILED,
@@ -203,9 +201,8 @@ def _run(units: UnitExecutor, todo: CellsLeft, folder: Path, progress: Callable[
     """Run the cells that are left, write what is not on disk yet, and say what came of each."""
     if not todo.work:
         return
-    versions = {} if units.shares_disk else {name: version(name) for name in PACKAGES}
     total = len(todo.done) + len(todo.work)
-    results = units.run(design_cell, versions, [work for _, work in todo.work])
+    results = units.run(design_cell, versions_of(units), [work for _, work in todo.work])
     for done, (index, result) in enumerate(results, len(todo.done) + 1):
         cell, work = todo.work[index]
         place_of_cell, condition = folder / CELLS / cell.name, None

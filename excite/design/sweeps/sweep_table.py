@@ -11,11 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from constraints.certificate import LimitUse
-from excite.design.design import RecomputedLimits, recomputed_limits
+from excite.design.approach import stated_on_transfers
+from excite.design.design import recomputed_limits
 from excite.design.design_json import load_design
 from excite.design.sweeps.cell import CELLS, Cell, read_cell, stored_design
 from excite.registry import name_of
 from excite.storage.atomic import replacing
+from excite.storage.codec import record_of
 from excite.storage.records import read_record, write_record
 from regressors.arguments import checked
 from regressors.errors import InputError
@@ -190,10 +192,12 @@ def _row(cell: Cell, folder: Path, groups: dict[Any, int]) -> SweepRow:
     group = groups.setdefault(comparable, len(groups) + 1)
     reason = ""
     try:
-        known = recomputed_limits(load_design(folder), enclosed=False)
+        motion, transfers, _ = recomputed_limits(load_design(folder), enclosed=False)
     except InputError as error:
-        known, reason = RecomputedLimits.of(design), f"all limits are those that its file states: {error}"
-    uses = (*known.motion, *(use for uses in known.transfers.values() for use in uses))
+        motion = tuple(record_of(LimitUse, use, {}) for use in design["limits"])
+        transfers = stated_on_transfers(design.get("played", {}))
+        reason = f"all limits are those that its file states: {error}"
+    uses = (*motion, *(use for uses in transfers.values() for use in uses))
     status = DESIGNED if all(use.holds for use in uses) else BROKEN
     return SweepRow(cell.name, options, status, group, design["criteria"], _facts(cell, design, uses), reason)
 
