@@ -23,17 +23,6 @@ _WITHIN = 1.0 - 1e-9  # of what the limits allow, against rounding
 
 
 @dataclass(frozen=True, eq=False)
-class InitialGuess:
-    """Initial guess of a search, see `excite.design.initial_guesses`."""
-
-    centre: Array  # (n,) A pose of the moving coordinates strictly inside the position limits [rad or m]
-    # shapes of the initial motion: ``random``, or one of `initial_guesses` for all coordinates, or one each
-    shapes: tuple[str, ...] = ("random",)
-    # (N, n) positions of an initial motion, at equal steps from 0 to the duration [rad or m]
-    motion: Array | None = None
-
-
-@dataclass(frozen=True, eq=False)
 class Problem:
     """Minimise an objective over the x of a family, within limits.
 
@@ -43,13 +32,20 @@ class Problem:
         Family of the moving coordinates.
     objective : SmoothObjective
     limits : GridLimits
-    guess : InitialGuess
+    centre : ndarray, shape (n,)
+        A pose of the moving coordinates strictly inside the position limits [rad or m].
+    shapes : tuple of str
+        Of the initial motion, see `excite.design.initial_guesses`: ``random``, or one for all coordinates, or one each.
+    initial : ndarray, shape (N, n), optional
+        Positions of an initial motion, at equal steps from 0 to the duration [rad or m].
     """
 
     family: Family
     objective: SmoothObjective
     limits: GridLimits
-    guess: InitialGuess
+    centre: Array
+    shapes: tuple[str, ...] = ("random",)
+    initial: Array | None = None
 
     @property
     def information(self) -> Information:
@@ -88,12 +84,12 @@ class Problem:
     @property
     def shape(self) -> tuple[int, int]:
         """Shape (n, size) of the coefficients in which motions are linear."""
-        return len(self.guess.centre), self.family.size
+        return len(self.centre), self.family.size
 
     @cached_property
     def rest(self) -> Array:
         """The x of rest in the centre pose."""
-        return self.family.resting(self.guess.centre)
+        return self.family.resting(self.centre)
 
     @cached_property
     def _at_rest(self) -> list[Array]:
@@ -118,7 +114,7 @@ class Problem:
 
     def drawn(self, x: Array, part: float) -> Array:
         """The motion scaled towards the centre, to a fraction of its distance from it at every instant."""
-        return self.family.drawn(x, self.guess.centre, part)
+        return self.family.drawn(x, self.centre, part)
 
     def reach(self, x: Array) -> float:
         """Largest fraction to which a motion can be scaled, see `drawn`, within the limits that are linear in it."""
@@ -135,7 +131,7 @@ class Problem:
         unbounded : float
             Scale that counts as allowed where no limit bounds the motion.
         """
-        end = self.family.moved(wanted, self.guess.centre)
+        end = self.family.moved(wanted, self.centre)
         reach = self.limits.largest_part(self._at_rest, wanted, end)
         part *= reach if np.isfinite(reach) else unbounded
         return np.asarray(self.rest + part * wanted) if self.family.linear else self.drawn(end, part)

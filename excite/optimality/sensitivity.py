@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar
@@ -161,7 +161,7 @@ class ProblemChanges:
     def looser(self, label: str, factor: float = _LOOSER) -> ChangedProblem:
         """The range of one limit about its middle enlarged by a factor."""
         problem = self.formulation.problem
-        linear = tuple(loosened(limit, label, factor) for limit in problem.limits.linear)
+        linear = tuple(loosened(limit, (label,), factor) for limit in problem.limits.linear)
         return _with_linear(problem, linear), (self.x,), self.reference
 
     def richer(self) -> ChangedProblem | None:
@@ -210,9 +210,9 @@ class ProblemChanges:
             return None
 
 
-def loosened(limit: GridConstraint, label: str, factor: float) -> GridConstraint:
-    """The constraint with the bounds of one of its functions, if it has it, further from their middle."""
-    mine = np.array([each == label for each in limit.function.constraint.labels])
+def loosened(limit: GridConstraint, labels: Collection[str], factor: float) -> GridConstraint:
+    """The constraint with the bounds of some of its functions, if it has them, further from their middle."""
+    mine = np.array([each in labels for each in limit.function.constraint.labels])
     if not mine.any():
         return limit
     extra = np.where(mine, 0.5 * (factor - 1.0) * (limit.upper - limit.lower), 0.0)

@@ -238,18 +238,10 @@ def _changes(design: Design, report: Callable[[str], None]) -> Iterator[tuple[st
 
 def _with_wider(problem: Problem, quantity: str) -> Problem | None:
     """The problem with wider ranges of one quantity of all joints and drives; None if it is not limited."""
-    linear = problem.limits.linear
-    labels = [
-        label
-        for limit in linear
-        if getattr(limit.function.constraint, "quantity", "") == quantity
-        for label in limit.function.constraint.labels
-    ]
-    if not labels:
-        return None
-    for label in labels:
-        linear = tuple(loosened(limit, label, _WIDER) for limit in linear)
-    return replace(problem, limits=replace(problem.limits, linear=linear))
+    constraints = [limit.function.constraint for limit in problem.limits.linear]
+    labels = {label for each in constraints if each.quantity == quantity for label in each.labels}
+    linear = tuple(loosened(limit, labels, _WIDER) for limit in problem.limits.linear)
+    return replace(problem, limits=replace(problem.limits, linear=linear)) if labels else None
 
 
 def _faster(formulation: Formulation, problem: Problem, x: Array) -> tuple[Problem, Array] | None:

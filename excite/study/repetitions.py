@@ -12,7 +12,7 @@ from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy.stats
@@ -137,7 +137,7 @@ def repeat_numbers(common: SeededExperiment, numbers: range) -> list[Repetition]
     """Repetitions of some numbers."""
     P = np.eye(common.experiment.base.rank) if common.chain.change is None else common.chain.change
     solved = common.chain.repetitions(common.seed, numbers)
-    return [Repetition(P @ error, np.linalg.norm(P @ half, axis=1), noise) for error, half, noise in solved]
+    return [(P @ error, np.linalg.norm(P @ half, axis=1), noise) for error, half, noise in solved]
 
 
 def repeat_in_one_thread(common: SeededExperiment, numbers: range) -> list[Repetition]:
@@ -290,7 +290,7 @@ class KeptRepetitions:
             with opened(self.path, LOG) as stream, np.load(stream, allow_pickle=False) as content:
                 identity, numbers = str(content["identity"]), content["number"].tolist()
                 rows = zip(content["error"], content["deviation"], content["noise"], strict=True)
-                found = {number: Repetition(*row) for number, row in zip(numbers, rows, strict=True)}
+                found = dict(zip(numbers, rows, strict=True))
         except _UNREADABLE:
             _log.warning("%s cannot be read; its repetitions are computed again", self.path)
             return {}
@@ -328,12 +328,9 @@ def _identity(common: SeededExperiment) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-class Repetition(NamedTuple):
-    """One repetition."""
-
-    error: Array  # (b,) estimate less true value
-    deviation: Array  # (b,) standard deviation that the estimator predicts, from this repetition's residuals
-    noise: Array  # (r,) standard deviation of each equation's residuals
+#: One repetition: the estimate less the true value, (b,); the standard deviation that the estimator predicts from this
+#: repetition's residuals, (b,); and the standard deviation of each equation's residuals, (r,).
+Repetition = tuple[Array, Array, Array]
 
 
 @dataclass(frozen=True, eq=False)

@@ -212,16 +212,13 @@ class Trajectory:
         return Trajectory(*self.family.carried(self.x, matrix, offset))
 
 
-class JointMotion(ABC):
+@dataclass(frozen=True, eq=False)
+class JointMotion:
     """The motion of all joints, ``q = N y + q0`` with a family's y, at fixed instants as a function of x."""
 
-    @abstractmethod
-    def values(self, x: Array) -> list[Array]:
-        """Position, velocity and acceleration, each of shape (n, T)."""
-
-    @abstractmethod
-    def pullback(self, x: Array, slopes: Sequence[Array]) -> Array:
-        """Gradient with respect to x of a function, from its derivatives with respect to `values`."""
+    values: Callable[[Array], list[Array]]  # position, velocity and acceleration at x, each of shape (n, T)
+    # gradient with respect to x of a function, from x and from its derivatives with respect to `values`
+    pullback: Callable[[Array, Sequence[Array]], Array]
 
 
 #: Some derivatives of the k coordinates' motion at T instants of a grid, linearised about one x: slopes of weighted

@@ -111,7 +111,17 @@ class LinearFamily(Family):
 
     def joints(self, time: Array, motion: PartialMotion) -> JointMotion:
         """Motion of the joints by the basis, which is evaluated once."""
-        return _BasisJoints(self, time, motion)
+        bases = [self.basis(time, d) for d in range(3)]
+        N, held = motion.matrix, np.outer(motion.offset, self.constant)
+
+        def values(x: Array) -> list[Array]:
+            joints = N @ x + held
+            return [np.ascontiguousarray(joints @ B.T) for B in bases]
+
+        def pullback(x: Array, slopes: Sequence[Array]) -> Array:
+            return np.asarray(N.T @ sum(s @ B for s, B in zip(slopes, bases, strict=True)))
+
+        return JointMotion(values, pullback)
 
     def on_grid(self, count: int) -> GridMotion:
         """Motion on equal steps by the basis, which is evaluated once."""
@@ -128,19 +138,6 @@ class LinearFamily(Family):
     def combined_extrema(self, x: Array, matrix: Array, offset: Array, derivative: int) -> Extrema:
         """Extrema of the functions with the combined coefficients."""
         return self.extrema(matrix @ x + np.outer(offset, self.constant), derivative)
-
-
-class _BasisJoints(JointMotion):
-    def __init__(self, family: LinearFamily, time: Array, motion: PartialMotion) -> None:
-        self._basis = [family.basis(time, d) for d in range(3)]
-        self._N, self._held = motion.matrix, np.outer(motion.offset, family.constant)
-
-    def values(self, x: Array) -> list[Array]:
-        joints = self._N @ x + self._held
-        return [np.ascontiguousarray(joints @ B.T) for B in self._basis]
-
-    def pullback(self, x: Array, slopes: Sequence[Array]) -> Array:
-        return np.asarray(self._N.T @ sum(s @ B for s, B in zip(slopes, self._basis, strict=True)))
 
 
 class _BasisGrid(GridMotion):

@@ -113,7 +113,20 @@ class NonlinearFamily(Family):
 
     def joints(self, time: Array, motion: PartialMotion) -> JointMotion:
         """Motion of the joints, evaluated anew for every x."""
-        return _NonlinearJoints(self, time, motion)
+
+        def values(x: Array) -> list[Array]:
+            orders = [motion.matrix @ self.coordinate_motion(x, time, d).T for d in range(3)]
+            orders[0] = orders[0] + motion.offset[:, None]
+            return [np.ascontiguousarray(values) for values in orders]
+
+        def pullback(x: Array, slopes: Sequence[Array]) -> Array:
+            gradient = np.zeros(x.size)
+            for d, slope in enumerate(slopes):
+                weights = (motion.matrix.T @ slope).T
+                gradient += weights.ravel() @ self.jacobian(x, time, d).reshape(-1, x.size)
+            return gradient
+
+        return JointMotion(values, pullback)
 
     def on_grid(self, count: int) -> GridMotion:
         """Motion on `nodes`, evaluated anew for every x."""
@@ -141,23 +154,6 @@ class NonlinearFamily(Family):
         """Map from the coordinates to the joints, for `to_dict`."""
         matrix, offset = self._carrying(x)
         return {"matrix": matrix.tolist(), "rest": offset.tolist()}
-
-
-class _NonlinearJoints(JointMotion):
-    def __init__(self, family: NonlinearFamily, time: Array, motion: PartialMotion) -> None:
-        self._family, self._time, self._motion = family, time, motion
-
-    def values(self, x: Array) -> list[Array]:
-        orders = [self._motion.matrix @ self._family.coordinate_motion(x, self._time, d).T for d in range(3)]
-        orders[0] = orders[0] + self._motion.offset[:, None]
-        return [np.ascontiguousarray(values) for values in orders]
-
-    def pullback(self, x: Array, slopes: Sequence[Array]) -> Array:
-        gradient = np.zeros(x.size)
-        for d, slope in enumerate(slopes):
-            weights = (self._motion.matrix.T @ slope).T
-            gradient += weights.ravel() @ self._family.jacobian(x, self._time, d).reshape(-1, x.size)
-        return gradient
 
 
 class _NodeGrid(GridMotion):
