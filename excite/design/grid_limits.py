@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -137,9 +137,9 @@ class GridConstraint:
         return self.function.linear and self.grid.linear
 
     @cached_property
-    def sampled(self) -> LastResult[SampledUse]:
+    def sampled(self) -> Callable[[Array], SampledUse]:
         """The functions at the instants that a search looks at, as a function of x, see `sampled_use`."""
-        return LastResult(lambda x: sampled_use(self, x))
+        return keeping_last(lambda x: sampled_use(self, x))
 
     def values(self, x: Array) -> Array:
         """Values of the k functions at the N instants, shape (k, N)."""
@@ -166,9 +166,22 @@ class GridConstraint:
         return float(beyond.max(initial=-np.inf))
 
     @cached_property
-    def holds(self) -> BoundsCheck:
+    def holds(self) -> Callable[[Array], bool]:
         """Whether every value at an x is within the bounds, as far as a search looks, see `sampled_use`."""
-        return BoundsCheck(self)
+        broken: Index = np.zeros(0, dtype=np.intp)  # asked first: a search shortens a step until none is
+
+        def holds(x: Array) -> bool:
+            nonlocal broken
+            if broken.size and np.any(self.uses(self.function.values(x, broken)) > 1.0):
+                return False
+            instants, _, uses = self.sampled(x)
+            use = uses.max(axis=0, initial=-np.inf)
+            if not np.any(use > 1.0):
+                return True
+            broken = instants[np.argsort(-use)[: min(_FEW, int(np.sum(use > 1.0)))]]
+            return False
+
+        return holds
 
     def largest_part(self, value: Array, change: Array) -> float:
         """Largest s for which ``value + s change`` stays within the bounds, each of shape (k, N); infinite if any."""
@@ -186,26 +199,6 @@ _RISE = 0.25  # of the second difference: twice what a parabola rises above the 
 #: k functions at T of a grid's instants: the instants in order, (T,); the values, (k, T); and their use of the bounds,
 #: (k, T), see `GridConstraint.uses`.
 SampledUse = tuple[Index, Array, Array]
-
-
-class BoundsCheck:
-    """Whether a limit holds, asked first where it was last broken: a search shortens a step until none is."""
-
-    def __init__(self, limit: GridConstraint) -> None:
-        self._limit = limit
-        self._broken: Index = np.zeros(0, dtype=np.intp)
-
-    def __call__(self, x: Array) -> bool:
-        """True if every value is within the bounds."""
-        limit = self._limit
-        if self._broken.size and np.any(limit.uses(limit.function.values(x, self._broken)) > 1.0):
-            return False
-        instants, _, uses = limit.sampled(x)
-        use = uses.max(axis=0, initial=-np.inf)
-        if not np.any(use > 1.0):
-            return True
-        self._broken = instants[np.argsort(-use)[: min(_FEW, int(np.sum(use > 1.0)))]]
-        return False
 
 
 def sampled_use(limit: GridConstraint, x: Array) -> SampledUse:
@@ -314,19 +307,16 @@ GridFunction = LinearFunction | JointFunction
 T = TypeVar("T")
 
 
-class LastResult(Generic[T]):
-    """A function of x that keeps its last result: a search asks several times for the values at one iterate."""
+def keeping_last(function: Callable[[Array], T]) -> Callable[[Array], T]:
+    """The function of x, with its last result kept: a search asks several times for the values at one iterate."""
+    last: list[tuple[Array, T]] = []
 
-    def __init__(self, function: Callable[[Array], T]) -> None:
-        self._function = function
-        self._x: Array | None = None
-        self._result: T
+    def kept(x: Array) -> T:
+        if not last or not np.array_equal(x, last[0][0]):
+            last[:] = [(x.copy(), function(x))]
+        return last[0][1]
 
-    def __call__(self, x: Array) -> T:
-        """The result at x."""
-        if self._x is None or not np.array_equal(x, self._x):
-            self._result, self._x = self._function(x), x.copy()
-        return self._result
+    return kept
 
 
 class GridJoints:
@@ -334,7 +324,7 @@ class GridJoints:
 
     def __init__(self, grid: GridMotion, motion: PartialMotion) -> None:
         self.grid, self.motion = grid, motion
-        self._last = LastResult(self._all)
+        self._last = keeping_last(self._all)
 
     def __call__(self, x: Array, instants: Index | slice | None = None) -> list[Array]:
         """Three arrays of shape (n, N), at all instants or some; not to be changed."""

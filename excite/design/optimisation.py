@@ -211,17 +211,12 @@ def solve(
     if not results.best:
         raise KeyboardInterrupt if interrupted else NoFeasibleMotionError(_NONE)
     provenance = _provenance(formulation, date, time.monotonic() - began, running.spent)
-    formulation = replace(formulation, task=_with_rounds(formulation.task, rounds, interrupted=interrupted))
+    if search.budget is not None and not interrupted:  # with the rounds that it was enough for, it gives the same again
+        task = formulation.task.changed(search=replace(search, budget=None, rounds=rounds.count))
+        formulation = replace(formulation, task=task)
     with threadpool_limits(1), suspecting(robot):
         design = certify(robot, formulation, results, provenance, interrupted=interrupted)
     return replace(design, search=rounds.summary, notes=(*design.notes, *interpreted_note()))
-
-
-def _with_rounds(task: Task, rounds: Rounds, *, interrupted: bool) -> Task:
-    """The task with the rounds that a budget was enough for, so that it gives the same motion again."""
-    if task.search.budget is None or interrupted:
-        return task
-    return task.changed(search=replace(task.search, budget=None, rounds=rounds.count))
 
 
 def _provenance(formulation: Formulation, date: datetime, wall: float, cpu: float) -> dict[str, object]:

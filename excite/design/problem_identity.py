@@ -228,7 +228,9 @@ def _sources(named: Any, seen: set[str]) -> Iterator[str]:
     for base in getattr(named, "__bases__", ()):
         yield from _sources(base, seen)
     for function in _functions(named):
-        for used, value in _globals_of(function):
+        known = function.__globals__
+        for used in sorted(_names(function.__code__) & known.keys()):
+            value = known[used]
             if isinstance(value, type | FunctionType):
                 yield from _sources(value, seen)
             elif not isinstance(value, ModuleType):
@@ -240,11 +242,6 @@ def _functions(named: Any) -> list[FunctionType]:
         return [named]
     members = (getattr(member, "__func__", getattr(member, "fget", member)) for member in vars(named).values())
     return [member for member in members if isinstance(member, FunctionType)]
-
-
-def _globals_of(function: FunctionType) -> Iterator[tuple[str, Any]]:
-    known = function.__globals__
-    return ((name, known[name]) for name in sorted(_names(function.__code__)) if name in known)
 
 
 def _names(code: CodeType) -> set[str]:
