@@ -28,24 +28,12 @@ _SLOWEST = 30.0  # times the shortest duration: if that does not help, slower tr
 
 @dataclass(frozen=True, eq=False)
 class ApproachAndReturn:
-    """Transfers from home to the motion and back, each a whole number of samples long.
+    """Transfers from home to the motion and back, each a whole number of samples long."""
 
-    Parameters
-    ----------
-    transfers : dict of str to Transfer
-        Per segment; none where the motion starts, or ends, at home.
-    settle : int
-        Number of sampling periods of rest between them and the motion.
-    rate : float
-        [Hz]
-    limits : dict of str to tuple of LimitUse
-        Per segment: limits over continuous time.
-    """
-
-    transfers: dict[str, Transfer]
-    settle: int
-    rate: float
-    limits: dict[str, tuple[LimitUse, ...]]
+    transfers: dict[str, Transfer]  # per segment; none where the motion starts, or ends, at home
+    settle: int  # number of sampling periods of rest between them and the motion
+    rate: float  # [Hz]
+    limits: dict[str, tuple[LimitUse, ...]]  # per segment: limits over continuous time
 
     @classmethod
     def of(cls, played: Mapping[str, Any]) -> ApproachAndReturn | None:
@@ -93,15 +81,7 @@ class ApproachAndReturn:
         }
 
     def sequence(self, motion: Motion, steps: int) -> MotionSequence:
-        """The approach, a motion, and the return.
-
-        Parameters
-        ----------
-        motion : Motion
-            Motion of every joint, from the end of the approach to the start of the return.
-        steps : int
-            Number of its sampling periods.
-        """
+        """The approach, a motion of every joint of so many sampling periods, and the return."""
         before, after = self._pieces(APPROACH, -1), self._pieces(RETURN, 0)
         return MotionSequence((*before, Piece(EXCITE, motion, steps), *reversed(after)))
 
@@ -190,10 +170,7 @@ def _waypoints(robot: Robot, task: Task, nonlinear: Sequence[NonlinearConstraint
 
 
 def _on_samples(transfer: Transfer, limits: Sequence[NonlinearConstraint], rate: float) -> Transfer:
-    """The transfer as slow as the limits require, with every change of its jerk on a sample.
-
-    So what interpolates the samples keeps its limits.
-    """
+    """The transfer as slow as the limits require; its jerk changes on samples, so that interpolation keeps limits."""
     transfer = _slow_enough(transfer, limits)
     return replace(transfer, legs=tuple(replace(leg, law=leg.law.on_grid(1.0 / rate)) for leg in transfer.legs))
 

@@ -24,27 +24,15 @@ _WITHIN = 1.0 - 1e-9  # of what the limits allow, against rounding
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Minimise an objective over the x of a family, within limits.
+    """Minimise an objective over the x of a family, within limits."""
 
-    Parameters
-    ----------
-    family : Family
-        Family of the moving coordinates.
-    objective : SmoothObjective
-    limits : GridLimits
-    centre : ndarray, shape (n,)
-        A pose of the moving coordinates strictly inside the position limits [rad or m].
-    shapes : tuple of str
-        Of the initial motion, see `excite.design.initial_guesses`: ``random``, or one for all coordinates, or one each.
-    initial : ndarray, shape (N, n), optional
-        Positions of an initial motion, at equal steps from 0 to the duration [rad or m].
-    """
-
-    family: Family
+    family: Family  # family of the moving coordinates
     objective: SmoothObjective
     limits: GridLimits
-    centre: Array
+    centre: Array  # (n,) a pose of the moving coordinates strictly inside the position limits [rad or m]
+    # of the initial motion, see `excite.design.initial_guesses`: ``random``, or one for all coordinates, or one each
     shapes: tuple[str, ...] = ("random",)
+    # (N, n) positions of an initial motion, at equal steps from 0 to the duration [rad or m]
     initial: Array | None = None
 
     @property
@@ -121,27 +109,15 @@ class Problem:
         return self.limits.largest_part(self._at_rest, x - self.rest, x)
 
     def enlarged(self, wanted: Array, part: float, unbounded: float) -> Array:
-        """A motion about zero, moved to the centre and scaled to a fraction of what the limits allow.
-
-        Parameters
-        ----------
-        wanted : ndarray
-            The x of the motion.
-        part : float
-        unbounded : float
-            Scale that counts as allowed where no limit bounds the motion.
-        """
+        """A motion about zero, moved to the centre and scaled to a part of what the limits allow, if they bound it."""
         end = self.family.moved(wanted, self.centre)
         reach = self.limits.largest_part(self._at_rest, wanted, end)
         part *= reach if np.isfinite(reach) else unbounded
         return np.asarray(self.rest + part * wanted) if self.family.linear else self.drawn(end, part)
 
     def inside(self, x: Array) -> Array:
-        """The motion, scaled towards the centre as far as the linear limits require.
-
-        Unchanged where a step within the limits' rows cannot leave the limits.
-        """
-        if self.family.linear:
+        """The motion, scaled towards the centre as far as the linear limits require."""
+        if self.family.linear:  # a step within the limits' rows cannot leave the limits
             return x
         reach = self.reach(x)
         return x if reach >= 1.0 else self.drawn(x, _WITHIN * reach)

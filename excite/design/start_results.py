@@ -24,38 +24,17 @@ _NAME = re.compile(r"start-(\d+)\.json")
 
 @dataclass(frozen=True)
 class StartResult:
-    """Final point of a start, or its best point so far.
+    """Final point of a start, or its best point so far."""
 
-    Parameters
-    ----------
-    index : int
-        Number of the start; with the seed it determines the result.
-    x : list
-        Coefficients, shape (n, size), or the flat x of a family that is not linear in it; inside the limits.
-    value : float
-        The criterion at the task's rate with exact friction; while running, the solver's smooth value.
-    status : str
-        How it ended, as a sentence.
-    history : list of float
-        The criterion at every accepted iterate, with the smooth friction sign of the solver.
-    evaluations : int
-    cpu : float
-        Processor time [s].
-    parents : tuple of int
-        Numbers of the starts whose motions it combines or refines; none for a random one.
-    lineage : str
-        Hash of what it descends from, see `excite.design.start_results`; empty for a random one.
-    """
-
-    index: int
-    x: list[Any]
-    value: float
-    status: str
-    history: list[float]
+    index: int  # number of the start; with the seed it determines the result
+    x: list[Any]  # coefficients, shape (n, size), or the flat x of a family that is not linear in it; inside the limits
+    value: float  # the criterion at the task's rate with exact friction; while running, the solver's smooth value
+    status: str  # how it ended, as a sentence
+    history: list[float]  # the criterion at every accepted iterate, with the smooth friction sign of the solver
     evaluations: int
-    cpu: float
-    parents: tuple[int, ...] = ()
-    lineage: str = ""
+    cpu: float  # processor time [s]
+    parents: tuple[int, ...] = ()  # numbers of the starts whose motions it combines or refines; none for a random one
+    lineage: str = ""  # hash of what it descends from, see `excite.design.start_results`; empty for a random one
 
     @property
     def coefficients(self) -> Array:
@@ -162,21 +141,11 @@ def read_start(path: Path) -> tuple[StartResult, Origin | None]:
 
 @dataclass(frozen=True)
 class SearchSummary:
-    """What became of a search.
+    """What became of a search."""
 
-    Parameters
-    ----------
-    rounds : int
-        Rounds after the first.
-    populations : int
-        Populations that ended since they brought next to nothing any more.
-    left : float, optional
-        Estimated relative gain of one more population; None with fewer than two.
-    """
-
-    rounds: int
-    populations: int
-    left: float | None
+    rounds: int  # rounds after the first
+    populations: int  # populations that ended since they brought next to nothing any more
+    left: float | None  # estimated relative gain of one more population; None with fewer than two
 
 
 @dataclass(frozen=True)

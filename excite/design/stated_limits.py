@@ -232,19 +232,12 @@ _ORDER = (*QUANTITIES, "torque", "power", "tool", "distance")
 
 @dataclass(frozen=True)
 class Unchecked:
-    """A kind of limit that is not checked.
+    """A kind of limit that is not checked."""
 
-    Parameters
-    ----------
-    limit : str
-        ``position``, ``velocity``, ``acceleration``, ``jerk``, ``torque``, ``self-collision``, ``floor`` (or ``wall``,
-        ``ceiling``) or ``obstacles``.
-    reason : str
-        Why, with the joints where it is not all of them.
-    """
-
+    # ``position``, ``velocity``, ``acceleration``, ``jerk``, ``torque``, ``self-collision``, ``floor`` (or ``wall``,
+    # ``ceiling``) or ``obstacles``
     limit: str
-    reason: str
+    reason: str  # why, with the joints where it is not all of them
 
     def __str__(self) -> str:
         return f"{self.limit} ({self.reason})"

@@ -42,34 +42,18 @@ KIND, NAME = "bound", "bound.json"
 
 @dataclass(frozen=True)
 class CriterionBound:
-    """Lower bound on one criterion, smaller is better, over all motions of the problem.
-
-    Parameters
-    ----------
-    name : str
-        ``condition``, ``logdet`` (D-optimality) or ``sigma-min`` (E-optimality), as `excite.Criterion` has them.
-    described : str
-    value : float
-        The bound: proven for all states if `proven`, otherwise `estimate`.
-    proven : bool
-    estimate : float
-        What the same dual point proves if no state is worse than those that were looked at.
-    states : int
-        Number of states that were looked at.
-    reached : float
-        Criterion of the design.
-    cpu_seconds : float
-    """
+    """Lower bound on one criterion, smaller is better, over all motions of the problem."""
 
     beside: ClassVar[Beside] = {"efficiency": lambda bound: bound.efficiency, "basis": lambda bound: bound.basis}
 
+    # ``condition``, ``logdet`` (D-optimality) or ``sigma-min`` (E-optimality), as `excite.Criterion` has them
     name: str
     described: str
-    value: float
+    value: float  # the bound: proven for all states if `proven`, otherwise `estimate`
     proven: bool
-    estimate: float
-    states: int
-    reached: float
+    estimate: float  # what the same dual point proves if no state is worse than those that were looked at
+    states: int  # number of states that were looked at
+    reached: float  # criterion of the design
     cpu_seconds: float
 
     @property

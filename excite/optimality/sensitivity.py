@@ -47,22 +47,12 @@ class SensitivityRow:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Changes of a design's problem, those that bring most first.
-
-    Parameters
-    ----------
-    criterion : str
-        The one that the design minimises.
-    reference : float
-        Criterion of the design's motion, refined without a change; at most that of the design.
-    rows : tuple of SensitivityRow
-    cpu_seconds : float
-    """
+    """Changes of a design's problem, those that bring most first."""
 
     beside: ClassVar[Beside] = {"meaning": lambda changes: changes.meaning}
 
-    criterion: str
-    reference: float
+    criterion: str  # the one that the design minimises
+    reference: float  # criterion of the design's motion, refined without a change; at most that of the design
     rows: tuple[SensitivityRow, ...]
     cpu_seconds: float
 

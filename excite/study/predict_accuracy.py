@@ -180,32 +180,18 @@ KIND = "accuracy"
 
 @dataclass(frozen=True)
 class ParameterAccuracy:
-    """Predicted accuracy of one parameter, in its unit.
-
-    Parameters
-    ----------
-    name, unit : str
-    value : float
-        What repeats show on average.
-    by_torques : float
-        Standard deviation by noise of the torques.
-    by_motion : float
-        Root mean square error by noise and steps of the measured motion, about its mean.
-    deviation : float
-        Standard deviation of repeats, by both.
-    bias : float or None
-        Error that all repeats share, such as by friction that the model does not describe; None where the simulated
-        robot has no such parameter.
-    """
+    """Predicted accuracy of one parameter, in its unit."""
 
     beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"error": lambda parameter: parameter.error}
 
     name: str
     unit: str
-    value: float
-    by_torques: float
-    by_motion: float
-    deviation: float
+    value: float  # what repeats show on average
+    by_torques: float  # standard deviation by noise of the torques
+    by_motion: float  # root mean square error by noise and steps of the measured motion, about its mean
+    deviation: float  # standard deviation of repeats, by both
+    # error that all repeats share, such as by friction that the model does not describe; None where the simulated robot
+    # has no such parameter
     bias: float | None
 
     @property

@@ -270,16 +270,9 @@ class StatedNoise(TorqueNoise):
 
 @dataclass(frozen=True, eq=False)
 class MeasuredNoise(TorqueNoise):
-    """Autoregressive noise of each joint's equation, ``n_t = sum_k a_k n_{t-k} + u_t``.
+    """Autoregressive noise of each joint's equation, ``n_t = sum_k a_k n_{t-k} + u_t``."""
 
-    Parameters
-    ----------
-    rate : float
-        Of its instants [Hz].
-    joints : tuple of AutoregressiveNoise
-    """
-
-    rate: float
+    rate: float  # of its instants [Hz]
     joints: tuple[AutoregressiveNoise, ...]
 
     @property

@@ -227,15 +227,9 @@ MotionTangent = Callable[[Array, Index], Array]
 
 
 class GridMotion(ABC):
-    """The motion y of a family's k coordinates on a grid of N instants, as a function of x.
+    """The motion y of a family's k coordinates on a grid of N instants, as a function of x."""
 
-    Attributes
-    ----------
-    linear : bool
-        Whether it is linear in x, so that tangents are the same for every x.
-    """
-
-    linear: bool
+    linear: bool  # in x, so that tangents are the same for every x
 
     def __init__(self, family: Family, count: int) -> None:
         self._family, self._count = family, count

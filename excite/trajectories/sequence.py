@@ -81,12 +81,7 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class MotionSequence:
-    """Pieces in sequence, each beginning on a sample.
-
-    Parameters
-    ----------
-    pieces : tuple of Piece
-    """
+    """Pieces in sequence, each beginning on a sample."""
 
     pieces: tuple[Piece, ...]
 
@@ -123,12 +118,7 @@ class MotionSequence:
         """The motion at full speed at given instants, each piece by its own formula, and the segment of each instant.
 
         Beyond the end it rests in the end pose. Instants where segments meet belong to ``excite``.
-
-        Parameters
-        ----------
-        time : ndarray, shape (N,)
-            Not negative, not decreasing [s].
-        """
+        """  # time (N,), not negative, not decreasing [s]
         ends = np.array([self._seconds(steps) for steps in np.cumsum([piece.steps for piece in self.pieces])])
         near = _SAME_INSTANT * self._seconds(1)
         times = []
@@ -157,18 +147,8 @@ class MotionSequence:
         """The motion at every sample, and the segment that each one belongs to.
 
         At a fraction v of full speed the motion is ``q(v t)``: the same path with velocities times v, accelerations
-        times v^2 and jerks times v^3. Samples where segments meet belong to ``excite``.
-
-        Parameters
-        ----------
-        wanted : float
-            Speed in (0, 1]; see `speed`.
-
-        Returns
-        -------
-        samples : Samples
-            Motion of every joint.
-        segments : list of str
+        times v^2 and jerks times v^3, for a wanted v in (0, 1], see `speed`. Samples where segments meet belong to
+        ``excite``.
         """
         count = self._count(wanted)
         at = np.arange(count + 1) * self.steps / count  # in sampling periods of full speed

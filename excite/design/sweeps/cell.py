@@ -52,19 +52,11 @@ _DIGITS = 8  # of a hash in a name
 
 @dataclass(frozen=True)
 class Cell:
-    """One design of a sweep.
+    """One design of a sweep."""
 
-    Parameters
-    ----------
-    name : str
-        Of its folder; unique in the sweep, whatever the other cells are.
-    task : Task
-    options : mapping of str to str
-        Options of the grid and what they are in this cell, as text.
-    """
-
-    name: str
+    name: str  # of its folder; unique in the sweep, whatever the other cells are
     task: Task
+    # options of the grid and what they are in this cell, as text
     options: Mapping[str, str] = field(default_factory=dict)
 
 

@@ -50,41 +50,22 @@ _SHOWN = 3  # names of cells in a message
 
 @dataclass(frozen=True)
 class CellProgress:
-    """One cell that has ended.
-
-    Parameters
-    ----------
-    cell : str
-    done, total : int
-        Cells that have ended, those of earlier runs among them, and all cells.
-    condition : float, optional
-        Condition number of its design.
-    status, reason : str
-        Where there is no design.
-    """
+    """One cell that has ended."""
 
     cell: str
-    done: int
-    total: int
-    condition: float | None = None
-    status: str = ""
+    done: int  # cells that have ended, those of earlier runs among them
+    total: int  # all cells
+    condition: float | None = None  # condition number of its design
+    status: str = ""  # where there is no design, and why
     reason: str = ""
 
 
 @dataclass(frozen=True)
 class CellsLeft:
-    """Cells of a sweep in a folder.
+    """Cells of a sweep in a folder."""
 
-    Parameters
-    ----------
-    done : tuple of Cell
-        Finished by an earlier run: designed, or found to be infeasible.
-    work : tuple of (Cell, CellWork)
-        Those that are left.
-    """
-
-    done: tuple[Cell, ...]
-    work: tuple[tuple[Cell, CellWork], ...]
+    done: tuple[Cell, ...]  # finished by an earlier run: designed, or found to be infeasible
+    work: tuple[tuple[Cell, CellWork], ...]  # those that are left
 
 
 @checked

@@ -47,33 +47,18 @@ class CellFacts:
 
 @dataclass(frozen=True)
 class SweepRow:
-    """One cell of a sweep in numbers.
+    """One cell of a sweep in numbers."""
 
-    Parameters
-    ----------
-    cell : str
-        Name of the cell, and of its folder in ``cells``.
-    options : mapping of str to str
-        Options of the grid.
-    status : {"designed", "exceeds limits", "infeasible", "failed", "not run"}
-    group : int
-        Rows of the same group have the same robot, model, moving joints and base parameters, so that their numbers are
-        comparable; 0 without a design.
-    criteria : mapping of str to float
-        Of ``design.json``, see `excite.information.matrix.CONVENTIONS`; each at the rate and noise of its own task.
-    facts : CellFacts, optional
-        Of the design.
-    reason : str
-        Why there is no design, or why its limits could not be computed.
-    """
-
-    cell: str
-    options: Mapping[str, str]
-    status: str
+    cell: str  # name of the cell, and of its folder in ``cells``
+    options: Mapping[str, str]  # options of the grid
+    status: str  # one of `STATUSES`
+    # rows of the same group have the same robot, model, moving joints and base parameters, so that their numbers are
+    # comparable; 0 without a design
     group: int = 0
+    # of ``design.json``, see `excite.information.matrix.CONVENTIONS`; each at the rate and noise of its own task
     criteria: Mapping[str, float | None] = field(default_factory=dict)
-    facts: CellFacts | None = None
-    reason: str = ""
+    facts: CellFacts | None = None  # of the design
+    reason: str = ""  # why there is no design, or why its limits could not be computed
 
     def __post_init__(self) -> None:
         """Check that there is such an end, and facts of a design."""
@@ -155,18 +140,7 @@ class SweepTable:
 
 @checked
 def load_sweep(folder: str | Path) -> SweepTable:
-    """Read the table of a sweep from its folder.
-
-    Parameters
-    ----------
-    folder : path
-        Or its ``campaign.json``.
-
-    Raises
-    ------
-    InputError
-        It cannot be read, or is of another kind.
-    """
+    """Read the table of a sweep from its folder, or from its ``campaign.json``."""
     path = Path(folder)
     return read_record(path if path.suffix == ".json" else path / JSON, SweepTable, KIND)
 
