@@ -94,7 +94,7 @@ class Blueprint:
                 criterion=self.goal.of(instance("criterion", task.objective.criterion)),
                 prior=prior,
                 unit=combination.unit,
-                exact=exact_matrix,
+                exact_matrix=exact_matrix,
             ),
             limits=GridLimits.imposed(family.on_grid(grid), limits, nonlinear, motion, stated),
             centre=self.centre,

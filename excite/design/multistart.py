@@ -208,7 +208,7 @@ def _is_other(path: Path, formulation: Formulation) -> bool:
     """True for starts that did not end, or are of another problem."""
     with suppress(InputError):
         start, origin = read_start(path)
-        return origin is None or origin.sha256 != formulation.identity.sha256 or start.status == RUNNING
+        return origin is None or origin["sha256"] != formulation.identity.sha256 or start.status == RUNNING
     return False
 
 

@@ -7,7 +7,8 @@ import platform
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -24,7 +25,7 @@ from constraints.nonlinear import Limit
 from excite.design.approach import approach_and_return
 from excite.design.blueprint import TYPICAL_STARTS, search_seconds
 from excite.design.design import Design
-from excite.design.formulation import Formulation, formulate
+from excite.design.formulation import LIKELY_CAUSE, Formulation, formulate
 from excite.design.interruption import current_interruption
 from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.search_rounds import Rounds, RunningRounds, design_with_harmonics
@@ -139,11 +140,19 @@ def design_trajectory(
     task = task.changed(**given, **options)
     if constraints:
         task = task.changed(constraints=(*task.limits.constraints, *constraints))
-    if folder is not None:
+    with search_folder(folder) as place:
+        return _design(robot, task, place, progress, fresh=fresh)
+
+
+@contextmanager
+def search_folder(folder: str | Path | None) -> Iterator[Path]:
+    """The folder where a search keeps its starts, locked; a temporary one if none is given."""
+    if folder is None:
+        with tempfile.TemporaryDirectory() as temporary:
+            yield Path(temporary)
+    else:
         with locked(Destination(Path(folder))):
-            return _design(robot, task, Path(folder), progress, fresh=fresh)
-    with tempfile.TemporaryDirectory() as temporary:
-        return _design(robot, task, Path(temporary), progress, fresh=fresh)
+            yield Path(folder)
 
 
 def _design(robot: Robot, task: Task, folder: Path, progress: Progress | None, *, fresh: bool) -> Design:
@@ -179,11 +188,7 @@ def _robot_and_task(robot: Any, task: Task) -> tuple[Robot, Task]:
     return robot, task
 
 
-@numerical_work(
-    "the design",
-    "values of very different sizes are the likely cause: "
-    "check `period`, `noise`, `prior` and the limits of the joints",
-)
+@numerical_work("the design", LIKELY_CAUSE)
 def solve(
     robot: Robot,
     formulation: Formulation,

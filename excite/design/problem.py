@@ -140,10 +140,9 @@ class SmoothObjective:
     information: Information  # M(x) in the reference base columns
     transform: Array  # (b, b) ``T``; in the chosen convention M is ``T' M T``
     criterion: Criterion
-    prior: Array | float = 0.0  # (b, b) ``P``, prior knowledge per instant, added to M before the transform
-    unit: float = 1.0  # factor from the rows of the information to those of results
-    # M(x) as results report it, without smoothing for the optimiser; the same if not given
-    exact: Callable[[Array], Array] | None = None
+    prior: Array | float  # (b, b) ``P``, prior knowledge per instant, added to M before the transform
+    unit: float  # factor from the rows of the information to those of results
+    exact_matrix: Callable[[Array], Array]  # M(x) as results report it, (b, b), without smoothing for the optimiser
 
     @cached_property
     def _same_columns(self) -> bool:
@@ -153,10 +152,6 @@ class SmoothObjective:
         """The information matrix M with prior knowledge in the chosen convention."""
         M = M + self.prior
         return M if self._same_columns else np.asarray(self.transform.T @ M @ self.transform)
-
-    def exact_matrix(self, x: Array) -> Array:
-        """M(x) as results report it, shape (b, b)."""
-        return self.information.evaluate(x).M if self.exact is None else self.exact(x)
 
     def points(self, xs: Sequence[Array], sharpness: Sequence[float]) -> list[ObjectivePoint]:
         """Smooth objective at several x; the same as one by one."""

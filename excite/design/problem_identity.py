@@ -47,7 +47,7 @@ class ProblemIdentity:
     @property
     def origin(self) -> Origin:
         """What the files of starts of this run say of where they come from."""
-        return Origin(self.content, self.sha256, self.run)
+        return {"problem": self.content, "sha256": self.sha256, "run": self.run}
 
     def differences(self, other: Mapping[str, Any]) -> str:
         """What another problem's content has otherwise, such as ``trajectory.harmonics 5 -> 7``; may be empty."""

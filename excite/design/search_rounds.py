@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import floor
 
 import numpy as np
@@ -40,28 +40,20 @@ from excite.tasks.trajectory_choice import FEWEST
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 
-
-@dataclass(frozen=True)
-class RoundSizes:
-    """Sizes, chosen by trials on an IRp-6, a Panda and a UR10; ``benchmarks/search.py`` measures what they reach."""
-
-    combined: int = 4  # starts of a later round; also the number of processes that can share it
-    parents: int = 3  # motions that are combined
-    # rounds in a row without gain after which the population ends; it ends at once where an earlier one has
-    patience: int = 3
-    gain: float = 1e-3  # relative decrease of the criterion that counts as a gain, and difference that counts as none
-    repetitions: int = 3  # populations that come to the same end, the best of all, before the search ends
-    rounds: int = 32  # largest number of rounds after the first, where neither rounds nor a budget are stated
-
-
-SIZES = RoundSizes()
+# chosen by trials on an IRp-6, a Panda and a UR10; ``benchmarks/search.py`` measures what they reach
+_COMBINED = 4  # starts of a later round; also the number of processes that can share it
+_PARENTS = 3  # motions that are combined
+_PATIENCE = 3  # rounds in a row without gain after which the population ends; it ends at once where an earlier one has
+_GAIN = 1e-3  # relative decrease of the criterion that counts as a gain, and difference that counts as none
+_REPETITIONS = 3  # populations that come to the same end, the best of all, before the search ends
+_ROUNDS = 32  # largest number of rounds after the first, where neither rounds nor a budget are stated
 
 
 class Rounds:
     """Plan of the rounds of one search."""
 
-    def __init__(self, search: Search, sizes: RoundSizes = SIZES) -> None:
-        self.sizes, self.search = sizes, search
+    def __init__(self, search: Search) -> None:
+        self.search = search
         self.planned = self.count = 0
         self.population = Population()
         self.ends: list[float] = []
@@ -72,7 +64,7 @@ class Rounds:
     @property
     def largest(self) -> int:
         """Number of starts in the largest round."""
-        return max(self.search.first, self.sizes.combined if self.search.adaptive else 0)
+        return max(self.search.first, _COMBINED if self.search.adaptive else 0)
 
     def following(self, results: Sequence[StartResult], spent: float = 0.0) -> Starts:
         """Starts of the next round, given the results of the last one; none at the end."""
@@ -89,7 +81,7 @@ class Rounds:
         self.count += 1
         if not self.population.members:
             return self._random(RANDOM_STARTS)
-        return self._descending("combination", self.sizes.combined, self.population.members[: self.sizes.parents])
+        return self._descending("combination", _COMBINED, self.population.members[:_PARENTS])
 
     @property
     def left(self) -> float:
@@ -110,11 +102,11 @@ class Rounds:
         for result in sorted(results, key=lambda result: result.index):
             if np.isfinite(result.value) and (self._best is None or result.value < self._best.value):
                 self._best = result
-        gained = self.population.best < before * (1.0 - self.sizes.gain)
+        gained = self.population.best < before * (1.0 - _GAIN)
         self._stall = 0 if gained else self._stall + 1
         best = self.population.best
-        repeated = any(abs(best - end) <= self.sizes.gain * end for end in self.ends)
-        if repeated or self._stall >= self.sizes.patience:
+        repeated = any(abs(best - end) <= _GAIN * end for end in self.ends)
+        if repeated or self._stall >= _PATIENCE:
             self.ends.append(best)
             self.population, self._stall = Population(), 0
 
@@ -130,9 +122,9 @@ class Rounds:
             return self.count >= self.search.rounds
         if self.search.budget is not None:
             return spent >= self.search.budget
-        ends = np.sort(self.ends)[: self.sizes.repetitions]
-        found_again = ends.size == self.sizes.repetitions and ends[-1] <= (1.0 + self.sizes.gain) * ends[0]
-        return bool(found_again) or self.count >= self.sizes.rounds
+        ends = np.sort(self.ends)[:_REPETITIONS]
+        found_again = ends.size == _REPETITIONS and ends[-1] <= (1.0 + _GAIN) * ends[0]
+        return bool(found_again) or self.count >= _ROUNDS
 
 
 _SAME = 3e-3  # two motions whose criteria differ by less are taken to be in one basin: mirrored and reversed ones are

@@ -84,13 +84,9 @@ def number_of(start: Start) -> int:
     return start if isinstance(start, int) else start.index
 
 
-@dataclass(frozen=True)
-class Origin:
-    """Where a start's file comes from."""
-
-    problem: dict[str, Any]  # the problem, see `excite.design.problem_identity`
-    sha256: str | None  # its hash; None where two such problems cannot be compared
-    run: str  # unique number of the run that computed it
+#: Where a start's file comes from: ``problem``, see `excite.design.problem_identity`; ``sha256``, its hash, None where
+#: two such problems cannot be compared; and ``run``, the unique number of the run that computed it.
+Origin = dict[str, Any]
 
 
 def start_file(folder: Path, index: int) -> Path:
@@ -104,7 +100,7 @@ def write_start(folder: Path, result: StartResult, origin: Origin | None = None)
     content["value"] = or_none(result.value)
     content["history"] = [or_none(value) for value in result.history]
     if origin is not None:
-        content["origin"] = asdict(origin)
+        content["origin"] = origin
     write_hashed(start_file(folder, result.index), content)
 
 
@@ -133,7 +129,9 @@ def read_start(path: Path) -> tuple[StartResult, Origin | None]:
         values["parents"] = tuple(values.get("parents", ()))
         values["history"] = [or_infinite(value) for value in values["history"]]
         values["value"] = or_infinite(values["value"])
-        origin = Origin(**content["origin"]) if "origin" in content else None
+        origin = (
+            {name: content["origin"][name] for name in ("problem", "sha256", "run")} if "origin" in content else None
+        )
     except (AttributeError, KeyError, TypeError) as error:
         raise InputError(f"{path} is not the complete file of a start: {error}") from error
     return StartResult(**values), origin

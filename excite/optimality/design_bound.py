@@ -21,7 +21,7 @@ from excite.information.weighting import minimised_text, weighting_of
 from excite.optimality.cutting_planes import BOUNDED, LOOKED_AT, BoundedCriterion, CuttingPlanes, Tell
 from excite.optimality.limited_states import MomentConditions, StateRows, limited_states, state_rows
 from excite.optimality.proven_factor import proven_factor
-from excite.optimality.sensitivity import Sensitivity, sensitivity
+from excite.optimality.sensitivity import LIKELY_CAUSE, Sensitivity, sensitivity
 from excite.registry import instance, is_own, name_of
 from excite.storage.atomic import Destination, read_json
 from excite.storage.codec import Beside
@@ -144,10 +144,7 @@ def stored_bound(design: Design) -> DesignBound | None:
 
 
 @checked
-@numerical_work(
-    "the bound",
-    "values of very different sizes are the likely cause: check the limits, `noise` and the description of the robot",
-)
+@numerical_work("the bound", LIKELY_CAUSE)
 def bound(
     design: Design,
     criteria: Sequence[str] = ("condition",),

@@ -65,10 +65,12 @@ class Sensitivity:
         )
 
 
-@numerical_work(
-    "the sensitivity",
-    "values of very different sizes are the likely cause: check the limits, `noise` and the description of the robot",
+LIKELY_CAUSE = (
+    "values of very different sizes are the likely cause: check the limits, `noise` and the description of the robot"
 )
+
+
+@numerical_work("the sensitivity", LIKELY_CAUSE)
 def sensitivity(design: Design, progress: Callable[[str], None] = lambda _: None) -> Sensitivity:
     """Change a design's problem in one respect at a time, and improve its motion in the new problem.
 

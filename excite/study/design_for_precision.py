@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
 from excite.design.kept_starts import KeptStarts, keep_starts
-from excite.design.optimisation import Progress, solve
+from excite.design.optimisation import Progress, search_folder, solve
 from excite.design.problem import Problem
 from excite.design.solvers.solver import Solver
 from excite.information.matrix import noise_per_row
@@ -32,8 +30,6 @@ from excite.information.target import inverse_half, target_of
 from excite.information.weighting import weighting_of
 from excite.optimality.sensitivity import best_of, loosened, same_motion
 from excite.registry import instance, name_of
-from excite.storage.atomic import Destination
-from excite.storage.commit import locked
 from excite.study.period_search import PeriodSearch, pareto_front, tried_period
 from excite.tasks.installation import Installation
 from excite.tasks.precision_target import PrecisionTarget
@@ -105,12 +101,7 @@ def design_for_precision(
     subject = first_argument(robot_or_model, options, "design_for_precision")
     robot, task = robot_and_task(subject)
     task = task.changed(**options, **({} if precision is None else {"precision": precision}))
-    with ExitStack() as stack:
-        if folder is None:
-            place = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        else:
-            place = Path(folder)
-            stack.enter_context(locked(Destination(place)))
+    with search_folder(folder) as place:
 
         def prepared(formulation: Formulation, name: str) -> KeptStarts:
             (place / name).mkdir(parents=True, exist_ok=True)

@@ -239,8 +239,8 @@ class GridMotion(ABC):
         return self._family.grid_factor(self._count, derivative)
 
     @abstractmethod
-    def values(self, x: Array, derivative: int, instants: Index | None = None) -> Array:
-        """``y^(d)`` at all or some instants, shape (N, k)."""
+    def values(self, x: Array, derivative: int) -> Array:
+        """``y^(d)`` at all instants, shape (N, k)."""
 
     def combined(self, x: Array, matrix: Array, derivative: int) -> Array:
         """``A y^(d)`` for a matrix A of shape (m, k), shape (m, N)."""

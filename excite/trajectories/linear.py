@@ -147,9 +147,8 @@ class _BasisGrid(GridMotion):
         super().__init__(family, count)
         self.basis = cache(lambda derivative: family.basis(family.grid(count), derivative))  # each (N, size)
 
-    def values(self, x: Array, derivative: int, instants: Index | None = None) -> Array:
-        B = self.basis(derivative)
-        return np.asarray((B if instants is None else B[instants]) @ x.T)
+    def values(self, x: Array, derivative: int) -> Array:
+        return np.asarray(self.basis(derivative) @ x.T)
 
     def combined(self, x: Array, matrix: Array, derivative: int) -> Array:
         return np.asarray((matrix @ x) @ self.basis(derivative).T)

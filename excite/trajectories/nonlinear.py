@@ -162,9 +162,8 @@ class _NodeGrid(GridMotion):
     linear = False
     _family: NonlinearFamily
 
-    def values(self, x: Array, derivative: int, instants: Index | None = None) -> Array:
-        time, _ = self._family.nodes(x, self._count)
-        return self._family.coordinate_motion(x, time if instants is None else time[instants], derivative)
+    def values(self, x: Array, derivative: int) -> Array:
+        return self._family.coordinate_motion(x, self._family.nodes(x, self._count)[0], derivative)
 
     def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
         jacobians = [self._jacobian(x, d, instants) for d in derivatives]  # each (T, k, x.size)

@@ -306,7 +306,7 @@ def optimise_there(needs: StartNeeds, start: Start) -> StartResult:
 def _prepared(content: bytes) -> Callable[[Job], list[StartResult]]:
     """What optimises starts, with the problem, built once per worker."""
     blueprint, origin = cloudpickle.loads(content)
-    check_versions(origin.problem["versions"])
+    check_versions(origin["problem"]["versions"])
     return work_on_starts(blueprint, origin)
 
 
