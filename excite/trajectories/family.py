@@ -226,29 +226,16 @@ class JointMotion:
 MotionTangent = Callable[[Array, Index], Array]
 
 
-class GridMotion(ABC):
+@dataclass(frozen=True, eq=False)
+class GridMotion:
     """The motion y of a family's k coordinates on a grid of N instants, as a function of x."""
 
     linear: bool  # in x, so that tangents are the same for every x
-
-    def __init__(self, family: Family, count: int) -> None:
-        self._family, self._count = family, count
-
-    def factor(self, derivative: int) -> float:
-        """Lower bound of the largest |value| on the grid over the largest |value| over continuous time."""
-        return self._family.grid_factor(self._count, derivative)
-
-    @abstractmethod
-    def values(self, x: Array, derivative: int) -> Array:
-        """``y^(d)`` at all instants, shape (N, k)."""
-
-    def combined(self, x: Array, matrix: Array, derivative: int) -> Array:
-        """``A y^(d)`` for a matrix A of shape (m, k), shape (m, N)."""
-        return np.asarray(matrix @ self.values(x, derivative).T)
-
-    @abstractmethod
-    def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
-        """Some derivatives of the motion at some instants, linearised about x."""
+    factor: Callable[[int], float]  # see `Family.grid_factor`, of a derivative
+    values: Callable[[Array, int], Array]  # ``y^(d)`` at x, shape (N, k)
+    combined: Callable[[Array, Array, int], Array]  # ``A y^(d)`` at x for a matrix A of shape (m, k), shape (m, N)
+    # some derivatives of the motion at some instants, linearised about x
+    tangent: Callable[[Array, Sequence[int], Index], MotionTangent]
 
 
 def stored_trajectory(series: Mapping[str, Any], joints: int, family: Family | None = None) -> Trajectory:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -125,7 +125,27 @@ class LinearFamily(Family):
 
     def on_grid(self, count: int) -> GridMotion:
         """Motion on equal steps by the basis, which is evaluated once."""
-        return _BasisGrid(self, count)
+        basis = cache(lambda derivative: self.basis(self.grid(count), derivative))  # each (N, size)
+
+        def tangent(x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
+            bases = [basis(d) for d in derivatives]
+
+            def rows(weights: Array, place: Index) -> Array:
+                at = instants[place]
+                first, *others = (weights[:, o, :, None] * B[at][:, None, :] for o, B in enumerate(bases))
+                for term in others:
+                    first += term
+                return np.asarray(first.reshape(place.size, first.shape[1] * first.shape[2]))
+
+            return rows  # the basis itself; no Jacobian is stored
+
+        return GridMotion(
+            linear=True,
+            factor=partial(self.grid_factor, count),
+            values=lambda x, derivative: np.asarray(basis(derivative) @ x.T),
+            combined=lambda x, matrix, derivative: np.asarray((matrix @ x) @ basis(derivative).T),
+            tangent=tangent,
+        )
 
     def resting(self, pose: Array, rng: np.random.Generator | None = None) -> Array:
         """Rest as multiples of `constant`."""
@@ -138,29 +158,3 @@ class LinearFamily(Family):
     def combined_extrema(self, x: Array, matrix: Array, offset: Array, derivative: int) -> Extrema:
         """Extrema of the functions with the combined coefficients."""
         return self.extrema(matrix @ x + np.outer(offset, self.constant), derivative)
-
-
-class _BasisGrid(GridMotion):
-    linear = True
-
-    def __init__(self, family: LinearFamily, count: int) -> None:
-        super().__init__(family, count)
-        self.basis = cache(lambda derivative: family.basis(family.grid(count), derivative))  # each (N, size)
-
-    def values(self, x: Array, derivative: int) -> Array:
-        return np.asarray(self.basis(derivative) @ x.T)
-
-    def combined(self, x: Array, matrix: Array, derivative: int) -> Array:
-        return np.asarray((matrix @ x) @ self.basis(derivative).T)
-
-    def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
-        bases = [self.basis(d) for d in derivatives]
-
-        def rows(weights: Array, place: Index) -> Array:
-            at = instants[place]
-            first, *others = (weights[:, o, :, None] * B[at][:, None, :] for o, B in enumerate(bases))
-            for term in others:
-                first += term
-            return np.asarray(first.reshape(place.size, first.shape[1] * first.shape[2]))
-
-        return rows  # the basis itself; no Jacobian is stored

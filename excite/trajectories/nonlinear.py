@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
@@ -129,8 +130,36 @@ class NonlinearFamily(Family):
         return JointMotion(values, pullback)
 
     def on_grid(self, count: int) -> GridMotion:
-        """Motion on `nodes`, evaluated anew for every x."""
-        return _NodeGrid(self, count)
+        """Motion on `nodes`, which may depend on x, evaluated anew for every x."""
+
+        def values(x: Array, derivative: int) -> Array:
+            return self.coordinate_motion(x, self.nodes(x, count)[0], derivative)
+
+        def tangent(x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
+            jacobians = [self._node_jacobian(x, d, count, instants) for d in derivatives]  # each (T, k, x.size)
+
+            def rows(weights: Array, place: Index) -> Array:
+                parts = ((weights[:, order][:, None, :] @ J[place])[:, 0] for order, J in enumerate(jacobians))
+                return sum(parts, np.zeros((place.size, x.size)))
+
+            return rows
+
+        return GridMotion(
+            linear=False,
+            factor=partial(self.grid_factor, count),
+            values=values,
+            combined=lambda x, matrix, derivative: np.asarray(matrix @ values(x, derivative).T),
+            tangent=tangent,
+        )
+
+    def _node_jacobian(self, x: Array, derivative: int, count: int, instants: Index) -> Array:
+        """Derivative with respect to x at some nodes, including their motion with x, shape (T, k, x.size)."""
+        time, drift = self.nodes(x, count)
+        jacobian = self.jacobian(x, time[instants], derivative)
+        if drift is not None:
+            rate = self.coordinate_motion(x, time[instants], derivative + 1)
+            jacobian[:, :, x.size - drift.shape[1] :] += rate[:, :, None] * drift[instants][:, None, :]
+        return jacobian
 
     def nearest(self, time: Array, q: Array) -> Array:
         """Nearest motion by nonlinear least squares, starting from the most regular shape."""
@@ -154,31 +183,3 @@ class NonlinearFamily(Family):
         """Map from the coordinates to the joints, for `to_dict`."""
         matrix, offset = self._carrying(x)
         return {"matrix": matrix.tolist(), "rest": offset.tolist()}
-
-
-class _NodeGrid(GridMotion):
-    """Motion on nodes that may depend on x."""
-
-    linear = False
-    _family: NonlinearFamily
-
-    def values(self, x: Array, derivative: int) -> Array:
-        return self._family.coordinate_motion(x, self._family.nodes(x, self._count)[0], derivative)
-
-    def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
-        jacobians = [self._jacobian(x, d, instants) for d in derivatives]  # each (T, k, x.size)
-
-        def rows(weights: Array, place: Index) -> Array:
-            parts = ((weights[:, order][:, None, :] @ J[place])[:, 0] for order, J in enumerate(jacobians))
-            return sum(parts, np.zeros((place.size, x.size)))
-
-        return rows
-
-    def _jacobian(self, x: Array, derivative: int, instants: Index) -> Array:
-        """Derivative with respect to x at some nodes, including their motion with x, shape (T, k, x.size)."""
-        time, drift = self._family.nodes(x, self._count)
-        jacobian = self._family.jacobian(x, time[instants], derivative)
-        if drift is not None:
-            rate = self._family.coordinate_motion(x, time[instants], derivative + 1)
-            jacobian[:, :, x.size - drift.shape[1] :] += rate[:, :, None] * drift[instants][:, None, :]
-        return jacobian
