@@ -105,12 +105,6 @@ def _goal(target: IdentificationTarget, goal: Task, samples: Samples) -> float |
     return more.of(criterion).value(weighting.matrix(target.model.assemble(samples)[:, target.base.index]))
 
 
-def _friction(task: Task) -> str:
-    if task.model.friction_curves is not None:
-        return "known"
-    return "identified" if task.model.friction else "left out"
-
-
 def _judgement(design: Design, terms: Task, task: Task) -> Judgement:
     kept = ("rotor", "stribeck_speed", "carried", "joint_rotors", "reflected_rotors")
     same = {name: getattr(terms.model, name) for name in kept}
@@ -121,6 +115,8 @@ def _judgement(design: Design, terms: Task, task: Task) -> Judgement:
     given = terms.objective.noise
     fits = given is None or len(given) in (1, len(target.model.row_labels))  # otherwise not comparable
     noise = noise_per_row(given if fits else task.objective.noise, target.model)
+    own = design.task.model
+    friction = "known" if own.friction_curves is not None else "identified" if own.friction else "left out"
     samples = _as_seen_by(design, target.robot).samples(target.model.times(design.trajectory.duration, RATE))
     return Judgement(
         name=design.name,
@@ -130,7 +126,7 @@ def _judgement(design: Design, terms: Task, task: Task) -> Judgement:
         moving=target.motion.labels,
         duration=design.trajectory.duration,
         parameters=target.base.rank,
-        friction=_friction(design.task),
+        friction=friction,
         minimised=minimised_text(design.task),
         goal=_goal(target, terms, samples),
         criteria=MotionMeasures.of(target, samples, noise).criteria,

@@ -281,7 +281,7 @@ class SignPattern:
         """``<F, lower>``, ``<F, upper> + constant`` and ``c' h`` as matrices of m, shape (N, |m|, |m|) each."""
         k = self.states.n
         size = 1 + 2 * k + k * (k + 1) // 2
-        v, a = self._drawn(2 * size, rng)
+        v, a = self.signs * rng.uniform(0.05, 1.0, (2 * size, k)), rng.uniform(-1.0, 1.0, (2 * size, k))
         m = monomials(v, a)
         G = np.stack([self._coefficients(np.tile(point, (len(v), 1)), v, a, m) for point in p])
         of_h = np.stack([self._of_conditions(np.tile(point, (len(v), 1)), v, a) for point in p])
@@ -290,10 +290,6 @@ class SignPattern:
         lower[:, 0, 0] += float(np.sum(prior * dual.lower))
         upper[:, 0, 0] += float(np.sum(prior * dual.upper)) + dual.constant
         return lower, upper, of_h
-
-    def _drawn(self, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-        k = self.states.n
-        return self.signs * rng.uniform(0.05, 1.0, (count, k)), rng.uniform(-1.0, 1.0, (count, k))
 
     def _coefficients(self, p: Array, v: Array, a: Array, m: Array) -> Array:
         """``G`` at one p, shape (r, b, |m|), by least squares over twice as many instants as monomials."""

@@ -111,11 +111,8 @@ class ProblemChanges:
     @classmethod
     def of(cls, design: Design, progress: Callable[[str], None] = lambda _: None) -> ProblemChanges:
         """Refine the motion of a design without a change."""
-        formulation = formulate(design.robot, design.task)
-        problem, motion = formulation.problem, formulation.blueprint.motion
-        solver: Solver = instance("solver", design.task.search.solver)
-        inverse = np.asarray(np.linalg.pinv(motion.matrix), dtype=float)
-        x = design.trajectory.carried(inverse, -inverse @ motion.offset).x
+        formulation, solver, x = reformulated(design)
+        problem = formulation.problem
         value = problem.exact_value(x)
         progress("refining the motion")
         for _ in range(_REFINEMENTS):
@@ -200,6 +197,15 @@ class ProblemChanges:
             return replace(formulation.blueprint, task=task).problem(formulation.nonlinear, formulation.stated)
         except InputError:
             return None
+
+
+def reformulated(design: Design) -> tuple[Formulation, Solver, Array]:
+    """The problem of a design, its solver, and the x of its motion in the moving coordinates."""
+    formulation = formulate(design.robot, design.task)
+    motion = formulation.blueprint.motion
+    inverse = np.asarray(np.linalg.pinv(motion.matrix), dtype=float)
+    x = design.trajectory.carried(inverse, -inverse @ motion.offset).x
+    return formulation, instance("solver", design.task.search.solver), x
 
 
 def loosened(limit: GridConstraint, labels: Collection[str], factor: float) -> GridConstraint:

@@ -15,7 +15,6 @@ from excite.design.formulation import Formulation, formulate
 from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.optimisation import Progress, search_folder, solve
 from excite.design.problem import Problem
-from excite.design.solvers.solver import Solver
 from excite.information.matrix import noise_per_row
 from excite.information.precision_forecast import (
     OutOfReach,
@@ -28,8 +27,8 @@ from excite.information.precision_forecast import (
 )
 from excite.information.target import inverse_half, target_of
 from excite.information.weighting import weighting_of
-from excite.optimality.sensitivity import best_of, loosened, same_motion
-from excite.registry import instance, name_of
+from excite.optimality.sensitivity import best_of, loosened, reformulated, same_motion
+from excite.registry import name_of
 from excite.study.period_search import PeriodSearch, pareto_front, tried_period
 from excite.tasks.installation import Installation
 from excite.tasks.precision_target import PrecisionTarget
@@ -210,11 +209,8 @@ def _too_wide(run: RunInformation, parameter: ParameterPrecision) -> TooWide:
 
 def _changes(design: Design, report: Callable[[str], None]) -> Iterator[tuple[str, float]]:
     """Each change of limits and of the highest frequency, and how many times narrower the widest half-width becomes."""
-    formulation = formulate(design.robot, design.task)
-    problem, motion = formulation.problem, formulation.blueprint.motion
-    solver: Solver = instance("solver", design.task.search.solver)
-    inverse = np.asarray(np.linalg.pinv(motion.matrix), dtype=float)
-    x = design.trajectory.carried(inverse, -inverse @ motion.offset).x
+    formulation, solver, x = reformulated(design)
+    problem = formulation.problem
     report("trying what separates the parameters: the same problem once more")
     x, value = best_of(problem, solver, x, problem.exact_value(x))
     for quantity in ("velocity", "acceleration", "position"):
