@@ -103,11 +103,11 @@ class Imposed:
         """Jacobian at x times a direction d, at some instants, shape (k, instants)."""
         shape = self._limit.lower.size, instants.size
         function, place = (i.ravel() for i in np.indices(shape))
-        return (self._limit.tangent(x, instants).rows(function, place) @ d.ravel()).reshape(shape)
+        return (self._limit.tangent(x, instants)(function, place) @ d.ravel()).reshape(shape)
 
     def rows(self, x: Array, functions: Array, instants: Array) -> Array:
         """Rows of the Jacobian at x of one function each at one instant each, shape (rows, x.size)."""
-        return self._limit.tangent(x, instants).rows(functions, np.arange(instants.size))
+        return self._limit.tangent(x, instants)(functions, np.arange(instants.size))
 
 
 def imposed(problem: Problem) -> dict[str, Imposed]:

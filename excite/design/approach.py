@@ -28,25 +28,12 @@ _SLOWEST = 30.0  # times the shortest duration: if that does not help, slower tr
 
 @dataclass(frozen=True, eq=False)
 class ApproachAndReturn:
-    """Transfers from home to the motion and back, each a whole number of samples long.
+    """Transfers from home to the motion and back, each a whole number of samples long."""
 
-    Parameters
-    ----------
-    approach, back : Transfer or None
-        None where the motion starts, or ends, at home.
-    settle : int
-        Number of sampling periods of rest between them and the motion.
-    rate : float
-        [Hz]
-    limits : dict of str to tuple of LimitUse
-        Per segment: limits over continuous time.
-    """
-
-    approach: Transfer | None
-    back: Transfer | None
-    settle: int
-    rate: float
-    limits: dict[str, tuple[LimitUse, ...]]
+    transfers: dict[str, Transfer]  # per segment; none where the motion starts, or ends, at home
+    settle: int  # number of sampling periods of rest between them and the motion
+    rate: float  # [Hz]
+    limits: dict[str, tuple[LimitUse, ...]]  # per segment: limits over continuous time
 
     @classmethod
     def of(cls, played: Mapping[str, Any]) -> ApproachAndReturn | None:
@@ -57,7 +44,7 @@ class ApproachAndReturn:
             return None
         spans = {each["name"]: float(each["end"]) - float(each["start"]) for each in played["segments"]}
         settle = max(round((spans[name] - transfer.duration) * rate) for name, transfer in transfers.items())
-        return cls(transfers.get(APPROACH), transfers.get(RETURN), settle, rate, stated_on_transfers(played))
+        return cls(transfers, settle, rate, stated_on_transfers(played))
 
     def check_joined(self, ends: Array) -> None:
         """Raise `InputError` where they do not meet the motion."""  # ends (2, n)
@@ -70,12 +57,6 @@ class ApproachAndReturn:
                     f"the {name} does not meet the motion, by {gap:.3g} rad (m): the entry 'trajectory' or 'played' "
                     "was changed after the design was written; restore the file, or design the motion again"
                 )
-
-    @property
-    def transfers(self) -> dict[str, Transfer]:
-        """Existing transfers, per segment."""
-        legs = {APPROACH: self.approach, RETURN: self.back}
-        return {segment: transfer for segment, transfer in legs.items() if transfer is not None}
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -100,26 +81,16 @@ class ApproachAndReturn:
         }
 
     def sequence(self, motion: Motion, steps: int) -> MotionSequence:
-        """The approach, a motion, and the return.
+        """The approach, a motion of every joint of so many sampling periods, and the return."""
+        before, after = self._pieces(APPROACH, -1), self._pieces(RETURN, 0)
+        return MotionSequence((*before, Piece(EXCITE, motion, steps), *reversed(after)))
 
-        Parameters
-        ----------
-        motion : Motion
-            Motion of every joint, from the end of the approach to the start of the return.
-        steps : int
-            Number of its sampling periods.
-        """
-        pieces = [Piece(EXCITE, motion, steps)]
-        if self.approach is not None:
-            pieces = [*self._pieces(APPROACH, self.approach, self.approach.poses[-1]), *pieces]
-        if self.back is not None:
-            pieces += reversed(self._pieces(RETURN, self.back, self.back.poses[0]))
-        return MotionSequence(tuple(pieces))
-
-    def _pieces(self, segment: str, transfer: Transfer, pose: Array) -> list[Piece]:
-        """A transfer, then rest in a pose."""
+    def _pieces(self, segment: str, end: int) -> list[Piece]:
+        """A transfer, if there is one, then rest at one of its ends."""
+        if (transfer := self.transfers.get(segment)) is None:
+            return []
         moving = Piece(segment, transfer, round(transfer.duration * self.rate))
-        rest = Piece(segment, Rest(pose, self.settle / self.rate), self.settle)
+        rest = Piece(segment, Rest(transfer.poses[end], self.settle / self.rate), self.settle)
         return [moving, rest] if self.settle else [moving]
 
 
@@ -146,12 +117,13 @@ def approach_and_return(
     start, end = whole_pose(limited, joints, ends)
     routes = [_around([*poses, target], limited, nonlinear, task.search.seed) for target in (start, end)]
     rate = task.output.rate
-    quickest = (quickest_transfer(route, linear, robot.joint_names) for route in (routes[0], routes[1][::-1]))
-    approach, back = (_on_samples(transfer, nonlinear, rate) for transfer in quickest)
+    transfers = {}
+    for segment, route in ((APPROACH, routes[0]), (RETURN, routes[1][::-1])):
+        if (quickest := quickest_transfer(route, linear, robot.joint_names)) is not None:
+            transfers[segment] = _on_samples(quickest, nonlinear, rate)
     settle = math.ceil(task.output.settle * rate * (1.0 - 1e-12))  # the fewest periods that last as long
-    transfers = ApproachAndReturn(approach, back, settle, rate, {})
-    limits = {name: uses_of(transfer, linear, nonlinear) for name, transfer in transfers.transfers.items()}
-    return replace(transfers, limits=limits)
+    limits = {name: uses_of(transfer, linear, nonlinear) for name, transfer in transfers.items()}
+    return ApproachAndReturn(transfers, settle, rate, limits)
 
 
 def _around(route: list[Array], robot: Robot, nonlinear: Sequence[NonlinearConstraint], seed: int) -> list[Array]:
@@ -197,13 +169,8 @@ def _waypoints(robot: Robot, task: Task, nonlinear: Sequence[NonlinearConstraint
     return poses
 
 
-def _on_samples(transfer: Transfer | None, limits: Sequence[NonlinearConstraint], rate: float) -> Transfer | None:
-    """The transfer as slow as the limits require, with every change of its jerk on a sample.
-
-    So what interpolates the samples keeps its limits.
-    """
-    if transfer is None:
-        return None
+def _on_samples(transfer: Transfer, limits: Sequence[NonlinearConstraint], rate: float) -> Transfer:
+    """The transfer as slow as the limits require; its jerk changes on samples, so that interpolation keeps limits."""
     transfer = _slow_enough(transfer, limits)
     return replace(transfer, legs=tuple(replace(leg, law=leg.law.on_grid(1.0 / rate)) for leg in transfer.legs))
 

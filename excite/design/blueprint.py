@@ -17,7 +17,7 @@ from constraints.linear import LinearConstraint, linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.grid_limits import GridLimits
 from excite.design.initial_guesses import random_motion
-from excite.design.problem import InitialGuess, Problem, SmoothObjective
+from excite.design.problem import Problem, SmoothObjective
 from excite.design.stated_limits import StatedWorld, nonlinear_limits, stated_limits
 from excite.information.goal import Goal
 from excite.information.matrix import Information
@@ -94,10 +94,12 @@ class Blueprint:
                 criterion=self.goal.of(instance("criterion", task.objective.criterion)),
                 prior=prior,
                 unit=combination.unit,
-                exact=exact_matrix,
+                exact_matrix=exact_matrix,
             ),
             limits=GridLimits.imposed(family.on_grid(grid), limits, nonlinear, motion, stated),
-            guess=InitialGuess(self.centre, task.search.start, self.initial),
+            centre=self.centre,
+            shapes=task.search.start,
+            initial=self.initial,
         )
         if not stated or not part("solver", task.search.solver).takes_nonlinear_limits:
             return problem

@@ -43,25 +43,14 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """Partial motions that together identify all parameters that the whole motion identifies.
-
-    Parameters
-    ----------
-    robot : str
-    joints : tuple of str
-    model : str
-    rank : int
-        Number of base parameters of the whole motion.
-    steps : tuple of Step
-    subsets : tuple of (tuple of str, int)
-        Every selection of drives that was considered, and the number of combinations of parameters it identifies.
-    """
+    """Partial motions that together identify all parameters that the whole motion identifies."""
 
     robot: str
     joints: tuple[str, ...]
     model: str
-    rank: int
+    rank: int  # number of base parameters of the whole motion
     steps: tuple[Step, ...]
+    # every selection of drives that was considered, and the number of combinations of parameters it identifies
     subsets: tuple[tuple[tuple[str, ...], int], ...]
 
 

@@ -30,57 +30,25 @@ RATE = 100.0
 
 @dataclass(frozen=True)
 class Judgement:
-    """One design under the common metrics.
+    """One design under the common metrics."""
 
-    Parameters
-    ----------
-    name : str
-        Folder of the design.
-    robot : str
-    model : str
-    channel : {"effort", "wrench"}
-        Channel that its equations explain.
-    moving : tuple of str
-        Names of the joints, or of the drives, that move.
-    duration : float
-        [s]
-    parameters : int
-        Number of base parameters.
-    friction : str
-        Treatment of friction in the design: "identified", "known" beforehand, or "left out".
-    minimised : str
-        Criterion that it was designed for.
-    goal : float or None
-        Value of the criterion that the first design minimised; None if it does not apply.
-    criteria : dict of str to float
-        See `excite.information.matrix.CONVENTIONS`; at 100 Hz whatever rate the design was written at.
-    tightest : LimitUse or None
-        The limit with the least margin relative to its range.
-    feasible : bool
-        Every limit that was checked holds over continuous time, on approach and return too.
-    unchecked : tuple of str
-        Kinds of limits that were not checked when it was designed.
-    cpu_seconds : float
-        Processor time of the design [s].
-    believed : tuple of str
-        What could not be computed from a stored motion, so that it is as its file states it.
-    """
-
-    name: str
+    name: str  # folder of the design
     robot: str
     model: str
-    channel: str
-    moving: tuple[str, ...]
-    duration: float
-    parameters: int
-    friction: str
-    minimised: str
-    goal: float | None
+    channel: str  # ``effort`` or ``wrench``, which its equations explain
+    moving: tuple[str, ...]  # names of the joints, or of the drives, that move
+    duration: float  # [s]
+    parameters: int  # number of base parameters
+    friction: str  # treatment of friction in the design: "identified", "known" beforehand, or "left out"
+    minimised: str  # criterion that it was designed for
+    goal: float | None  # value of the criterion that the first design minimised; None if it does not apply
+    # see `excite.information.matrix.CONVENTIONS`; at 100 Hz whatever rate the design was written at
     criteria: dict[str, float]
-    tightest: LimitUse | None
-    feasible: bool
-    unchecked: tuple[str, ...]
-    cpu_seconds: float
+    tightest: LimitUse | None  # the limit with the least margin relative to its range
+    feasible: bool  # every limit that was checked holds over continuous time, on approach and return too
+    unchecked: tuple[str, ...]  # kinds of limits that were not checked when it was designed
+    cpu_seconds: float  # processor time of the design [s]
+    # what could not be computed from a stored motion, so that it is as its file states it
     believed: tuple[str, ...] = ()
 
 
@@ -137,12 +105,6 @@ def _goal(target: IdentificationTarget, goal: Task, samples: Samples) -> float |
     return more.of(criterion).value(weighting.matrix(target.model.assemble(samples)[:, target.base.index]))
 
 
-def _friction(task: Task) -> str:
-    if task.model.friction_curves is not None:
-        return "known"
-    return "identified" if task.model.friction else "left out"
-
-
 def _judgement(design: Design, terms: Task, task: Task) -> Judgement:
     kept = ("rotor", "stribeck_speed", "carried", "joint_rotors", "reflected_rotors")
     same = {name: getattr(terms.model, name) for name in kept}
@@ -153,6 +115,8 @@ def _judgement(design: Design, terms: Task, task: Task) -> Judgement:
     given = terms.objective.noise
     fits = given is None or len(given) in (1, len(target.model.row_labels))  # otherwise not comparable
     noise = noise_per_row(given if fits else task.objective.noise, target.model)
+    own = design.task.model
+    friction = "known" if own.friction_curves is not None else "identified" if own.friction else "left out"
     samples = _as_seen_by(design, target.robot).samples(target.model.times(design.trajectory.duration, RATE))
     return Judgement(
         name=design.name,
@@ -162,7 +126,7 @@ def _judgement(design: Design, terms: Task, task: Task) -> Judgement:
         moving=target.motion.labels,
         duration=design.trajectory.duration,
         parameters=target.base.rank,
-        friction=_friction(design.task),
+        friction=friction,
         minimised=minimised_text(design.task),
         goal=_goal(target, terms, samples),
         criteria=MotionMeasures.of(target, samples, noise).criteria,

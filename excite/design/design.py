@@ -18,7 +18,7 @@ from constraints.geometry import World
 from constraints.interpolation import Curve, InterpolatedLimits, curves_text, interpolated_limits
 from constraints.linear import linear_limits
 from constraints.nonlinear import NonlinearConstraint
-from excite.design.approach import ApproachAndReturn, stated_on_transfers
+from excite.design.approach import ApproachAndReturn
 from excite.design.start_results import HarmonicsTrial, SearchSummary, StartResult, read_starts
 from excite.design.stated_limits import StatedWorld, Unchecked, nonlinear_limits, stated_limits
 from excite.information.earlier_precision import information_in_hand
@@ -28,7 +28,7 @@ from excite.information.precision_forecast import PrecisionForecast, PrecisionSe
 from excite.information.target import IdentificationTarget, target_of
 from excite.information.weighting import PriorAndPosterior, minimised_text
 from excite.registry import name_of
-from excite.storage.codec import INLINE, OBJECT, named, record_of
+from excite.storage.codec import INLINE, OBJECT, named
 from excite.storage.manifest import entry_sha256, sha256_of
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.robot_of_task import moving_robot
@@ -195,20 +195,20 @@ class Design:
 
     @cached_property
     def recomputed(self) -> RecomputedLimits:
-        """Limits of the motion, computed from its coefficients."""
+        """Limits of the motion, of approach and return, and what is believed, computed from its coefficients."""
         return recomputed_limits(self)
 
     @property
     def limits(self) -> tuple[LimitUse, ...]:
         """Limits over continuous time."""
-        return self.certified if self.folder is None else self.recomputed.motion
+        return self.certified if self.folder is None else self.recomputed[0]
 
     @property
     def transfer_limits(self) -> Mapping[str, tuple[LimitUse, ...]]:
         """Limits on approach and return over continuous time, per segment; none without a home."""
         if self.approach_and_return is None:
             return {}
-        return self.approach_and_return.limits if self.folder is None else self.recomputed.transfers
+        return self.approach_and_return.limits if self.folder is None else self.recomputed[1]
 
     @cached_property
     def _measured(self) -> tuple[MotionMeasures, str]:
@@ -265,7 +265,7 @@ class Design:
             return ()
         why = self._measured[1]
         criteria = f"criteria and predictions are those that its file states: {why}" if why else ""
-        return tuple(filter(None, [self.recomputed.believed, criteria]))
+        return tuple(filter(None, [self.recomputed[2], criteria]))
 
     @cached_property
     def run_information(self) -> RunInformation | None:
@@ -397,19 +397,9 @@ def _confirmed(value: float, stated: float | None) -> float:
     return stated if stated is not None and math.isclose(value, stated, rel_tol=_ROUNDING) else value
 
 
-@dataclass(frozen=True)
-class RecomputedLimits:
-    """Limits of a design that was loaded, computed from its coefficients, whatever its file says of them."""
-
-    motion: tuple[LimitUse, ...]
-    transfers: Mapping[str, tuple[LimitUse, ...]]  # on the approach and the return, where there are any
-    believed: str  # which of them are those that the file states, and why; empty if none are
-
-    @classmethod
-    def of(cls, content: Mapping[str, Any]) -> RecomputedLimits:
-        """What a ``design.json`` states, unseen."""
-        uses = tuple(record_of(LimitUse, use, {}) for use in content["limits"])
-        return cls(uses, stated_on_transfers(content.get("played", {})), "limits are those that its file states")
+#: Limits of the motion; those on the approach and the return, where there are any; and which of them are those that the
+#: file states, and why, empty if none are.
+RecomputedLimits = tuple[tuple[LimitUse, ...], Mapping[str, tuple[LimitUse, ...]], str]
 
 
 def recomputed_limits(design: Design, *, enclosed: bool = True) -> RecomputedLimits:
@@ -441,7 +431,7 @@ def recomputed_limits(design: Design, *, enclosed: bool = True) -> RecomputedLim
     kinds = list(dict.fromkeys(use.quantity for use in believed))
     named_kinds = " and ".join(filter(None, [", ".join(kinds[:-1]), *kinds[-1:]]))
     said = f"limits of {named_kinds} are those that its file states{reason}" if believed else ""
-    return RecomputedLimits(motion, of_transfers, said)
+    return motion, of_transfers, said
 
 
 def _with_stated(

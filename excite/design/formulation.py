@@ -80,11 +80,12 @@ class Formulation:
         return problem_identity(self.blueprint)
 
 
-@numerical_work(
-    "the formulation of the design",
-    "values of very different sizes are the likely cause: "
-    "check `period`, `noise`, `prior` and the limits of the joints",
+LIKELY_CAUSE = (
+    "values of very different sizes are the likely cause: check `period`, `noise`, `prior` and the limits of the joints"
 )
+
+
+@numerical_work("the formulation of the design", LIKELY_CAUSE)
 def formulate(robot: Robot, task: Task) -> Formulation:
     """Build and check the design problem of a task."""
     task = with_information_in_hand(robot, with_task_motion(with_initial_design(task)))

@@ -13,14 +13,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint, StackedConstraint
-from excite.trajectories.family import GridMotion, MotionTangent
+from excite.trajectories.family import GridMotion
 from regressors.models.partial import PartialMotion
 from regressors.samples import Array, Index
 
@@ -88,26 +88,19 @@ class GridLimits:
         return [limit.values(x) for limit in self.linear]
 
     def largest_part(self, values: list[Array], step: Array, end: Array) -> float:
-        """Largest fraction >= 0 of a step that stays within the linear limits; see `GridConstraint.change`."""
+        """Largest fraction >= 0 of a step that stays within the linear limits; it leaves the shape unchanged."""
         pairs = zip(self.linear, values, strict=True)
-        parts = (limit.largest_part(value, limit.change(value, step, end)) for limit, value in pairs)
-        return max(min(parts, default=np.inf), 0.0)
+        changes = ((g, value, g.values(step) if g.linear else g.values(end) - value) for g, value in pairs)
+        return max(min((limit.largest_part(value, change) for limit, value, change in changes), default=np.inf), 0.0)
 
 
 _RESERVE = 0.005  # of a function's scale, kept in reserve for the time between the instants of the grid
 _CURVATURE = 0.01  # of the scale: reserve for the curvature along a step
 
 
-@dataclass(frozen=True, eq=False)
-class ConstraintTangent:
-    """Functions at T instants of a grid, linearised about one x."""
-
-    slopes: Slopes  # derivatives with respect to the motion, see `excite.design.grid_limits.Slopes`
-    motion: MotionTangent  # the motion, linearised about x
-
-    def rows(self, function: Index, place: Index) -> Array:
-        """Derivatives with respect to the flat x, one function at one of the instants per row, shape (rows, x.size)."""
-        return self.motion(self.slopes(function, place), place)
+#: Functions at T instants of a grid, linearised about one x: derivatives with respect to the flat x, one function at
+#: one of the instants per row, shape (rows, x.size), from the numbers of both.
+ConstraintTangent = Callable[[Index, Index], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +137,9 @@ class GridConstraint:
         return self.function.linear and self.grid.linear
 
     @cached_property
-    def sampled(self) -> LastResult[SampledUse]:
+    def sampled(self) -> Callable[[Array], SampledUse]:
         """The functions at the instants that a search looks at, as a function of x, see `sampled_use`."""
-        return LastResult(lambda x: sampled_use(self, x))
+        return keeping_last(lambda x: sampled_use(self, x))
 
     def values(self, x: Array) -> Array:
         """Values of the k functions at the N instants, shape (k, N)."""
@@ -156,8 +149,9 @@ class GridConstraint:
         """The functions at all or some instants, linearised about x."""
         if instants is None:
             instants = np.arange(self.values(x).shape[1])
-        slopes = self.function.slopes(x, instants)
-        return ConstraintTangent(slopes, self.grid.tangent(x, self.function.derivatives, instants))
+        slopes = self.function.slopes(x, instants)  # with respect to the motion
+        motion = self.grid.tangent(x, self.function.derivatives, instants)
+        return lambda function, place: motion(slopes(function, place), place)
 
     def uses(self, values: Array) -> Array:
         """Use of the bounds by each value, shape (k, N): 1 at a bound, more beyond, 0 one scale away from both."""
@@ -172,13 +166,22 @@ class GridConstraint:
         return float(beyond.max(initial=-np.inf))
 
     @cached_property
-    def holds(self) -> BoundsCheck:
+    def holds(self) -> Callable[[Array], bool]:
         """Whether every value at an x is within the bounds, as far as a search looks, see `sampled_use`."""
-        return BoundsCheck(self)
+        broken: Index = np.zeros(0, dtype=np.intp)  # asked first: a search shortens a step until none is
 
-    def change(self, value: Array, step: Array, end: Array) -> Array:
-        """Change of the values by a step that leaves the shape unchanged, shape (k, N)."""  # value (k, N)
-        return self.values(step) if self.linear else self.values(end) - value
+        def holds(x: Array) -> bool:
+            nonlocal broken
+            if broken.size and np.any(self.uses(self.function.values(x, broken)) > 1.0):
+                return False
+            instants, _, uses = self.sampled(x)
+            use = uses.max(axis=0, initial=-np.inf)
+            if not np.any(use > 1.0):
+                return True
+            broken = instants[np.argsort(-use)[: min(_FEW, int(np.sum(use > 1.0)))]]
+            return False
+
+        return holds
 
     def largest_part(self, value: Array, change: Array) -> float:
         """Largest s for which ``value + s change`` stays within the bounds, each of shape (k, N); infinite if any."""
@@ -193,33 +196,9 @@ _NEAR = 0.95  # of a bound
 _RISE = 0.25  # of the second difference: twice what a parabola rises above the larger one of its values
 
 
-@dataclass(frozen=True, eq=False)
-class SampledUse:
-    """k functions at T of a grid's instants."""
-
-    instants: Index  # (T,) in order
-    values: Array  # (k, T)
-    use: Array  # (k, T) of the bounds, see `GridConstraint.uses`
-
-
-class BoundsCheck:
-    """Whether a limit holds, asked first where it was last broken: a search shortens a step until none is."""
-
-    def __init__(self, limit: GridConstraint) -> None:
-        self._limit = limit
-        self._broken: Index = np.zeros(0, dtype=np.intp)
-
-    def __call__(self, x: Array) -> bool:
-        """True if every value is within the bounds."""
-        limit = self._limit
-        if self._broken.size and np.any(limit.uses(limit.function.values(x, self._broken)) > 1.0):
-            return False
-        sampled = limit.sampled(x)
-        use = sampled.use.max(axis=0, initial=-np.inf)
-        if not np.any(use > 1.0):
-            return True
-        self._broken = sampled.instants[np.argsort(-use)[: min(_FEW, int(np.sum(use > 1.0)))]]
-        return False
+#: k functions at T of a grid's instants: the instants in order, (T,); the values, (k, T); and their use of the bounds,
+#: (k, T), see `GridConstraint.uses`.
+SampledUse = tuple[Index, Array, Array]
 
 
 def sampled_use(limit: GridConstraint, x: Array) -> SampledUse:
@@ -227,18 +206,18 @@ def sampled_use(limit: GridConstraint, x: Array) -> SampledUse:
     count = len(limit.grid.values(x, 0))
     if not limit.grid.linear or count <= 2 * _COARSE:
         values = limit.values(x)
-        return SampledUse(np.arange(count), values, limit.uses(values))
+        return np.arange(count), values, limit.uses(values)
     coarse = limit.function.values(x, slice(0, None, _COARSE))
     use = limit.uses(coarse)
     between = _between(use[limit.function.varies], count)
     instants = np.arange(0, count, _COARSE)
     if not between.size:
-        return SampledUse(instants, coarse, use)
+        return instants, coarse, use
     fine = limit.function.values(x, between)
     instants = np.concatenate([instants, between])
     order = np.argsort(instants)
     values, uses = np.concatenate([coarse, fine], axis=1), np.concatenate([use, limit.uses(fine)], axis=1)
-    return SampledUse(instants[order], values[:, order], uses[:, order])
+    return instants[order], values[:, order], uses[:, order]
 
 
 def _between(use: Array, count: int) -> Index:
@@ -328,19 +307,16 @@ GridFunction = LinearFunction | JointFunction
 T = TypeVar("T")
 
 
-class LastResult(Generic[T]):
-    """A function of x that keeps its last result: a search asks several times for the values at one iterate."""
+def keeping_last(function: Callable[[Array], T]) -> Callable[[Array], T]:
+    """The function of x, with its last result kept: a search asks several times for the values at one iterate."""
+    last: list[tuple[Array, T]] = []
 
-    def __init__(self, function: Callable[[Array], T]) -> None:
-        self._function = function
-        self._x: Array | None = None
-        self._result: T
+    def kept(x: Array) -> T:
+        if not last or not np.array_equal(x, last[0][0]):
+            last[:] = [(x.copy(), function(x))]
+        return last[0][1]
 
-    def __call__(self, x: Array) -> T:
-        """The result at x."""
-        if self._x is None or not np.array_equal(x, self._x):
-            self._result, self._x = self._function(x), x.copy()
-        return self._result
+    return kept
 
 
 class GridJoints:
@@ -348,7 +324,7 @@ class GridJoints:
 
     def __init__(self, grid: GridMotion, motion: PartialMotion) -> None:
         self.grid, self.motion = grid, motion
-        self._last = LastResult(self._all)
+        self._last = keeping_last(self._all)
 
     def __call__(self, x: Array, instants: Index | slice | None = None) -> list[Array]:
         """Three arrays of shape (n, N), at all instants or some; not to be changed."""

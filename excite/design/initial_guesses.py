@@ -35,7 +35,7 @@ def random_motion(problem: Problem, rng: np.random.Generator) -> Array:
     that joints with wide limits use them.
     """
     n, size = problem.shape
-    x = problem.family.resting(problem.guess.centre, rng)
+    x = problem.family.resting(problem.centre, rng)
     for joint in rng.permutation(n):
         direction = problem.family.coordinate_step(x, int(joint), rng.normal(size=size))
         step = problem.longest_step(x, direction)
@@ -92,7 +92,7 @@ def nearest_motion(problem: Problem) -> Array:
 
     Least squares over the whole motion, then scaling towards the resting pose as far as the linear limits require.
     """
-    positions = problem.guess.motion
+    positions = problem.initial
     assert positions is not None
     time = np.linspace(0.0, problem.family.duration, len(positions))
     near = problem.family.nearest(time, positions)
@@ -102,10 +102,9 @@ def nearest_motion(problem: Problem) -> Array:
 def candidates(problem: Problem, index: int, rng: np.random.Generator) -> list[Array]:
     """Initial guesses among which one start of the search chooses."""
     drawn = [promising_motion(problem, rng) for _ in range(_CANDIDATES)]
-    guess = problem.guess
-    if guess.motion is None and "random" in guess.shapes:
+    if problem.initial is None and "random" in problem.shapes:
         return [shrunk(problem, x) for x in drawn]
-    shaped = shaped_motion(problem, guess.shapes) if guess.motion is None else nearest_motion(problem)
+    shaped = shaped_motion(problem, problem.shapes) if problem.initial is None else nearest_motion(problem)
     if index == 0:
         return [shrunk(problem, shaped)]
     return [shrunk(problem, problem.inside(shaped + _MIXTURE * (x - shaped))) for x in drawn]
@@ -179,7 +178,7 @@ def combinations(
 
 
 def _combined(problem: Problem, parents: Sequence[Array], rng: np.random.Generator) -> Array:
-    family, centre = problem.family, problem.guess.centre
+    family, centre = problem.family, problem.centre
     ways = (*_WITH_OTHER, *_ALONE) if len(parents) > 1 else _ALONE
     combine = ways[rng.integers(len(ways))]
     first = int(rng.integers(len(parents)))

@@ -93,9 +93,9 @@ def _check_origin(origin: Origin | None, identity: ProblemIdentity, shown: Path)
     """Refuse a start of another problem; of one that cannot be compared, it is not known."""
     if origin is None:
         raise InputError(f"{shown} holds starts that do not state their problem; {_REMEDY}")
-    if origin.sha256 == identity.sha256:
+    if origin["sha256"] == identity.sha256:
         return
-    told = identity.differences(origin.problem)
+    told = identity.differences(origin["problem"])
     raise InputError(f"{shown} holds starts of another problem{f' ({told})' if told else ''}; {_REMEDY}")
 
 

@@ -6,7 +6,6 @@ import logging
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
 from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any, cast
@@ -21,7 +20,7 @@ from excite.design.kept_starts import KeptStarts, keep_starts, remove_temporary
 from excite.design.search_rounds import Rounds
 from excite.design.single_start import optimise_starts
 from excite.design.start_results import RUNNING, Progress, Starts, read_start, start_files
-from excite.design.workers import NotPreparedError, Work, Workers, environment_of_workers, optimise_job, work_on_starts
+from excite.design.workers import NotPreparedError, Workers, environment_of_workers, work_on_starts
 from excite.registry import FIGURE_FORMATS, instance
 from excite.storage.atomic import read_json, replacing, shown, writing
 from excite.storage.manifest import read_manifest
@@ -121,13 +120,9 @@ def _workers(formulation: Formulation) -> Iterator[Workers]:
         return
     search, origin = formulation.task.search, formulation.identity.origin
     content = pickled(work_on_starts, formulation.blueprint, origin)
-
-    def prepared() -> Work:
-        return partial(optimise_job, formulation.problem, instance("solver", search.solver), origin)
-
     with environment_of_workers():
         count = min(search.workers or os.cpu_count() or 1, Rounds(search).largest)
-        workers = Workers(content, prepared, count)
+        workers = Workers(content, lambda: work_on_starts(formulation.blueprint, origin, formulation.problem), count)
         _kept[formulation] = workers
         try:
             yield workers
@@ -213,7 +208,7 @@ def _is_other(path: Path, formulation: Formulation) -> bool:
     """True for starts that did not end, or are of another problem."""
     with suppress(InputError):
         start, origin = read_start(path)
-        return origin is None or origin.sha256 != formulation.identity.sha256 or start.status == RUNNING
+        return origin is None or origin["sha256"] != formulation.identity.sha256 or start.status == RUNNING
     return False
 
 

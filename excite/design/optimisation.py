@@ -7,7 +7,8 @@ import platform
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -24,11 +25,11 @@ from constraints.nonlinear import Limit
 from excite.design.approach import approach_and_return
 from excite.design.blueprint import TYPICAL_STARTS, search_seconds
 from excite.design.design import Design
-from excite.design.formulation import Formulation, formulate
+from excite.design.formulation import LIKELY_CAUSE, Formulation, formulate
 from excite.design.interruption import current_interruption
 from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.search_rounds import Rounds, RunningRounds, design_with_harmonics
-from excite.design.start_results import BestStarts, Progress as Progress, StartResult, best_starts, or_none
+from excite.design.start_results import BestStarts, Progress as Progress, best_starts, or_none
 from excite.design.stated_limits import remedy
 from excite.design.task_checks import suspecting, unidentifiable
 from excite.errors import NoFeasibleMotionError
@@ -139,11 +140,19 @@ def design_trajectory(
     task = task.changed(**given, **options)
     if constraints:
         task = task.changed(constraints=(*task.limits.constraints, *constraints))
-    if folder is not None:
+    with search_folder(folder) as place:
+        return _design(robot, task, place, progress, fresh=fresh)
+
+
+@contextmanager
+def search_folder(folder: str | Path | None) -> Iterator[Path]:
+    """The folder where a search keeps its starts, locked; a temporary one if none is given."""
+    if folder is None:
+        with tempfile.TemporaryDirectory() as temporary:
+            yield Path(temporary)
+    else:
         with locked(Destination(Path(folder))):
-            return _design(robot, task, Path(folder), progress, fresh=fresh)
-    with tempfile.TemporaryDirectory() as temporary:
-        return _design(robot, task, Path(temporary), progress, fresh=fresh)
+            yield Path(folder)
 
 
 def _design(robot: Robot, task: Task, folder: Path, progress: Progress | None, *, fresh: bool) -> Design:
@@ -179,11 +188,7 @@ def _robot_and_task(robot: Any, task: Task) -> tuple[Robot, Task]:
     return robot, task
 
 
-@numerical_work(
-    "the design",
-    "values of very different sizes are the likely cause: "
-    "check `period`, `noise`, `prior` and the limits of the joints",
-)
+@numerical_work("the design", LIKELY_CAUSE)
 def solve(
     robot: Robot,
     formulation: Formulation,
@@ -211,17 +216,12 @@ def solve(
     if not results.best:
         raise KeyboardInterrupt if interrupted else NoFeasibleMotionError(_NONE)
     provenance = _provenance(formulation, date, time.monotonic() - began, running.spent)
-    formulation = replace(formulation, task=_with_rounds(formulation.task, rounds, interrupted=interrupted))
+    if search.budget is not None and not interrupted:  # with the rounds that it was enough for, it gives the same again
+        task = formulation.task.changed(search=replace(search, budget=None, rounds=rounds.count))
+        formulation = replace(formulation, task=task)
     with threadpool_limits(1), suspecting(robot):
         design = certify(robot, formulation, results, provenance, interrupted=interrupted)
     return replace(design, search=rounds.summary, notes=(*design.notes, *interpreted_note()))
-
-
-def _with_rounds(task: Task, rounds: Rounds, *, interrupted: bool) -> Task:
-    """The task with the rounds that a budget was enough for, so that it gives the same motion again."""
-    if task.search.budget is None or interrupted:
-        return task
-    return task.changed(search=replace(task.search, budget=None, rounds=rounds.count))
 
 
 def _provenance(formulation: Formulation, date: datetime, wall: float, cpu: float) -> dict[str, object]:
@@ -246,13 +246,12 @@ _SAME = 1e-9  # of the largest number in the equations
 def certify(
     robot: Robot,
     formulation: Formulation,
-    results: BestStarts | tuple[StartResult, ...],
+    starts: BestStarts,
     provenance: dict[str, object],
     *,
     interrupted: bool = False,
 ) -> Design:
     """Evaluate the best start: its metrics, and its limits over continuous time."""
-    starts = results if isinstance(results, BestStarts) else BestStarts.of(results)
     task, target = formulation.task, formulation.target
     broken: list[LimitUse] = []
     for result in sorted(starts.best, key=lambda r: (r.value, r.index)):

@@ -23,33 +23,17 @@ _WITHIN = 1.0 - 1e-9  # of what the limits allow, against rounding
 
 
 @dataclass(frozen=True, eq=False)
-class InitialGuess:
-    """Initial guess of a search, see `excite.design.initial_guesses`."""
-
-    centre: Array  # (n,) A pose of the moving coordinates strictly inside the position limits [rad or m]
-    # shapes of the initial motion: ``random``, or one of `initial_guesses` for all coordinates, or one each
-    shapes: tuple[str, ...] = ("random",)
-    # (N, n) positions of an initial motion, at equal steps from 0 to the duration [rad or m]
-    motion: Array | None = None
-
-
-@dataclass(frozen=True, eq=False)
 class Problem:
-    """Minimise an objective over the x of a family, within limits.
+    """Minimise an objective over the x of a family, within limits."""
 
-    Parameters
-    ----------
-    family : Family
-        Family of the moving coordinates.
-    objective : SmoothObjective
-    limits : GridLimits
-    guess : InitialGuess
-    """
-
-    family: Family
+    family: Family  # family of the moving coordinates
     objective: SmoothObjective
     limits: GridLimits
-    guess: InitialGuess
+    centre: Array  # (n,) a pose of the moving coordinates strictly inside the position limits [rad or m]
+    # of the initial motion, see `excite.design.initial_guesses`: ``random``, or one for all coordinates, or one each
+    shapes: tuple[str, ...] = ("random",)
+    # (N, n) positions of an initial motion, at equal steps from 0 to the duration [rad or m]
+    initial: Array | None = None
 
     @property
     def information(self) -> Information:
@@ -88,12 +72,12 @@ class Problem:
     @property
     def shape(self) -> tuple[int, int]:
         """Shape (n, size) of the coefficients in which motions are linear."""
-        return len(self.guess.centre), self.family.size
+        return len(self.centre), self.family.size
 
     @cached_property
     def rest(self) -> Array:
         """The x of rest in the centre pose."""
-        return self.family.resting(self.guess.centre)
+        return self.family.resting(self.centre)
 
     @cached_property
     def _at_rest(self) -> list[Array]:
@@ -118,34 +102,22 @@ class Problem:
 
     def drawn(self, x: Array, part: float) -> Array:
         """The motion scaled towards the centre, to a fraction of its distance from it at every instant."""
-        return self.family.drawn(x, self.guess.centre, part)
+        return self.family.drawn(x, self.centre, part)
 
     def reach(self, x: Array) -> float:
         """Largest fraction to which a motion can be scaled, see `drawn`, within the limits that are linear in it."""
         return self.limits.largest_part(self._at_rest, x - self.rest, x)
 
     def enlarged(self, wanted: Array, part: float, unbounded: float) -> Array:
-        """A motion about zero, moved to the centre and scaled to a fraction of what the limits allow.
-
-        Parameters
-        ----------
-        wanted : ndarray
-            The x of the motion.
-        part : float
-        unbounded : float
-            Scale that counts as allowed where no limit bounds the motion.
-        """
-        end = self.family.moved(wanted, self.guess.centre)
+        """A motion about zero, moved to the centre and scaled to a part of what the limits allow, if they bound it."""
+        end = self.family.moved(wanted, self.centre)
         reach = self.limits.largest_part(self._at_rest, wanted, end)
         part *= reach if np.isfinite(reach) else unbounded
         return np.asarray(self.rest + part * wanted) if self.family.linear else self.drawn(end, part)
 
     def inside(self, x: Array) -> Array:
-        """The motion, scaled towards the centre as far as the linear limits require.
-
-        Unchanged where a step within the limits' rows cannot leave the limits.
-        """
-        if self.family.linear:
+        """The motion, scaled towards the centre as far as the linear limits require."""
+        if self.family.linear:  # a step within the limits' rows cannot leave the limits
             return x
         reach = self.reach(x)
         return x if reach >= 1.0 else self.drawn(x, _WITHIN * reach)
@@ -168,10 +140,9 @@ class SmoothObjective:
     information: Information  # M(x) in the reference base columns
     transform: Array  # (b, b) ``T``; in the chosen convention M is ``T' M T``
     criterion: Criterion
-    prior: Array | float = 0.0  # (b, b) ``P``, prior knowledge per instant, added to M before the transform
-    unit: float = 1.0  # factor from the rows of the information to those of results
-    # M(x) as results report it, without smoothing for the optimiser; the same if not given
-    exact: Callable[[Array], Array] | None = None
+    prior: Array | float  # (b, b) ``P``, prior knowledge per instant, added to M before the transform
+    unit: float  # factor from the rows of the information to those of results
+    exact_matrix: Callable[[Array], Array]  # M(x) as results report it, (b, b), without smoothing for the optimiser
 
     @cached_property
     def _same_columns(self) -> bool:
@@ -181,10 +152,6 @@ class SmoothObjective:
         """The information matrix M with prior knowledge in the chosen convention."""
         M = M + self.prior
         return M if self._same_columns else np.asarray(self.transform.T @ M @ self.transform)
-
-    def exact_matrix(self, x: Array) -> Array:
-        """M(x) as results report it, shape (b, b)."""
-        return self.information.evaluate(x).M if self.exact is None else self.exact(x)
 
     def points(self, xs: Sequence[Array], sharpness: Sequence[float]) -> list[ObjectivePoint]:
         """Smooth objective at several x; the same as one by one."""

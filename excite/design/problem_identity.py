@@ -23,7 +23,7 @@ from excite.registry import is_own, part
 from excite.tasks.task import Task
 
 _SEARCH = 2  # to be raised where the same problem is searched in another manner
-PACKAGES = ("excite-trajectories", "casadi", "daqp", "numpy", "scipy")
+_PACKAGES = ("excite-trajectories", "casadi", "daqp", "numpy", "scipy")
 _ANYWHERE = ("starts", "rounds", "budget", "executor", "workers", "begin", "after")
 # a start depends on the motion of `begin`, and on what `after` adds to the information
 _SHOWN, _LONGEST = 3, 40  # differences that a message names; characters of names and values that it shows
@@ -47,7 +47,7 @@ class ProblemIdentity:
     @property
     def origin(self) -> Origin:
         """What the files of starts of this run say of where they come from."""
-        return Origin(self.content, self.sha256, self.run)
+        return {"problem": self.content, "sha256": self.sha256, "run": self.run}
 
     def differences(self, other: Mapping[str, Any]) -> str:
         """What another problem's content has otherwise, such as ``trajectory.harmonics 5 -> 7``; may be empty."""
@@ -65,7 +65,7 @@ def problem_identity(blueprint: Blueprint) -> ProblemIdentity:
         "robot": {"name": task.robot_name, "sha256": whole, "moving": moving},
         "output": {"rate": task.output.rate},  # at which the criterion is evaluated
         "search": {"schema": _SEARCH},
-        "versions": {name: version(name) for name in PACKAGES},
+        "versions": package_versions(),
     }
     try:
         parts = ("model", "trajectory", "objective", "limits", "search")
@@ -78,6 +78,11 @@ def problem_identity(blueprint: Blueprint) -> ProblemIdentity:
     except NotComparable as error:
         return ProblemIdentity(content, str(error))
     return ProblemIdentity(content)
+
+
+def package_versions() -> dict[str, str]:
+    """Versions of the packages on which results depend."""
+    return {name: version(name) for name in _PACKAGES}
 
 
 def plain_options(task: Task, parts: Iterable[str], left_out: Collection[str]) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -223,7 +228,9 @@ def _sources(named: Any, seen: set[str]) -> Iterator[str]:
     for base in getattr(named, "__bases__", ()):
         yield from _sources(base, seen)
     for function in _functions(named):
-        for used, value in _globals_of(function):
+        known = function.__globals__
+        for used in sorted(_names(function.__code__) & known.keys()):
+            value = known[used]
             if isinstance(value, type | FunctionType):
                 yield from _sources(value, seen)
             elif not isinstance(value, ModuleType):
@@ -235,11 +242,6 @@ def _functions(named: Any) -> list[FunctionType]:
         return [named]
     members = (getattr(member, "__func__", getattr(member, "fget", member)) for member in vars(named).values())
     return [member for member in members if isinstance(member, FunctionType)]
-
-
-def _globals_of(function: FunctionType) -> Iterator[tuple[str, Any]]:
-    known = function.__globals__
-    return ((name, known[name]) for name in sorted(_names(function.__code__)) if name in known)
 
 
 def _names(code: CodeType) -> set[str]:

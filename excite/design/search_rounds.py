@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import floor
 
 import numpy as np
@@ -40,28 +40,20 @@ from excite.tasks.trajectory_choice import FEWEST
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 
-
-@dataclass(frozen=True)
-class RoundSizes:
-    """Sizes, chosen by trials on an IRp-6, a Panda and a UR10; ``benchmarks/search.py`` measures what they reach."""
-
-    combined: int = 4  # starts of a later round; also the number of processes that can share it
-    parents: int = 3  # motions that are combined
-    # rounds in a row without gain after which the population ends; it ends at once where an earlier one has
-    patience: int = 3
-    gain: float = 1e-3  # relative decrease of the criterion that counts as a gain, and difference that counts as none
-    repetitions: int = 3  # populations that come to the same end, the best of all, before the search ends
-    rounds: int = 32  # largest number of rounds after the first, where neither rounds nor a budget are stated
-
-
-SIZES = RoundSizes()
+# chosen by trials on an IRp-6, a Panda and a UR10; ``benchmarks/search.py`` measures what they reach
+_COMBINED = 4  # starts of a later round; also the number of processes that can share it
+_PARENTS = 3  # motions that are combined
+_PATIENCE = 3  # rounds in a row without gain after which the population ends; it ends at once where an earlier one has
+_GAIN = 1e-3  # relative decrease of the criterion that counts as a gain, and difference that counts as none
+_REPETITIONS = 3  # populations that come to the same end, the best of all, before the search ends
+_ROUNDS = 32  # largest number of rounds after the first, where neither rounds nor a budget are stated
 
 
 class Rounds:
     """Plan of the rounds of one search."""
 
-    def __init__(self, search: Search, sizes: RoundSizes = SIZES) -> None:
-        self.sizes, self.search = sizes, search
+    def __init__(self, search: Search) -> None:
+        self.search = search
         self.planned = self.count = 0
         self.population = Population()
         self.ends: list[float] = []
@@ -72,7 +64,7 @@ class Rounds:
     @property
     def largest(self) -> int:
         """Number of starts in the largest round."""
-        return max(self.search.first, self.sizes.combined if self.search.adaptive else 0)
+        return max(self.search.first, _COMBINED if self.search.adaptive else 0)
 
     def following(self, results: Sequence[StartResult], spent: float = 0.0) -> Starts:
         """Starts of the next round, given the results of the last one; none at the end."""
@@ -89,7 +81,7 @@ class Rounds:
         self.count += 1
         if not self.population.members:
             return self._random(RANDOM_STARTS)
-        return self._descending("combination", self.sizes.combined, self.population.members[: self.sizes.parents])
+        return self._descending("combination", _COMBINED, self.population.members[:_PARENTS])
 
     @property
     def left(self) -> float:
@@ -110,11 +102,11 @@ class Rounds:
         for result in sorted(results, key=lambda result: result.index):
             if np.isfinite(result.value) and (self._best is None or result.value < self._best.value):
                 self._best = result
-        gained = self.population.best < before * (1.0 - self.sizes.gain)
+        gained = self.population.best < before * (1.0 - _GAIN)
         self._stall = 0 if gained else self._stall + 1
         best = self.population.best
-        repeated = any(abs(best - end) <= self.sizes.gain * end for end in self.ends)
-        if repeated or self._stall >= self.sizes.patience:
+        repeated = any(abs(best - end) <= _GAIN * end for end in self.ends)
+        if repeated or self._stall >= _PATIENCE:
             self.ends.append(best)
             self.population, self._stall = Population(), 0
 
@@ -130,9 +122,9 @@ class Rounds:
             return self.count >= self.search.rounds
         if self.search.budget is not None:
             return spent >= self.search.budget
-        ends = np.sort(self.ends)[: self.sizes.repetitions]
-        found_again = ends.size == self.sizes.repetitions and ends[-1] <= (1.0 + self.sizes.gain) * ends[0]
-        return bool(found_again) or self.count >= self.sizes.rounds
+        ends = np.sort(self.ends)[:_REPETITIONS]
+        found_again = ends.size == _REPETITIONS and ends[-1] <= (1.0 + _GAIN) * ends[0]
+        return bool(found_again) or self.count >= _ROUNDS
 
 
 _SAME = 3e-3  # two motions whose criteria differ by less are taken to be in one basin: mirrored and reversed ones are
@@ -212,49 +204,43 @@ Prepare = Callable[[Formulation, bool], KeptStarts]
 Solve = Callable[[Formulation, KeptStarts], Design]
 
 
-@dataclass(frozen=True)
-class _Step:
-    """One number of harmonics, searched."""
-
-    formulation: Formulation
-    kept: KeptStarts
-    design: Design
-
-    @property
-    def trial(self) -> HarmonicsTrial:
-        cpu = float(str(self.design.provenance["cpu_seconds"]))
-        return HarmonicsTrial(int(self.design.task.trajectory.harmonics), self.design.minimised_value, cpu)
-
-
 def design_with_harmonics(robot: Robot, task: Task, prepare: Prepare, solve: Solve) -> Design:
     """Search with more and more harmonics, each time from the best motion so far, until that does not pay.
 
     The task of the result states the number that was chosen and the motion that its search began with, so it can be run
     again like any other.
     """
-    numbers, most = _numbers(task)
-    steps = [_searched(robot, _with_harmonics(task, numbers[0]), prepare, solve, fresh=False)]
-    best, end = steps[0], most
+
+    def searched(task: Task, *, fresh: bool) -> tuple[Formulation, KeptStarts, Design]:
+        formulation = formulate(robot, task)
+        kept = prepare(formulation, fresh)
+        return formulation, kept, solve(formulation, kept)
+
+    numbers, end = _numbers(task)
+    formulation, kept, best = searched(_with_harmonics(task, numbers[0]), fresh=False)
+    trials = [_trial(best)]
     for number in numbers[1:]:
-        if best.design.interrupted:
+        if best.interrupted:
             break
         try:
-            step = _searched(robot, _continued(task, best, number), prepare, solve, fresh=True)
+            made, kept, design = searched(_continued(task, best, number), fresh=True)
         except (InputError, NoFeasibleMotionError) as error:
             end = f"{number} harmonics are not possible: {error}"
             break
         except KeyboardInterrupt:
-            best = replace(best, design=replace(best.design, interrupted=True))
+            best = replace(best, interrupted=True)
             break
-        steps.append(step)
-        before = best.design.minimised_value
-        gain = (before - step.design.minimised_value) / abs(before)  # part of the criterion
+        trials.append(_trial(design))
+        gain = (best.minimised_value - design.minimised_value) / abs(best.minimised_value)  # part of the criterion
         if gain < _LEAST:
             end = f"{number} brought {100 * max(gain, 0.0):.1f} %"
             break
-        best = step
-    _keep_starts_of(best, steps[-1])
-    return _with_trials(best.design, steps, end)
+        formulation, best = made, design
+    if _trial(best).harmonics != trials[-1].harmonics:  # leave in the folder the starts of the motion that was chosen
+        remove_starts(kept.folder)
+        for start in best.starts:
+            write_start(kept.folder, start, formulation.identity.origin)
+    return _with_trials(best, trials, end)
 
 
 def _numbers(task: Task) -> tuple[list[int], str]:
@@ -279,28 +265,17 @@ def _with_harmonics(task: Task, number: int) -> Task:
     return task.changed(harmonics=number, bandwidth=None)
 
 
-def _continued(task: Task, best: _Step, number: int) -> Task:
-    design = best.design
-    begin = InitialDesign(f"the best motion of {best.trial.harmonics} harmonics", design.series)
+def _trial(design: Design) -> HarmonicsTrial:
+    cpu = float(str(design.provenance["cpu_seconds"]))
+    return HarmonicsTrial(int(design.task.trajectory.harmonics), design.minimised_value, cpu)
+
+
+def _continued(task: Task, best: Design, number: int) -> Task:
+    begin = InitialDesign(f"the best motion of {_trial(best).harmonics} harmonics", best.series)
     return _with_harmonics(task, number).changed(begin=begin, starts=_STARTS, rounds=None, budget=None)
 
 
-def _searched(robot: Robot, task: Task, prepare: Prepare, solve: Solve, *, fresh: bool) -> _Step:
-    formulation = formulate(robot, task)
-    kept = prepare(formulation, fresh)
-    return _Step(formulation, kept, solve(formulation, kept))
-
-
-def _keep_starts_of(best: _Step, last: _Step) -> None:
-    """Leave in the folder the starts of the motion that was chosen."""
-    if best.trial.harmonics != last.trial.harmonics:
-        remove_starts(last.kept.folder)
-        for start in best.design.starts:
-            write_start(last.kept.folder, start, best.formulation.identity.origin)
-
-
-def _with_trials(design: Design, steps: list[_Step], end: str) -> Design:
-    note = f"{int(design.task.trajectory.harmonics)} harmonics: {'interrupted' if design.interrupted else end}"
-    trials = tuple(step.trial for step in steps)
+def _with_trials(design: Design, trials: list[HarmonicsTrial], end: str) -> Design:
+    note = f"{_trial(design).harmonics} harmonics: {'interrupted' if design.interrupted else end}"
     provenance = {**design.provenance, "cpu_seconds": sum(trial.cpu_seconds for trial in trials)}
-    return replace(design, harmonics_trials=trials, notes=(*design.notes, note), provenance=provenance)
+    return replace(design, harmonics_trials=tuple(trials), notes=(*design.notes, note), provenance=provenance)

@@ -20,11 +20,9 @@ from regressors.samples import Array
 _SAVE_EVERY = 1.0  # seconds between saves of an unfinished start
 
 
-def optimise_start(
-    problem: Problem, method: Solver, seed: int, start: Start, folder: Path | None, origin: Origin | None = None
-) -> StartResult:
+def optimise_start(problem: Problem, method: Solver, seed: int, start: Start, folder: Path | None) -> StartResult:
     """Draw the initial guess of a start and optimise it, saving the best point so far every second."""
-    return optimise_starts(problem, method, seed, [start], folder, origin=origin)[0]
+    return optimise_starts(problem, method, seed, [start], folder)[0]
 
 
 def optimise_starts(

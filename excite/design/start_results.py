@@ -24,38 +24,17 @@ _NAME = re.compile(r"start-(\d+)\.json")
 
 @dataclass(frozen=True)
 class StartResult:
-    """Final point of a start, or its best point so far.
+    """Final point of a start, or its best point so far."""
 
-    Parameters
-    ----------
-    index : int
-        Number of the start; with the seed it determines the result.
-    x : list
-        Coefficients, shape (n, size), or the flat x of a family that is not linear in it; inside the limits.
-    value : float
-        The criterion at the task's rate with exact friction; while running, the solver's smooth value.
-    status : str
-        How it ended, as a sentence.
-    history : list of float
-        The criterion at every accepted iterate, with the smooth friction sign of the solver.
-    evaluations : int
-    cpu : float
-        Processor time [s].
-    parents : tuple of int
-        Numbers of the starts whose motions it combines or refines; none for a random one.
-    lineage : str
-        Hash of what it descends from, see `excite.design.start_results`; empty for a random one.
-    """
-
-    index: int
-    x: list[Any]
-    value: float
-    status: str
-    history: list[float]
+    index: int  # number of the start; with the seed it determines the result
+    x: list[Any]  # coefficients, shape (n, size), or the flat x of a family that is not linear in it; inside the limits
+    value: float  # the criterion at the task's rate with exact friction; while running, the solver's smooth value
+    status: str  # how it ended, as a sentence
+    history: list[float]  # the criterion at every accepted iterate, with the smooth friction sign of the solver
     evaluations: int
-    cpu: float
-    parents: tuple[int, ...] = ()
-    lineage: str = ""
+    cpu: float  # processor time [s]
+    parents: tuple[int, ...] = ()  # numbers of the starts whose motions it combines or refines; none for a random one
+    lineage: str = ""  # hash of what it descends from, see `excite.design.start_results`; empty for a random one
 
     @property
     def coefficients(self) -> Array:
@@ -105,13 +84,9 @@ def number_of(start: Start) -> int:
     return start if isinstance(start, int) else start.index
 
 
-@dataclass(frozen=True)
-class Origin:
-    """Where a start's file comes from."""
-
-    problem: dict[str, Any]  # the problem, see `excite.design.problem_identity`
-    sha256: str | None  # its hash; None where two such problems cannot be compared
-    run: str  # unique number of the run that computed it
+#: Where a start's file comes from: ``problem``, see `excite.design.problem_identity`; ``sha256``, its hash, None where
+#: two such problems cannot be compared; and ``run``, the unique number of the run that computed it.
+Origin = dict[str, Any]
 
 
 def start_file(folder: Path, index: int) -> Path:
@@ -125,7 +100,7 @@ def write_start(folder: Path, result: StartResult, origin: Origin | None = None)
     content["value"] = or_none(result.value)
     content["history"] = [or_none(value) for value in result.history]
     if origin is not None:
-        content["origin"] = asdict(origin)
+        content["origin"] = origin
     write_hashed(start_file(folder, result.index), content)
 
 
@@ -154,7 +129,9 @@ def read_start(path: Path) -> tuple[StartResult, Origin | None]:
         values["parents"] = tuple(values.get("parents", ()))
         values["history"] = [or_infinite(value) for value in values["history"]]
         values["value"] = or_infinite(values["value"])
-        origin = Origin(**content["origin"]) if "origin" in content else None
+        origin = (
+            {name: content["origin"][name] for name in ("problem", "sha256", "run")} if "origin" in content else None
+        )
     except (AttributeError, KeyError, TypeError) as error:
         raise InputError(f"{path} is not the complete file of a start: {error}") from error
     return StartResult(**values), origin
@@ -162,21 +139,11 @@ def read_start(path: Path) -> tuple[StartResult, Origin | None]:
 
 @dataclass(frozen=True)
 class SearchSummary:
-    """What became of a search.
+    """What became of a search."""
 
-    Parameters
-    ----------
-    rounds : int
-        Rounds after the first.
-    populations : int
-        Populations that ended since they brought next to nothing any more.
-    left : float, optional
-        Estimated relative gain of one more population; None with fewer than two.
-    """
-
-    rounds: int
-    populations: int
-    left: float | None
+    rounds: int  # rounds after the first
+    populations: int  # populations that ended since they brought next to nothing any more
+    left: float | None  # estimated relative gain of one more population; None with fewer than two
 
 
 @dataclass(frozen=True)
@@ -204,12 +171,6 @@ class BestStarts:
     ended: int  # numbers of starts that ended, of those stopped before, and of those without a result
     unfinished: int
     missing: int = 0
-
-    @classmethod
-    def of(cls, results: tuple[StartResult, ...]) -> BestStarts:
-        """Of starts in memory."""
-        unfinished = sum(result.status == RUNNING for result in results)
-        return cls(results, len(results) - unfinished, unfinished)
 
     @property
     def further(self) -> int:

@@ -61,10 +61,10 @@ class StatedWorld:
         return replace(self, world=kept, unchecked=(Unchecked("self-collision", reason), *self.unchecked))
 
 
-def stated_limits(robot: Robot, joints: tuple[str, ...], task: Task, world: StatedWorld | None = None) -> StatedLimits:
+def stated_limits(robot: Robot, joints: tuple[str, ...], task: Task, world: StatedWorld) -> StatedLimits:
     """Limits of torques and of distances, where the task leaves them to the description."""
     torques = _torques(robot, joints, task)
-    distances = _distances(robot, joints, task, stated_world(robot, task) if world is None else world)
+    distances = _distances(robot, joints, task, world)
     unchecked = (*torques.unchecked, *distances.unchecked)
     return StatedLimits((*torques.constraints, *distances.constraints), unchecked, (*torques.notes, *distances.notes))
 
@@ -232,19 +232,12 @@ _ORDER = (*QUANTITIES, "torque", "power", "tool", "distance")
 
 @dataclass(frozen=True)
 class Unchecked:
-    """A kind of limit that is not checked.
+    """A kind of limit that is not checked."""
 
-    Parameters
-    ----------
-    limit : str
-        ``position``, ``velocity``, ``acceleration``, ``jerk``, ``torque``, ``self-collision``, ``floor`` (or ``wall``,
-        ``ceiling``) or ``obstacles``.
-    reason : str
-        Why, with the joints where it is not all of them.
-    """
-
+    # ``position``, ``velocity``, ``acceleration``, ``jerk``, ``torque``, ``self-collision``, ``floor`` (or ``wall``,
+    # ``ceiling``) or ``obstacles``
     limit: str
-    reason: str
+    reason: str  # why, with the joints where it is not all of them
 
     def __str__(self) -> str:
         return f"{self.limit} ({self.reason})"

@@ -29,7 +29,6 @@ from excite.design.blueprint import Blueprint
 from excite.design.interruption import SIGNALS, deferred_interruption, held_signals
 from excite.design.problem import Problem
 from excite.design.single_start import optimise_starts
-from excite.design.solvers.solver import Solver
 from excite.design.start_results import Origin, StartResult, Starts, number_of
 from excite.errors import LostWorkersError
 from excite.operating_system import can_fork
@@ -228,7 +227,7 @@ def main_not_imported() -> Iterator[None]:
             setattr(main, name, value)
 
 
-Job = tuple[int, Starts, Path]
+Job = tuple[int, Starts, Path | None]  # seed, starts, and the folder that they are written to
 Work = Callable[[Any], Any]
 
 _PR_SET_PDEATHSIG = 1  # of Linux's prctl
@@ -245,15 +244,16 @@ def unpickled(content: bytes) -> Work:
     return work
 
 
-def work_on_starts(blueprint: Blueprint, origin: Origin) -> Work:
-    """Build the problem of a search; what is returned optimises starts."""
-    return partial(optimise_job, blueprint.problem(), instance("solver", blueprint.task.search.solver), origin)
+def work_on_starts(blueprint: Blueprint, origin: Origin, problem: Problem | None = None) -> Work:
+    """Build the problem of a search, if it is not given; what is returned optimises starts."""
+    built = blueprint.problem() if problem is None else problem
+    method = instance("solver", blueprint.task.search.solver)
 
+    def work(job: Job) -> list[StartResult]:
+        seed, starts, folder = job
+        return optimise_starts(built, method, seed, starts, folder, origin=origin)
 
-def optimise_job(problem: Problem, method: Solver, origin: Origin, job: Job) -> list[StartResult]:
-    """Optimise some starts together."""
-    seed, starts, folder = job
-    return optimise_starts(problem, method, seed, starts, folder, origin=origin)
+    return work
 
 
 def serve(connection: Connection, prepare: Callable[[], Work]) -> None:

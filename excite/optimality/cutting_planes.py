@@ -26,28 +26,24 @@ Tell = Callable[[str], None]  # takes a sentence on the progress
 
 
 @dataclass(frozen=True, eq=False)
-class Relaxed:
-    """The best dual point that was found."""
-
-    multipliers: Multipliers
-    factor: float  # largest ratio over all states that were looked at with these multipliers
-
-
-@dataclass(frozen=True, eq=False)
 class CuttingPlanes:
     """Search for a dual point of a criterion."""
 
     rows: StateRows
-    states: LimitedStates
     conditions: MomentConditions
     motion: Array  # (N, 3 k) states of a motion within the limits, at equal steps, which keep the relaxation feasible
 
+    @property
+    def states(self) -> LimitedStates:
+        """Within the limits."""
+        return self.conditions.states
+
     def run(
         self, criterion: BoundedCriterion, rounds: int, rng: np.random.Generator, tell: Tell = lambda _: None
-    ) -> Relaxed:
-        """Solve and add states, round by round."""
+    ) -> tuple[DualCertificate, float]:
+        """Solve and add states, round by round; the best dual point, and its largest ratio over all of these states."""
         S = np.concatenate([self.motion, self.states.drawn(_FIRST, rng)])
-        best: Relaxed | None = None
+        best: tuple[DualCertificate, float] | None = None
         for number in range(rounds):
             weights, certificate = self._solved(criterion, S)
             if certificate is None:
@@ -55,10 +51,9 @@ class CuttingPlanes:
                 continue
             states, ratios = self._violations(certificate, S[np.argsort(-weights)[:300]], rng)
             factor = float(ratios[0])
-            bound = criterion.proven(certificate.multipliers, factor)
-            if best is None or bound > criterion.proven(best.multipliers, best.factor):
-                best = Relaxed(certificate.multipliers, factor)
-            tell(f"{criterion.described}: round {number + 1}, {criterion.proven(best.multipliers, best.factor):.4g}")
+            if best is None or criterion.proven(certificate, factor) > criterion.proven(*best):
+                best = certificate, factor
+            tell(f"{criterion.described}: round {number + 1}, {criterion.proven(*best):.4g}")
             if factor < _NEAR:
                 break
             S = np.concatenate([S[self._kept(weights, number, rng)], states[ratios > _VIOLATED][:_ADDED]])
@@ -71,10 +66,10 @@ class CuttingPlanes:
         F = np.einsum("nri,nrj->nij", Y, Y) + self.rows.prior
         scale = float(np.linalg.eigvalsh(F[: len(self.motion)].mean(axis=0))[0])
         try:
-            weights, multipliers = relaxation(criterion, F, self.conditions.values(S), self.conditions, scale)
+            weights, dual = relaxation(criterion, F, self.conditions.values(S), self.conditions, scale)
         except ConicSolverError:
             return np.zeros(len(S)), None
-        return weights, DualCertificate(self.rows, self.conditions, multipliers)
+        return weights, DualCertificate(self.rows, self.conditions, *dual)
 
     def _kept(self, weights: Array, number: int, rng: np.random.Generator) -> Array:
         kept = weights > _UNUSED * weights.max()
@@ -114,16 +109,19 @@ class DualCertificate:
 
     rows: StateRows
     conditions: MomentConditions
-    multipliers: Multipliers
+    lower: Array  # (b, b)
+    upper: Array  # (b, b)
+    constant: float  # 1 where `upper` is zero, otherwise 0
+    moments: Array  # (m,) ``c`` of the moment conditions
 
     def ratios(self, S: Array) -> Array:
         """The ratio at every state, shape (N,)."""
-        Y, m = self.rows(S), self.multipliers
-        above = _inner(Y, m.lower) + float(np.sum(self.rows.prior * m.lower))
-        above += self.conditions.values(S) @ m.moments
-        if m.constant:
-            return np.asarray(above / m.constant)
-        below = _inner(Y, m.upper) + float(np.sum(self.rows.prior * m.upper))
+        Y = self.rows(S)
+        above = _inner(Y, self.lower) + float(np.sum(self.rows.prior * self.lower))
+        above += self.conditions.values(S) @ self.moments
+        if self.constant:
+            return np.asarray(above / self.constant)
+        below = _inner(Y, self.upper) + float(np.sum(self.rows.prior * self.upper))
         return np.asarray(above / np.maximum(below, _LEAST * below.max()))
 
 
@@ -144,10 +142,10 @@ _USABLE = ("Solved", "AlmostSolved", "MaxIterations", "InsufficientProgress")
 
 def relaxation(
     criterion: BoundedCriterion, F: Array, h: Array, conditions: MomentConditions, scale: float
-) -> tuple[Array, Multipliers]:
-    """Best measure on some states, and the dual point."""  # F (N, b, b); h (N, m); result (N,)
-    part = criterion.part(F, scale)
-    own, N = part.objective.size, len(F)
+) -> tuple[Array, tuple[Array, Array, float, Array]]:
+    """Best measure on some states, and the multipliers of the dual point."""  # F (N, b, b); h (N, m); result (N,)
+    of_own, psd, exponential, total = criterion.part(F, scale)
+    own, N = of_own.size, len(F)
     B = conditions.cone()
     p = B.shape[1]
     sizes = np.maximum(np.abs(h).max(axis=0), 1e-9)
@@ -156,27 +154,27 @@ def relaxation(
     zeros: Callable[[int, int], sp.csc_matrix] = lambda rows, columns: sp.csc_matrix((rows, columns))  # noqa: E731
     moments = [zeros(h.shape[1], own), sp.csc_matrix((h / sizes).T), sp.csc_matrix(-of_cone / sizes[:, None])]
     blocks = [(moments, np.zeros(h.shape[1]), [clarabel.ZeroConeT(h.shape[1])])]
-    if part.total:
+    if total:
         blocks.append(([zeros(1, own), np.ones((1, N)), zeros(1, p)], np.ones(1), [clarabel.ZeroConeT(1)]))
     blocks.append(([zeros(N, own), -sp.eye_array(N), zeros(N, p)], np.zeros(N), [clarabel.NonnegativeConeT(N)]))
     first = sum(b.size for _, b, _ in blocks)
-    blocks += [([A, zeros(A.shape[0], p)], b, [clarabel.PSDTriangleConeT(size)]) for A, b, size in part.psd]
-    blocks += [([A, zeros(3, p)], b, [clarabel.ExponentialConeT()]) for A, b in part.exponential]
+    blocks += [([A, zeros(A.shape[0], p)], b, [clarabel.PSDTriangleConeT(size)]) for A, b, size in psd]
+    blocks += [([A, zeros(3, p)], b, [clarabel.ExponentialConeT()]) for A, b in exponential]
     if p:
         of_sizes = [clarabel.PSDTriangleConeT(size) for size in conditions.sizes]
         blocks.append(([zeros(p, own + N), -sp.eye_array(p)], np.zeros(p), of_sizes))
     rows, right, cones = zip(*blocks, strict=True)
     A = sp.vstack([sp.hstack(row) for row in rows])
-    objective = np.concatenate([part.objective, np.zeros(N + p)])
+    objective = np.concatenate([of_own, np.zeros(N + p)])
     x, z = _solved(objective, A, np.concatenate(right), [cone for some in cones for cone in some])
     dual = []
-    for _, b, size in part.psd:
+    for _, b, size in psd:
         dual.append(_positive(matrix_of(z[first : first + b.size], size)))
         first += b.size
     lower, upper, constant = criterion.multipliers(dual, scale)
     weights = np.maximum(x[own : own + N], 0.0)
-    multipliers = Multipliers(lower, upper, constant, conditions.admitted(-z[: h.shape[1]] / sizes))
-    return weights / max(weights.sum(), _TOTAL), multipliers
+    admitted = conditions.admitted(-z[: h.shape[1]] / sizes)
+    return weights / max(weights.sum(), _TOTAL), (lower, upper, constant, admitted)
 
 
 def _positive(M: Array) -> Array:
@@ -202,24 +200,10 @@ def _solved(objective: Array, A: sp.spmatrix, b: Array, cones: list[object]) -> 
     return x, z
 
 
-@dataclass(frozen=True, eq=False)
-class Multipliers:
-    """A dual point."""
-
-    lower: Array  # (b, b)
-    upper: Array  # (b, b)
-    constant: float  # 1 where `upper` is zero, otherwise 0
-    moments: Array  # (m,) ``c`` of the moment conditions
-
-
-@dataclass(frozen=True, eq=False)
-class ConicPart:
-    """Rows ``A x + s = b`` of a criterion, for x = (own variables, weights of the states)."""
-
-    objective: Array  # to be minimised, of the own variables
-    psd: list[tuple[sp.spmatrix, Array, int]]  # rows of positive semidefinite matrices, with their sizes
-    exponential: list[tuple[sp.spmatrix, Array]]  # three rows each, of exponential cones
-    total: bool  # whether the weights are to sum to one
+#: Rows ``A x + s = b`` of a criterion, for x = (own variables, weights of the states): the objective to be minimised,
+#: of the own variables; rows of positive semidefinite matrices, with their sizes; rows of exponential cones, three
+#: each; whether the weights are to sum to one.
+ConicPart = tuple[Array, list[tuple[sp.spmatrix, Array, int]], list[tuple[sp.spmatrix, Array]], bool]
 
 
 class BoundedCriterion(ABC):
@@ -237,8 +221,8 @@ class BoundedCriterion(ABC):
         """``lower``, ``upper`` and ``constant`` from the dual matrices of the cones."""
 
     @abstractmethod
-    def proven(self, multipliers: Multipliers, factor: float) -> float:
-        """Lower bound on the criterion that multipliers prove, given the factor that holds for all states."""
+    def proven(self, dual: DualCertificate, factor: float) -> float:
+        """Lower bound on the criterion that a dual point proves, given the factor that holds for all states."""
 
 
 def _columns(own: Array, F: Array) -> sp.csc_matrix:
@@ -261,15 +245,15 @@ class BoundedCondition(BoundedCriterion):
         unit = triangle(np.eye(b)[None])[0]
         rows = _columns(np.zeros(unit.size), F / scale)
         above = _columns(-unit, -F / scale)
-        return ConicPart(np.ones(1), [(rows, -unit, b), (above, np.zeros(unit.size), b)], [], False)
+        return np.ones(1), [(rows, -unit, b), (above, np.zeros(unit.size), b)], [], False
 
     def multipliers(self, dual: list[Array], scale: float) -> tuple[Array, Array, float]:
         """The two dual matrices."""
         return dual[0] / scale, dual[1] / scale, 0.0
 
-    def proven(self, multipliers: Multipliers, factor: float) -> float:
+    def proven(self, dual: DualCertificate, factor: float) -> float:
         """``sqrt(tr(lower) / (factor tr(upper)))``."""
-        ratio = float(np.trace(multipliers.lower)) / (factor * float(np.trace(multipliers.upper)))
+        ratio = float(np.trace(dual.lower)) / (factor * float(np.trace(dual.upper)))
         return max(1.0, float(np.sqrt(ratio)))
 
 
@@ -283,15 +267,15 @@ class BoundedSmallestEigenvalue(BoundedCriterion):
         """One matrix: ``sum w F - e I``."""
         b = F.shape[1]
         rows = _columns(triangle(np.eye(b)[None])[0], F / scale)
-        return ConicPart(-np.ones(1), [(rows, np.zeros(rows.shape[0]), b)], [], True)
+        return -np.ones(1), [(rows, np.zeros(rows.shape[0]), b)], [], True
 
     def multipliers(self, dual: list[Array], scale: float) -> tuple[Array, Array, float]:
         """The dual matrix."""
         return dual[0] / scale, np.zeros_like(dual[0]), 1.0
 
-    def proven(self, multipliers: Multipliers, factor: float) -> float:
+    def proven(self, dual: DualCertificate, factor: float) -> float:
         """``sqrt(tr(lower) / factor)``, since ``tr(lower) lambda_min <= <M, lower> <= factor``."""
-        return float(np.sqrt(np.trace(multipliers.lower) / factor))
+        return float(np.sqrt(np.trace(dual.lower) / factor))
 
 
 class BoundedDeterminant(BoundedCriterion):
@@ -321,7 +305,7 @@ class BoundedDeterminant(BoundedCriterion):
             for i, k in enumerate(diagonal)
         ]
         objective = np.concatenate([-np.ones(b), np.zeros(rows.size)])
-        return ConicPart(objective, [(psd, np.zeros(psd.shape[0]), 2 * b)], cones, True)
+        return objective, [(psd, np.zeros(psd.shape[0]), 2 * b)], cones, True
 
     def multipliers(self, dual: list[Array], scale: float) -> tuple[Array, Array, float]:
         """The dual matrix's block of M."""
@@ -329,10 +313,10 @@ class BoundedDeterminant(BoundedCriterion):
         lower = dual[0][:b, :b] / scale
         return lower, np.zeros_like(lower), 1.0
 
-    def proven(self, multipliers: Multipliers, factor: float) -> float:
+    def proven(self, dual: DualCertificate, factor: float) -> float:
         """``exp(log det(lower) / 2b) sqrt(b / factor)``."""
-        b = len(multipliers.lower)
-        sign, logarithm = np.linalg.slogdet(multipliers.lower)
+        b = len(dual.lower)
+        sign, logarithm = np.linalg.slogdet(dual.lower)
         return float(np.exp(0.5 * logarithm / b) * np.sqrt(b / factor)) if sign > 0 else 0.0
 
 

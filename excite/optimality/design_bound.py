@@ -18,10 +18,10 @@ from excite.design.problem_identity import NotComparable, content_sha256, plain_
 from excite.errors import BrokenLimitError
 from excite.information.target import target_of
 from excite.information.weighting import minimised_text, weighting_of
-from excite.optimality.cutting_planes import BOUNDED, LOOKED_AT, BoundedCriterion, CuttingPlanes, DualCertificate, Tell
+from excite.optimality.cutting_planes import BOUNDED, LOOKED_AT, BoundedCriterion, CuttingPlanes, Tell
 from excite.optimality.limited_states import MomentConditions, StateRows, limited_states, state_rows
-from excite.optimality.proven_factor import ProvenFactor
-from excite.optimality.sensitivity import Sensitivity, sensitivity
+from excite.optimality.proven_factor import proven_factor
+from excite.optimality.sensitivity import LIKELY_CAUSE, Sensitivity, sensitivity
 from excite.registry import instance, is_own, name_of
 from excite.storage.atomic import Destination, read_json
 from excite.storage.codec import Beside
@@ -42,34 +42,18 @@ KIND, NAME = "bound", "bound.json"
 
 @dataclass(frozen=True)
 class CriterionBound:
-    """Lower bound on one criterion, smaller is better, over all motions of the problem.
-
-    Parameters
-    ----------
-    name : str
-        ``condition``, ``logdet`` (D-optimality) or ``sigma-min`` (E-optimality), as `excite.Criterion` has them.
-    described : str
-    value : float
-        The bound: proven for all states if `proven`, otherwise `estimate`.
-    proven : bool
-    estimate : float
-        What the same dual point proves if no state is worse than those that were looked at.
-    states : int
-        Number of states that were looked at.
-    reached : float
-        Criterion of the design.
-    cpu_seconds : float
-    """
+    """Lower bound on one criterion, smaller is better, over all motions of the problem."""
 
     beside: ClassVar[Beside] = {"efficiency": lambda bound: bound.efficiency, "basis": lambda bound: bound.basis}
 
+    # ``condition``, ``logdet`` (D-optimality) or ``sigma-min`` (E-optimality), as `excite.Criterion` has them
     name: str
     described: str
-    value: float
+    value: float  # the bound: proven for all states if `proven`, otherwise `estimate`
     proven: bool
-    estimate: float
-    states: int
-    reached: float
+    estimate: float  # what the same dual point proves if no state is worse than those that were looked at
+    states: int  # number of states that were looked at
+    reached: float  # criterion of the design
     cpu_seconds: float
 
     @property
@@ -160,10 +144,7 @@ def stored_bound(design: Design) -> DesignBound | None:
 
 
 @checked
-@numerical_work(
-    "the bound",
-    "values of very different sizes are the likely cause: check the limits, `noise` and the description of the robot",
-)
+@numerical_work("the bound", LIKELY_CAUSE)
 def bound(
     design: Design,
     criteria: Sequence[str] = ("condition",),
@@ -244,7 +225,7 @@ def cutting_planes(formulation: Formulation, design: Design) -> CuttingPlanes:
     rows = state_rows(formulation)
     counted = rows.positions_that_count() & np.isfinite(states.extent(0))
     motion = _states_of(design, rows, _INSTANTS * family.richness)
-    return CuttingPlanes(rows, states, MomentConditions(states, counted, frequencies), motion)
+    return CuttingPlanes(rows, MomentConditions(states, counted, frequencies), motion)
 
 
 def _states_of(design: Design, rows: StateRows, count: int) -> Array:
@@ -259,11 +240,10 @@ def _bound(
     criterion: BoundedCriterion, planes: CuttingPlanes, design: Design, rounds: int, seed: int, progress: Tell
 ) -> CriterionBound:
     began = time.process_time()
-    relaxed = planes.run(criterion, rounds, np.random.default_rng(seed), tell=progress)
-    estimate = criterion.proven(relaxed.multipliers, relaxed.factor)
-    certificate = DualCertificate(planes.rows, planes.conditions, relaxed.multipliers)
-    factor = ProvenFactor(certificate, planes.states).run(relaxed.factor, seed, progress)
-    value = estimate if factor is None else criterion.proven(relaxed.multipliers, factor)
+    certificate, largest = planes.run(criterion, rounds, np.random.default_rng(seed), tell=progress)
+    estimate = criterion.proven(certificate, largest)
+    factor = proven_factor(certificate, largest, seed, progress)
+    value = estimate if factor is None else criterion.proven(certificate, factor)
     return CriterionBound(
         name=criterion.name,
         described=criterion.described,

@@ -228,14 +228,11 @@ class MomentConditions:
 
     def values(self, S: Array) -> Array:
         """``h`` at every state, shape (N, m)."""
-        u = self._u(S)
+        y, dy, ddy = np.split(S, 3, axis=1)
+        counted = (y - self.states.centre)[:, self.counted]
+        u = np.concatenate([np.ones((len(S), 1)), counted, dy, ddy], axis=1) / self._scales
         moments = triangle(np.einsum("ni,nj->nij", u, u)) if self.frequencies.size else self._derivatives_of_products(u)
         return np.concatenate([moments, self._derivatives_of_speeds(S)], axis=1)
-
-    def _u(self, S: Array) -> Array:
-        y, dy, ddy = np.split(S, 3, axis=1)
-        y = (y - self.states.centre)[:, self.counted]
-        return np.concatenate([np.ones((len(S), 1)), y, dy, ddy], axis=1) / self._scales
 
     def _derivatives_of_products(self, u: Array) -> Array:
         """``d/dt (a b)`` of all a, b among 1, y and dy, in scaled units, shape (N, m)."""
@@ -313,20 +310,15 @@ class MomentConditions:
         return [matrix_of(part, size) for part, size in zip(np.split(p, ends[:-1]), self.sizes, strict=True)]
 
 
-def _places(size: int) -> tuple[Index, Index]:
-    column, row = np.tril_indices(size)
-    return row, column
-
-
 def triangle(M: Array) -> Array:
     """Vectors of symmetric matrices, shape (..., n, n) to (..., n (n + 1) / 2); off-diagonal entries times sqrt 2."""
-    row, column = _places(M.shape[-1])
+    column, row = np.tril_indices(M.shape[-1])
     return np.asarray(M[..., row, column] * np.where(row == column, 1.0, np.sqrt(2.0)))
 
 
 def matrix_of(v: Array, size: int) -> Array:
     """Symmetric matrix of a vector, the inverse of `triangle`, shape (size, size)."""
-    row, column = _places(size)
+    column, row = np.tril_indices(size)
     M = np.zeros((size, size))
     M[row, column] = M[column, row] = v / np.where(row == column, 1.0, np.sqrt(2.0))
     return M

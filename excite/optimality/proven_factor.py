@@ -7,7 +7,7 @@ In a cell of the grid ``Q(p)`` is the interpolation between the cell's corners, 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement, product
 
@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from excite.optimality.cutting_planes import DualCertificate, conic_solution
-from excite.optimality.limited_states import LimitedStates, matrix_of, triangle, triangle_basis
+from excite.optimality.limited_states import LimitedStates, MomentConditions, matrix_of, triangle, triangle_basis
 from regressors.samples import Array, Index
 
 _MOST_COORDINATES, _MOST_POSITIONS = 3, 2
@@ -26,100 +26,99 @@ _MOST_CERTIFICATES = 4000
 _LOWEST = 1e-3  # of the highest velocity, where none is possible
 
 
-@dataclass(frozen=True, eq=False)
-class _Grid:
-    """Corners of cells, shape (N, c) in positions that count, and what holds in all cells around each."""
-
-    corners: Array  # (N, c)
-    widths: Array  # (N, c) largest width of the cells around, along the axes
-    highest: Array  # (N, k) highest velocities around, as parts of their limits
-    axes: Array  # (c, c) the steps of the positions along each axis, in its columns
+#: Corners of cells, shape (N, c) in positions that count, and what holds in all cells around each: the largest width
+#: along the axes, shape (N, c), and the highest velocities, as parts of their limits, shape (N, k); and the steps of
+#: the positions along each axis, in the columns of a matrix of shape (c, c).
+Grid = tuple[Array, Array, Array, Array]
 
 
-@dataclass(frozen=True, eq=False)
-class ProvenFactor:
-    """Proof of the dual inequality for all states of a problem of few coordinates."""
-
-    certificate: DualCertificate
-    states: LimitedStates
-
-    def run(self, guess: float, seed: int, tell: Callable[[str], None]) -> float | None:
-        """Factor that is proven for all states; None where this problem is not of the kind that can be proven."""
-        chosen = self._functions()
-        if chosen is None:
+def proven_factor(certificate: DualCertificate, guess: float, seed: int, tell: Callable[[str], None]) -> float | None:
+    """Factor that is proven for all states; None where the problem is not one of few coordinates that can be proven."""
+    chosen = _functions(certificate)
+    if chosen is None:
+        return None
+    functions, positions = chosen
+    grid = _grid(certificate.conditions, functions, positions)
+    patterns = list(product((1.0, -1.0), repeat=functions.size))
+    if len(grid[0]) * len(patterns) > _MOST_CERTIFICATES:
+        return None
+    largest = 0.0
+    for number, signs in enumerate(patterns):
+        tell(f"proof: {number} of {len(patterns)} sign patterns of the velocities")
+        try:
+            largest = max(
+                largest, of_pattern(SignPattern(certificate, functions, np.array(signs)), grid, 2.0 * guess, seed)
+            )
+        except NotPolynomial:
             return None
-        functions, positions = chosen
-        grid = self._grid(functions, positions)
-        patterns = list(product((1.0, -1.0), repeat=functions.size))
-        if len(grid.corners) * len(patterns) > _MOST_CERTIFICATES:
-            return None
-        largest = 0.0
-        for number, signs in enumerate(patterns):
-            tell(f"proof: {number} of {len(patterns)} sign patterns of the velocities")
-            pattern = SignPattern(self.certificate, self.states, functions, np.array(signs))
-            try:
-                largest = max(largest, self._of_pattern(pattern, grid, 2.0 * guess, seed))
-            except NotPolynomial:
-                return None
-        return largest if largest <= 2.0 * guess else None
+    return largest if largest <= 2.0 * guess else None
 
-    def _functions(self) -> tuple[Index, Index] | None:
-        """The limited functions that serve as coordinates, and those of them with positions; None without as many."""
-        states, counted = self.states, self.certificate.conditions.counted
-        (functions,) = np.nonzero(states.speeds & np.isfinite(states.acceleration))
-        k = states.n
-        if k > _MOST_COORDINATES or functions.size != k or int(counted.sum()) > _MOST_POSITIONS:
-            return None
-        of_others = np.any(self.certificate.rows.positions_that_count() & ~counted)
-        if of_others or np.linalg.matrix_rank(states.directions[functions]) < k:
-            return None
-        of_counted = ~np.any(states.directions[:, ~counted] != 0.0, axis=1) & np.isfinite(states.radius)
-        positions = functions[of_counted[functions]]
-        return (functions, positions) if positions.size == int(counted.sum()) else None
 
-    def _of_pattern(self, pattern: SignPattern, grid: _Grid, most: float, seed: int) -> float:
-        rng = np.random.default_rng(seed)
-        of_Q, of_D = pattern.curvature(grid.axes, rng)
-        # |m' E m| <= sum_i e_i m_i^2 with e the sums of rows, since E is symmetric
-        errors = np.einsum("na,aij->ni", grid.widths**2 / 8, of_Q + most * of_D)
-        lower, upper, of_h = pattern.matrices(grid.corners, rng)
-        V, A = (each[pattern.functions] for each in (self.states.velocity, self.states.acceleration))
-        bandwidth = self.states.bandwidth
-        linked = np.full(V.size, np.inf) if bandwidth is None else (bandwidth * V / A) ** 2
-        certificates = SumOfSquares(pattern.signs, linked)
-        largest = 0.0
-        for Q, D, error, fastest in zip(lower + of_h, upper, errors, grid.highest, strict=True):
-            largest = max(largest, certificates.factor(Q + np.diag(error), D, fastest))
-            if largest > most:
-                break
-        return largest
+def _functions(certificate: DualCertificate) -> tuple[Index, Index] | None:
+    """The limited functions that serve as coordinates, and those of them with positions; None without as many."""
+    states, counted = certificate.conditions.states, certificate.conditions.counted
+    (functions,) = np.nonzero(states.speeds & np.isfinite(states.acceleration))
+    k = states.n
+    if k > _MOST_COORDINATES or functions.size != k or int(counted.sum()) > _MOST_POSITIONS:
+        return None
+    of_others = np.any(certificate.rows.positions_that_count() & ~counted)
+    if of_others or np.linalg.matrix_rank(states.directions[functions]) < k:
+        return None
+    of_counted = ~np.any(states.directions[:, ~counted] != 0.0, axis=1) & np.isfinite(states.radius)
+    positions = functions[of_counted[functions]]
+    return (functions, positions) if positions.size == int(counted.sum()) else None
 
-    def _grid(self, functions: Index, positions: Index) -> _Grid:
-        """Corners of all cells that hold positions within the limits."""
-        states, counted = self.states, self.certificate.conditions.counted
-        axes = [states.middle[i] - states.radius[i] * np.cos(np.linspace(0.0, np.pi, _CELLS + 1)) for i in positions]
-        if not axes:
-            return _Grid(np.zeros((1, 0)), np.zeros((1, 0)), np.ones((1, functions.size)), np.zeros((0, 0)))
-        beside = [np.maximum(*(np.pad(np.diff(axis), ends) for ends in ((0, 1), (1, 0)))) for axis in axes]
-        z = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
-        widths = np.stack(np.meshgrid(*beside, indexing="ij"), axis=-1).reshape(-1, len(axes))
-        inverse = np.asarray(np.linalg.inv(states.directions[positions][:, counted]), dtype=float)
-        known = np.isfinite(states.radius) & ~np.any(states.directions[:, ~counted] != 0.0, axis=1)
-        of_z = states.directions[:, counted] @ inverse
-        distance = np.abs(z @ of_z.T - states.middle) - widths @ np.abs(of_z).T
-        nearest = np.maximum(distance, 0.0) / states.radius
-        inside = np.all(nearest[:, known] <= 1.0, axis=1)
-        highest = self._highest(nearest[inside], known, functions)
-        return _Grid((z @ inverse.T)[inside], widths[inside], highest, inverse)
 
-    def _highest(self, nearest: Array, known: NDArray[np.bool_], functions: Index) -> Array:
-        """``|dz| / V`` that is possible at a fraction ``nearest`` of the positions' range from its middle."""
-        states = self.states
-        if states.bandwidth is None:
-            return np.ones((len(nearest), functions.size))
-        possible = states.bandwidth * states.radius[functions] / states.velocity[functions]
-        inside = possible * np.sqrt(np.maximum(1.0 - nearest[:, functions] ** 2, 0.0))
-        return np.where(known[functions], np.clip(inside, _LOWEST, 1.0), 1.0)
+def of_pattern(pattern: SignPattern, grid: Grid, most: float, seed: int) -> float:
+    """Factor that is proven for one choice of the signs of speeds; above `most` if it is larger than that."""
+    corners, widths, highest, axes = grid
+    states, rng = pattern.states, np.random.default_rng(seed)
+    of_Q, of_D = pattern.curvature(axes, rng)
+    # |m' E m| <= sum_i e_i m_i^2 with e the sums of rows, since E is symmetric
+    errors = np.einsum("na,aij->ni", widths**2 / 8, of_Q + most * of_D)
+    lower, upper, of_h = pattern.matrices(corners, rng)
+    V, A = states.velocity[pattern.functions], states.acceleration[pattern.functions]
+    linked = np.full(V.size, np.inf) if states.bandwidth is None else (states.bandwidth * V / A) ** 2
+    certificates = SumOfSquares(pattern.signs, linked)
+    largest = 0.0
+    for Q, D, error, fastest in zip(lower + of_h, upper, errors, highest, strict=True):
+        largest = max(largest, certificates.factor(Q + np.diag(error), D, fastest))
+        if largest > most:
+            break
+    return largest
+
+
+def _grid(conditions: MomentConditions, functions: Index, positions: Index) -> Grid:
+    """Corners of all cells that hold positions within the limits."""
+    states, counted = conditions.states, conditions.counted
+    axes = [states.middle[i] - states.radius[i] * np.cos(np.linspace(0.0, np.pi, _CELLS + 1)) for i in positions]
+    if not axes:
+        return np.zeros((1, 0)), np.zeros((1, 0)), np.ones((1, functions.size)), np.zeros((0, 0))
+    beside = [np.maximum(*(np.pad(np.diff(axis), ends) for ends in ((0, 1), (1, 0)))) for axis in axes]
+    z = _combinations(axes)
+    widths = _combinations(beside)
+    inverse = np.asarray(np.linalg.inv(states.directions[positions][:, counted]), dtype=float)
+    known = np.isfinite(states.radius) & ~np.any(states.directions[:, ~counted] != 0.0, axis=1)
+    of_z = states.directions[:, counted] @ inverse
+    distance = np.abs(z @ of_z.T - states.middle) - widths @ np.abs(of_z).T
+    nearest = np.maximum(distance, 0.0) / states.radius
+    inside = np.all(nearest[:, known] <= 1.0, axis=1)
+    highest = _highest(states, nearest[inside], known, functions)
+    return (z @ inverse.T)[inside], widths[inside], highest, inverse
+
+
+def _combinations(axes: Sequence[Array]) -> Array:
+    """All combinations of values along some axes, shape (N, axes)."""
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+
+
+def _highest(states: LimitedStates, nearest: Array, known: NDArray[np.bool_], functions: Index) -> Array:
+    """``|dz| / V`` that is possible at a fraction ``nearest`` of the positions' range from its middle."""
+    if states.bandwidth is None:
+        return np.ones((len(nearest), functions.size))
+    possible = states.bandwidth * states.radius[functions] / states.velocity[functions]
+    inside = possible * np.sqrt(np.maximum(1.0 - nearest[:, functions] ** 2, 0.0))
+    return np.where(known[functions], np.clip(inside, _LOWEST, 1.0), 1.0)
 
 
 Polynomial = dict[tuple[int, ...], float]  # sorted indices of the variables (v, a) of each monomial
@@ -259,9 +258,13 @@ class SignPattern:
     """``Q(p)`` and ``D(p)`` for one choice of the signs of k speeds, in scaled v and a within [-1, 1]."""
 
     certificate: DualCertificate
-    states: LimitedStates
     functions: Index  # (k,) the limited functions whose velocities and accelerations are v and a
     signs: Array  # (k,)
+
+    @property
+    def states(self) -> LimitedStates:
+        """Within the limits."""
+        return self.certificate.conditions.states
 
     def states_at(self, p: Array, v: Array, a: Array) -> Array:
         """States (y, dy, ddy) of positions, shape (N, counted), and scaled velocities and accelerations."""
@@ -278,20 +281,15 @@ class SignPattern:
         """``<F, lower>``, ``<F, upper> + constant`` and ``c' h`` as matrices of m, shape (N, |m|, |m|) each."""
         k = self.states.n
         size = 1 + 2 * k + k * (k + 1) // 2
-        v, a = self._drawn(2 * size, rng)
+        v, a = self.signs * rng.uniform(0.05, 1.0, (2 * size, k)), rng.uniform(-1.0, 1.0, (2 * size, k))
         m = monomials(v, a)
         G = np.stack([self._coefficients(np.tile(point, (len(v), 1)), v, a, m) for point in p])
         of_h = np.stack([self._of_conditions(np.tile(point, (len(v), 1)), v, a) for point in p])
-        multipliers, prior = self.certificate.multipliers, self.certificate.rows.prior
-        lower = np.einsum("nrim,ij,nrjl->nml", G, multipliers.lower, G, optimize=True)
-        upper = np.einsum("nrim,ij,nrjl->nml", G, multipliers.upper, G, optimize=True)
-        lower[:, 0, 0] += float(np.sum(prior * multipliers.lower))
-        upper[:, 0, 0] += float(np.sum(prior * multipliers.upper)) + multipliers.constant
+        dual, prior = self.certificate, self.certificate.rows.prior
+        lower, upper = (np.einsum("nrim,ij,nrjl->nml", G, M, G, optimize=True) for M in (dual.lower, dual.upper))
+        lower[:, 0, 0] += float(np.sum(prior * dual.lower))
+        upper[:, 0, 0] += float(np.sum(prior * dual.upper)) + dual.constant
         return lower, upper, of_h
-
-    def _drawn(self, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-        k = self.states.n
-        return self.signs * rng.uniform(0.05, 1.0, (count, k)), rng.uniform(-1.0, 1.0, (count, k))
 
     def _coefficients(self, p: Array, v: Array, a: Array, m: Array) -> Array:
         """``G`` at one p, shape (r, b, |m|), by least squares over twice as many instants as monomials."""
@@ -310,7 +308,7 @@ class SignPattern:
         more_v, more_a = np.concatenate([v] * 3), np.concatenate([a, -a[::-1], 0.5 * np.roll(a, 1, axis=0)])
         u = np.concatenate([np.ones((len(more_v), 1)), more_v, more_a], axis=1)
         S = self.states_at(np.tile(p[:1], (len(more_v), 1)), more_v, more_a)
-        values = self.certificate.conditions.values(S) @ self.certificate.multipliers.moments
+        values = self.certificate.conditions.values(S) @ self.certificate.moments
         products = u[:, i] * u[:, j]
         c, *_ = np.linalg.lstsq(products, values, rcond=None)
         if np.abs(products @ c - values).max() > _AGREES * max(1.0, float(np.abs(values).max())):
@@ -332,8 +330,7 @@ class SignPattern:
             return np.zeros((0, *size[1:])), np.zeros((0, *size[1:]))
         count = 2 * _DEGREE + 1
         angles = 2 * np.pi * np.arange(count) / count
-        grid = np.stack(np.meshgrid(*[angles] * n, indexing="ij"), axis=-1).reshape(-1, n)
-        lower, upper, _ = self.matrices(grid, rng)
+        lower, upper, _ = self.matrices(_combinations([angles] * n), rng)
         found = []
         for values in (lower, upper):
             c = np.fft.fftn(values.reshape(*(count,) * n, *values.shape[1:]), axes=tuple(range(n))) / count**n

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar
@@ -47,22 +47,12 @@ class SensitivityRow:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Changes of a design's problem, those that bring most first.
-
-    Parameters
-    ----------
-    criterion : str
-        The one that the design minimises.
-    reference : float
-        Criterion of the design's motion, refined without a change; at most that of the design.
-    rows : tuple of SensitivityRow
-    cpu_seconds : float
-    """
+    """Changes of a design's problem, those that bring most first."""
 
     beside: ClassVar[Beside] = {"meaning": lambda changes: changes.meaning}
 
-    criterion: str
-    reference: float
+    criterion: str  # the one that the design minimises
+    reference: float  # criterion of the design's motion, refined without a change; at most that of the design
     rows: tuple[SensitivityRow, ...]
     cpu_seconds: float
 
@@ -75,10 +65,12 @@ class Sensitivity:
         )
 
 
-@numerical_work(
-    "the sensitivity",
-    "values of very different sizes are the likely cause: check the limits, `noise` and the description of the robot",
+LIKELY_CAUSE = (
+    "values of very different sizes are the likely cause: check the limits, `noise` and the description of the robot"
 )
+
+
+@numerical_work("the sensitivity", LIKELY_CAUSE)
 def sensitivity(design: Design, progress: Callable[[str], None] = lambda _: None) -> Sensitivity:
     """Change a design's problem in one respect at a time, and improve its motion in the new problem.
 
@@ -95,25 +87,16 @@ def sensitivity(design: Design, progress: Callable[[str], None] = lambda _: None
         for name, made in change.every():
             progress(f"trying {name}")
             if (changed := made()) is not None:
-                _, value = changed.best(change.solver)
+                _, value = change.best(*changed)
                 rows.append(SensitivityRow(name, value, change.gain(value)))
     rows.sort(key=lambda row: -row.gain)
     criterion = str(name_of(design.task.objective.criterion))
     return Sensitivity(criterion, change.reference, tuple(rows), time.process_time() - began)
 
 
-@dataclass(frozen=True, eq=False)
-class ChangedProblem:
-    """A problem after a change, and where improvement begins."""
-
-    problem: Problem
-    starts: tuple[Array, ...]  # one or more
-    # criterion of a motion that keeps the limits after the change too; infinite where there is none
-    known: float = np.inf
-
-    def best(self, solver: Solver) -> tuple[Array, float]:
-        """The best motion found, and its criterion; where nothing better is found than what is known, that."""
-        return min((best_of(self.problem, solver, x, self.known) for x in self.starts), key=lambda end: end[1])
+#: A problem after a change; where improvement begins, one motion or more; and the criterion of a motion that keeps the
+#: limits after the change too, infinite where there is none.
+ChangedProblem = tuple[Problem, tuple[Array, ...], float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,11 +111,8 @@ class ProblemChanges:
     @classmethod
     def of(cls, design: Design, progress: Callable[[str], None] = lambda _: None) -> ProblemChanges:
         """Refine the motion of a design without a change."""
-        formulation = formulate(design.robot, design.task)
-        problem, motion = formulation.problem, formulation.blueprint.motion
-        solver: Solver = instance("solver", design.task.search.solver)
-        inverse = np.asarray(np.linalg.pinv(motion.matrix), dtype=float)
-        x = design.trajectory.carried(inverse, -inverse @ motion.offset).x
+        formulation, solver, x = reformulated(design)
+        problem = formulation.problem
         value = problem.exact_value(x)
         progress("refining the motion")
         for _ in range(_REFINEMENTS):
@@ -140,6 +120,10 @@ class ProblemChanges:
             if value > (1.0 - _SETTLED) * before:
                 break
         return cls(formulation, solver, x, best_of(problem, solver, x, value)[1])
+
+    def best(self, problem: Problem, starts: tuple[Array, ...], known: float) -> tuple[Array, float]:
+        """The best motion found, and its criterion; where nothing better is found than what is known, that."""
+        return min((best_of(problem, self.solver, x, known) for x in starts), key=lambda end: end[1])
 
     def gain(self, value: float) -> float:
         """``1 - value / reference``."""
@@ -166,8 +150,8 @@ class ProblemChanges:
     def looser(self, label: str, factor: float = _LOOSER) -> ChangedProblem:
         """The range of one limit about its middle enlarged by a factor."""
         problem = self.formulation.problem
-        linear = tuple(loosened(limit, label, factor) for limit in problem.limits.linear)
-        return ChangedProblem(_with_linear(problem, linear), (self.x,), self.reference)
+        linear = tuple(loosened(limit, (label,), factor) for limit in problem.limits.linear)
+        return _with_linear(problem, linear), (self.x,), self.reference
 
     def richer(self) -> ChangedProblem | None:
         """Twice the harmonics, or what the family has instead."""
@@ -180,7 +164,7 @@ class ProblemChanges:
         grid = changed.family.on_grid(_RICHER * grid_instants(self.formulation.problem.family.richness))
         limits = restricted_limits(self.formulation.limits, self.formulation.blueprint.motion)
         linear = tuple(GridConstraint.on_coordinates(limit, grid) for limit in limits)
-        return ChangedProblem(_with_linear(changed, linear), (start,), self.reference)
+        return _with_linear(changed, linear), (start,), self.reference
 
     def longer(self, richness: int | None = None) -> ChangedProblem | None:
         """Motions that last 1.5 times as long, begun with the same shape, and with the same speed and a rest."""
@@ -191,7 +175,7 @@ class ProblemChanges:
             return None
         stretched = same_motion(self.formulation.problem, self.x, changed)
         own_speed = (self._with_rest(changed, after) for after in (0.0, 1.0))
-        return ChangedProblem(changed, (*([] if stretched is None else [stretched]), *own_speed))
+        return changed, (*([] if stretched is None else [stretched]), *own_speed), np.inf
 
     def _with_rest(self, longer: Problem, after: float) -> Array:
         """The motion nearest to this one at its own speed, before or after (0 or 1) a rest for the rest of the time."""
@@ -215,9 +199,18 @@ class ProblemChanges:
             return None
 
 
-def loosened(limit: GridConstraint, label: str, factor: float) -> GridConstraint:
-    """The constraint with the bounds of one of its functions, if it has it, further from their middle."""
-    mine = np.array([each == label for each in limit.function.constraint.labels])
+def reformulated(design: Design) -> tuple[Formulation, Solver, Array]:
+    """The problem of a design, its solver, and the x of its motion in the moving coordinates."""
+    formulation = formulate(design.robot, design.task)
+    motion = formulation.blueprint.motion
+    inverse = np.asarray(np.linalg.pinv(motion.matrix), dtype=float)
+    x = design.trajectory.carried(inverse, -inverse @ motion.offset).x
+    return formulation, instance("solver", design.task.search.solver), x
+
+
+def loosened(limit: GridConstraint, labels: Collection[str], factor: float) -> GridConstraint:
+    """The constraint with the bounds of some of its functions, if it has them, further from their middle."""
+    mine = np.array([each in labels for each in limit.function.constraint.labels])
     if not mine.any():
         return limit
     extra = np.where(mine, 0.5 * (factor - 1.0) * (limit.upper - limit.lower), 0.0)

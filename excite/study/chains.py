@@ -150,20 +150,20 @@ class ReflectedPaths:
         left = np.full(len(self.z), length)
         moving = np.flatnonzero(self.sound)
         for _ in range(_MOST):
-            walls = self._walls(moving)
-            moving, walls = moving[walls.sound], walls.of(walls.sound)
-            hit = walls.distance < left[moving]
-            travelled = np.where(hit, walls.distance, left[moving])
+            distance, number, u, sound = self._walls(moving)
+            moving, distance = moving[sound], distance[sound]
+            hit = distance < left[moving]
+            travelled = np.where(hit, distance, left[moving])
             self.z[moving] += travelled[:, None] * (self.n[moving] @ self.shape.T)
             left[moving] -= travelled
             moving = moving[hit]
             if not moving.size:
                 return
-            self._reflect(moving, walls.of(hit))
+            self._reflect(moving, number[sound][hit], u[sound][hit])
         self.sound[moving] = False
 
-    def _walls(self, moving: Index) -> _Walls:
-        """The next wall of each chain."""
+    def _walls(self, moving: Index) -> tuple[Array, Index, Array, NDArray[np.bool_]]:
+        """Of each chain: distance to the next wall, its number, bodies first, the body's null vector; if sound."""
         possible, z, v = self.possible, self.z[moving], self.n[moving] @ self.shape.T
         M, Q = possible.M + possible.bodies(z), possible.bodies(v)
         slack, speed = possible.c + z @ possible.b.T, v @ possible.b.T
@@ -183,36 +183,23 @@ class ReflectedPaths:
         body = np.minimum(number, len(possible.M) - 1)
         every = np.arange(len(moving))
         u = np.einsum("nij,ni->nj", inverse[every, body], vectors[every, body, :, 0])
-        return _Walls(distance[every, number], number, u / np.linalg.norm(u, axis=1)[:, None], sound)
+        return distance[every, number], number, u / np.linalg.norm(u, axis=1)[:, None], sound
 
-    def _reflect(self, moving: Index, walls: _Walls) -> None:
+    def _reflect(self, moving: Index, number: Index, u: Array) -> None:
         """Reflect velocities at the walls, and set the points inside of them by what rounding takes."""
         possible, of_bodies = self.possible, len(self.possible.M)
         normal, slack = np.zeros((len(moving), possible.size)), np.zeros(len(moving))
-        at_body = walls.number < of_bodies
-        body, u, z = walls.number[at_body], walls.u[at_body], self.z[moving]
+        at_body = number < of_bodies
+        body, u, z = number[at_body], u[at_body], self.z[moving]
         normal[at_body] = np.einsum("ni,nijd,nj->nd", u, possible.B[body], u)
         slack[at_body] = np.einsum("ni,nij,nj->n", u, possible.M[body], u) + np.sum(normal * z, axis=1)[at_body]
-        other = walls.number[~at_body] - of_bodies
+        other = number[~at_body] - of_bodies
         normal[~at_body] = possible.b[other]
         slack[~at_body] = possible.c[other] + np.sum(normal * z, axis=1)[~at_body]
         normal = normal @ self.shape
         square = np.sum(normal**2, axis=1)
         self.n[moving] -= (2 * np.sum(normal * self.n[moving], axis=1) / square)[:, None] * normal
         self.z[moving] += (np.maximum(_INSIDE - slack, 0.0) / square)[:, None] * normal @ self.shape.T
-
-
-@dataclass(frozen=True, eq=False)
-class _Walls:
-    """Of each chain: distance to the next wall, its number, bodies first, and the body's null vector there."""
-
-    distance: Array
-    number: Index
-    u: Array
-    sound: NDArray[np.bool_]
-
-    def of(self, chosen: NDArray[np.bool_]) -> _Walls:
-        return _Walls(self.distance[chosen], self.number[chosen], self.u[chosen], self.sound[chosen])
 
 
 SHARE = 1e-3  # of its described pseudo-inertia that every body keeps

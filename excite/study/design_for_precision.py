@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,9 +13,8 @@ from threadpoolctl import threadpool_limits
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
 from excite.design.kept_starts import KeptStarts, keep_starts
-from excite.design.optimisation import Progress, solve
+from excite.design.optimisation import Progress, search_folder, solve
 from excite.design.problem import Problem
-from excite.design.solvers.solver import Solver
 from excite.information.matrix import noise_per_row
 from excite.information.precision_forecast import (
     OutOfReach,
@@ -30,10 +27,8 @@ from excite.information.precision_forecast import (
 )
 from excite.information.target import inverse_half, target_of
 from excite.information.weighting import weighting_of
-from excite.optimality.sensitivity import best_of, loosened, same_motion
-from excite.registry import instance, name_of
-from excite.storage.atomic import Destination
-from excite.storage.commit import locked
+from excite.optimality.sensitivity import best_of, loosened, reformulated, same_motion
+from excite.registry import name_of
 from excite.study.period_search import PeriodSearch, pareto_front, tried_period
 from excite.tasks.installation import Installation
 from excite.tasks.precision_target import PrecisionTarget
@@ -105,12 +100,7 @@ def design_for_precision(
     subject = first_argument(robot_or_model, options, "design_for_precision")
     robot, task = robot_and_task(subject)
     task = task.changed(**options, **({} if precision is None else {"precision": precision}))
-    with ExitStack() as stack:
-        if folder is None:
-            place = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        else:
-            place = Path(folder)
-            stack.enter_context(locked(Destination(place)))
+    with search_folder(folder) as place:
 
         def prepared(formulation: Formulation, name: str) -> KeptStarts:
             (place / name).mkdir(parents=True, exist_ok=True)
@@ -219,11 +209,8 @@ def _too_wide(run: RunInformation, parameter: ParameterPrecision) -> TooWide:
 
 def _changes(design: Design, report: Callable[[str], None]) -> Iterator[tuple[str, float]]:
     """Each change of limits and of the highest frequency, and how many times narrower the widest half-width becomes."""
-    formulation = formulate(design.robot, design.task)
-    problem, motion = formulation.problem, formulation.blueprint.motion
-    solver: Solver = instance("solver", design.task.search.solver)
-    inverse = np.asarray(np.linalg.pinv(motion.matrix), dtype=float)
-    x = design.trajectory.carried(inverse, -inverse @ motion.offset).x
+    formulation, solver, x = reformulated(design)
+    problem = formulation.problem
     report("trying what separates the parameters: the same problem once more")
     x, value = best_of(problem, solver, x, problem.exact_value(x))
     for quantity in ("velocity", "acceleration", "position"):
@@ -238,18 +225,10 @@ def _changes(design: Design, report: Callable[[str], None]) -> Iterator[tuple[st
 
 def _with_wider(problem: Problem, quantity: str) -> Problem | None:
     """The problem with wider ranges of one quantity of all joints and drives; None if it is not limited."""
-    linear = problem.limits.linear
-    labels = [
-        label
-        for limit in linear
-        if getattr(limit.function.constraint, "quantity", "") == quantity
-        for label in limit.function.constraint.labels
-    ]
-    if not labels:
-        return None
-    for label in labels:
-        linear = tuple(loosened(limit, label, _WIDER) for limit in linear)
-    return replace(problem, limits=replace(problem.limits, linear=linear))
+    constraints = [limit.function.constraint for limit in problem.limits.linear]
+    labels = {label for each in constraints if each.quantity == quantity for label in each.labels}
+    linear = tuple(loosened(limit, labels, _WIDER) for limit in problem.limits.linear)
+    return replace(problem, limits=replace(problem.limits, linear=linear)) if labels else None
 
 
 def _faster(formulation: Formulation, problem: Problem, x: Array) -> tuple[Problem, Array] | None:

@@ -35,19 +35,11 @@ _TAIL = 5  # samples beyond each end of a range, below which it is not stated
 
 @dataclass(frozen=True)
 class ParameterRange:
-    """What the samples say of one parameter.
-
-    Parameters
-    ----------
-    name, unit : str
-    low, high : float
-        Quantiles that enclose the level between them.
-    mean, deviation : float
-    """
+    """What the samples say of one parameter."""
 
     name: str
     unit: str
-    low: float
+    low: float  # this and `high` are quantiles that enclose the level between them
     high: float
     mean: float
     deviation: float
@@ -201,18 +193,7 @@ class PosteriorSamples:
 
 @checked
 def load_posterior(path: str | Path) -> PosteriorSamples:
-    """Read samples that `PosteriorSamples.save` or `export_ensemble` has written.
-
-    Parameters
-    ----------
-    path : path
-        Ends in ``.npz`` or ``.csv``.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or holds no samples of this schema.
-    """
+    """Read samples that `PosteriorSamples.save` or `export_ensemble` has written, ``.npz`` or ``.csv``."""
     path = Path(path)
     read = _from_arrays if _suffix(path) == NPZ else _from_table
     what = f"{str(path)!r} holds no samples of a posterior ({schema_of(KIND)})"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -100,7 +99,8 @@ def predict_accuracy(
     check("count", count)
     how = {name: options.pop(name) for name in list(options) if name in _OF_IDENTIFY}
     settings = replace(settings if settings is not None else SimulationSettings(), **options)
-    stated = noise if noise is not None else StatedNoise.of(settings)
+    white, coloured, corner = settings.torque_noise, settings.coloured_noise, settings.noise_corner
+    stated = noise if noise is not None else StatedNoise(white, coloured, corner)
     _check_noise(stated, settings)
     recipe = recipe if recipe is not None else Recipe()
     progress("simulating the experiment once")
@@ -111,7 +111,11 @@ def predict_accuracy(
     seed = settings.seed
 
     def told(what: str) -> Callable[[int, int], None]:
-        return partial(_told, progress, what)
+        def tell(done: int, total: int) -> None:  # a few times
+            if done == total or done % max(1, total // _STEPS) == 0:
+                progress(f"{what}: {done} of {total} samples")
+
+        return tell
 
     torques = torque_errors(result, stated, count, seed, rehearsal.found, told("noise of the torques"))
     motion = np.zeros_like(torques)
@@ -139,12 +143,6 @@ def _check_noise(noise: TorqueNoise, settings: SimulationSettings) -> None:
             "without noise repeats do not scatter; give `torque_noise`, `coloured_noise`, `encoder`, `position_noise` "
             "or `velocity_noise`"
         )
-
-
-def _told(progress: Callable[[str], None], what: str, done: int, total: int) -> None:
-    """Tell how much of a step is done, a few times."""
-    if done == total or done % max(1, total // _STEPS) == 0:
-        progress(f"{what}: {done} of {total} samples")
 
 
 def _found(recipe: Recipe, choices: tuple[Choice, ...]) -> frozenset[str]:
@@ -182,32 +180,18 @@ KIND = "accuracy"
 
 @dataclass(frozen=True)
 class ParameterAccuracy:
-    """Predicted accuracy of one parameter, in its unit.
-
-    Parameters
-    ----------
-    name, unit : str
-    value : float
-        What repeats show on average.
-    by_torques : float
-        Standard deviation by noise of the torques.
-    by_motion : float
-        Root mean square error by noise and steps of the measured motion, about its mean.
-    deviation : float
-        Standard deviation of repeats, by both.
-    bias : float or None
-        Error that all repeats share, such as by friction that the model does not describe; None where the simulated
-        robot has no such parameter.
-    """
+    """Predicted accuracy of one parameter, in its unit."""
 
     beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"error": lambda parameter: parameter.error}
 
     name: str
     unit: str
-    value: float
-    by_torques: float
-    by_motion: float
-    deviation: float
+    value: float  # what repeats show on average
+    by_torques: float  # standard deviation by noise of the torques
+    by_motion: float  # root mean square error by noise and steps of the measured motion, about its mean
+    deviation: float  # standard deviation of repeats, by both
+    # error that all repeats share, such as by friction that the model does not describe; None where the simulated robot
+    # has no such parameter
     bias: float | None
 
     @property

@@ -259,11 +259,6 @@ class StatedNoise(TorqueNoise):
     coloured: tuple[float, ...]
     corner: float  # corner frequency of the coloured noise [Hz]; its time constant is ``1 / (2 pi corner)``
 
-    @classmethod
-    def of(cls, settings: SimulationSettings) -> StatedNoise:
-        """The noise of simulated torques."""
-        return cls(settings.torque_noise, settings.coloured_noise, settings.noise_corner)
-
     def draw(self, time: Array, joints: int, rng: np.random.Generator) -> Array:
         """See `TorqueNoise.draw`."""
         white = rng.standard_normal((time.size, joints)) * np.array(one_each(self.white, joints, "torque_noise"))
@@ -275,16 +270,9 @@ class StatedNoise(TorqueNoise):
 
 @dataclass(frozen=True, eq=False)
 class MeasuredNoise(TorqueNoise):
-    """Autoregressive noise of each joint's equation, ``n_t = sum_k a_k n_{t-k} + u_t``.
+    """Autoregressive noise of each joint's equation, ``n_t = sum_k a_k n_{t-k} + u_t``."""
 
-    Parameters
-    ----------
-    rate : float
-        Of its instants [Hz].
-    joints : tuple of AutoregressiveNoise
-    """
-
-    rate: float
+    rate: float  # of its instants [Hz]
     joints: tuple[AutoregressiveNoise, ...]
 
     @property

@@ -11,18 +11,17 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy.stats
 from threadpoolctl import threadpool_limits
 
-from excite.design.executors.dask_cluster import DaskCluster, check_versions, unit_executor
+from excite.design.executors.dask_cluster import DaskCluster, check_versions, unit_executor, versions_of
 from excite.design.executors.unit_executor import SHORT, InProcesses, InThisProcess, LostUnit, UnitExecutor
 from excite.design.interruption import current_interruption
-from excite.design.problem_identity import PACKAGES, NotComparable, plain_value
+from excite.design.problem_identity import NotComparable, package_versions, plain_value
 from excite.errors import LostWorkersError
 from excite.identification.equations import predicted_rows
 from excite.identification.estimator import CONFIDENCE
@@ -138,7 +137,7 @@ def repeat_numbers(common: SeededExperiment, numbers: range) -> list[Repetition]
     """Repetitions of some numbers."""
     P = np.eye(common.experiment.base.rank) if common.chain.change is None else common.chain.change
     solved = common.chain.repetitions(common.seed, numbers)
-    return [Repetition(P @ error, np.linalg.norm(P @ half, axis=1), noise) for error, half, noise in solved]
+    return [(P @ error, np.linalg.norm(P @ half, axis=1), noise) for error, half, noise in solved]
 
 
 def repeat_in_one_thread(common: SeededExperiment, numbers: range) -> list[Repetition]:
@@ -168,11 +167,6 @@ def processes_here(executor: UnitExecutor) -> int:
     if isinstance(executor, DaskCluster):
         return executor.processes_here
     return executor.count if isinstance(executor, InProcesses) else 0
-
-
-def versions_of(executor: UnitExecutor) -> dict[str, str]:
-    """Packages that an executor's processes elsewhere must have in this one's versions."""
-    return {} if executor.shares_disk else {name: version(name) for name in PACKAGES}
 
 
 def units_of(executor: UnitExecutor, common: SeededExperiment, numbers: Sequence[int]) -> list[range]:
@@ -296,7 +290,7 @@ class KeptRepetitions:
             with opened(self.path, LOG) as stream, np.load(stream, allow_pickle=False) as content:
                 identity, numbers = str(content["identity"]), content["number"].tolist()
                 rows = zip(content["error"], content["deviation"], content["noise"], strict=True)
-                found = {number: Repetition(*row) for number, row in zip(numbers, rows, strict=True)}
+                found = dict(zip(numbers, rows, strict=True))
         except _UNREADABLE:
             _log.warning("%s cannot be read; its repetitions are computed again", self.path)
             return {}
@@ -328,18 +322,15 @@ class KeptRepetitions:
 def _identity(common: SeededExperiment) -> str:
     """Hash of what repetitions depend on; empty where a later process could not tell whether it is the same."""
     try:
-        content = [plain_value(common.experiment), common.seed, {name: version(name) for name in PACKAGES}]
+        content = [plain_value(common.experiment), common.seed, package_versions()]
     except NotComparable:
         return ""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-class Repetition(NamedTuple):
-    """One repetition."""
-
-    error: Array  # (b,) estimate less true value
-    deviation: Array  # (b,) standard deviation that the estimator predicts, from this repetition's residuals
-    noise: Array  # (r,) standard deviation of each equation's residuals
+#: One repetition: the estimate less the true value, (b,); the standard deviation that the estimator predicts from this
+#: repetition's residuals, (b,); and the standard deviation of each equation's residuals, (r,).
+Repetition = tuple[Array, Array, Array]
 
 
 @dataclass(frozen=True, eq=False)

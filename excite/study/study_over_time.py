@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from excite.design.design import Design
 from excite.design.design_json import load_design
-from excite.design.executors.dask_cluster import check_versions, unit_executor
+from excite.design.executors.dask_cluster import check_versions, unit_executor, versions_of
 from excite.design.executors.unit_executor import SHORT, InThisProcess, LostUnit, UnitExecutor
 from excite.errors import LostWorkersError
 from excite.identification.covariance import divisors
@@ -27,7 +27,7 @@ from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate
 from excite.simulation.simulation import Simulation
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
-from excite.study.repetitions import LIKELY_CAUSE, check_enough, versions_of
+from excite.study.repetitions import LIKELY_CAUSE, check_enough
 from excite.study.time_study import TimeCourse, TimeStudy
 from excite.tasks.further_settings import StudySettings
 from excite.trajectories.family import Trajectory
@@ -169,7 +169,7 @@ def _of_motion(
         if done % _TOLD == 0:
             progress(f"{name}: repetition {done} of {repeats}")
 
-    again = MeasuredRun(run, how, result, design.trajectory, instants(result, points), versions_of(executor))
+    again = run, how, result, design.trajectory, instants(result, points), versions_of(executor)
     values = values_again(executor, again, repeats, told)
     return course.with_repetitions(values, notes), result
 
@@ -312,16 +312,10 @@ def growing_factors(A: Array, ends: Index) -> Iterator[Array]:
 _log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, eq=False)
-class MeasuredRun:
-    """What all measurements of a simulated run have in common."""
-
-    run: Simulation
-    settings: SimulationSettings  # of the sensors
-    result: Identification  # from the first measurement, whose choices the others keep
-    commanded: Trajectory
-    time: Array  # (k,) instants [s] up to which the parameters are estimated
-    versions: dict[str, str]  # packages that a process elsewhere must have in the same version
+#: What all measurements of a simulated run have in common: the run, the settings of the sensors, the result from the
+#: first measurement, whose choices the others keep, the commanded motion, the instants up to which the parameters are
+#: estimated [s], and the packages that a process elsewhere must have in the same version.
+MeasuredRun = tuple[Simulation, SimulationSettings, Identification, Trajectory, Array, dict[str, str]]
 
 
 def measured_again(run: Simulation, settings: SimulationSettings, number: int) -> Log:
@@ -351,10 +345,11 @@ def values_again(executor: UnitExecutor, common: MeasuredRun, count: int, progre
 
 
 def _values(common: MeasuredRun, number: int) -> Array:
-    check_versions(common.versions)
-    log, result = measured_again(common.run, common.settings, number), common.result
+    run, settings, result, commanded, time, versions = common
+    check_versions(versions)
+    log = measured_again(run, settings, number)
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
         again = estimate_parameters(
-            result.robot, result.task, [log], result.recipe, commanded=common.commanded, friction=result.friction
+            result.robot, result.task, [log], result.recipe, commanded=commanded, friction=result.friction
         )
-        return _solutions(again, common.time)[0]
+        return _solutions(again, time)[0]

@@ -212,16 +212,13 @@ class Trajectory:
         return Trajectory(*self.family.carried(self.x, matrix, offset))
 
 
-class JointMotion(ABC):
+@dataclass(frozen=True, eq=False)
+class JointMotion:
     """The motion of all joints, ``q = N y + q0`` with a family's y, at fixed instants as a function of x."""
 
-    @abstractmethod
-    def values(self, x: Array) -> list[Array]:
-        """Position, velocity and acceleration, each of shape (n, T)."""
-
-    @abstractmethod
-    def pullback(self, x: Array, slopes: Sequence[Array]) -> Array:
-        """Gradient with respect to x of a function, from its derivatives with respect to `values`."""
+    values: Callable[[Array], list[Array]]  # position, velocity and acceleration at x, each of shape (n, T)
+    # gradient with respect to x of a function, from x and from its derivatives with respect to `values`
+    pullback: Callable[[Array, Sequence[Array]], Array]
 
 
 #: Some derivatives of the k coordinates' motion at T instants of a grid, linearised about one x: slopes of weighted
@@ -229,35 +226,16 @@ class JointMotion(ABC):
 MotionTangent = Callable[[Array, Index], Array]
 
 
-class GridMotion(ABC):
-    """The motion y of a family's k coordinates on a grid of N instants, as a function of x.
+@dataclass(frozen=True, eq=False)
+class GridMotion:
+    """The motion y of a family's k coordinates on a grid of N instants, as a function of x."""
 
-    Attributes
-    ----------
-    linear : bool
-        Whether it is linear in x, so that tangents are the same for every x.
-    """
-
-    linear: bool
-
-    def __init__(self, family: Family, count: int) -> None:
-        self._family, self._count = family, count
-
-    def factor(self, derivative: int) -> float:
-        """Lower bound of the largest |value| on the grid over the largest |value| over continuous time."""
-        return self._family.grid_factor(self._count, derivative)
-
-    @abstractmethod
-    def values(self, x: Array, derivative: int, instants: Index | None = None) -> Array:
-        """``y^(d)`` at all or some instants, shape (N, k)."""
-
-    def combined(self, x: Array, matrix: Array, derivative: int) -> Array:
-        """``A y^(d)`` for a matrix A of shape (m, k), shape (m, N)."""
-        return np.asarray(matrix @ self.values(x, derivative).T)
-
-    @abstractmethod
-    def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
-        """Some derivatives of the motion at some instants, linearised about x."""
+    linear: bool  # in x, so that tangents are the same for every x
+    factor: Callable[[int], float]  # see `Family.grid_factor`, of a derivative
+    values: Callable[[Array, int], Array]  # ``y^(d)`` at x, shape (N, k)
+    combined: Callable[[Array, Array, int], Array]  # ``A y^(d)`` at x for a matrix A of shape (m, k), shape (m, N)
+    # some derivatives of the motion at some instants, linearised about x
+    tangent: Callable[[Array, Sequence[int], Index], MotionTangent]
 
 
 def stored_trajectory(series: Mapping[str, Any], joints: int, family: Family | None = None) -> Trajectory:

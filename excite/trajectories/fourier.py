@@ -15,13 +15,13 @@ import math
 from typing import ClassVar
 
 import numpy as np
-import numpy.polynomial.chebyshev as chebyshev
 import scipy.linalg
 
 from constraints.certificate import Extrema, trigonometric_extrema
 from constraints.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
 from excite.trajectories.family import Family, check_size
 from excite.trajectories.linear import LinearFamily
+from excite.trajectories.polynomial import chebyshev_terms
 from regressors.arguments import checked
 from regressors.samples import Array
 
@@ -174,9 +174,7 @@ class FourierQuintic(WavesAndQuintic, LinearFamily):
         """Cosines, sines and Chebyshev's polynomials of degree 0 to 5 on [0, T], shape (N, 2K + 6)."""
         order = self.omega * np.arange(1, self.harmonics + 1)
         phase = np.outer(time, order) + derivative * np.pi / 2
-        rate = 2.0 / self.duration
-        polynomials = chebyshev.chebder(np.eye(_QUINTIC + 1), m=derivative) if derivative else np.eye(_QUINTIC + 1)
-        values = chebyshev.chebval(rate * time - 1.0, polynomials).T * rate**derivative
+        values = chebyshev_terms(time, self.duration, _QUINTIC, derivative)
         return np.hstack([order**derivative * np.cos(phase), order**derivative * np.sin(phase), values])
 
     @property

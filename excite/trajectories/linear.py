@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -111,11 +111,41 @@ class LinearFamily(Family):
 
     def joints(self, time: Array, motion: PartialMotion) -> JointMotion:
         """Motion of the joints by the basis, which is evaluated once."""
-        return _BasisJoints(self, time, motion)
+        bases = [self.basis(time, d) for d in range(3)]
+        N, held = motion.matrix, np.outer(motion.offset, self.constant)
+
+        def values(x: Array) -> list[Array]:
+            joints = N @ x + held
+            return [np.ascontiguousarray(joints @ B.T) for B in bases]
+
+        def pullback(x: Array, slopes: Sequence[Array]) -> Array:
+            return np.asarray(N.T @ sum(s @ B for s, B in zip(slopes, bases, strict=True)))
+
+        return JointMotion(values, pullback)
 
     def on_grid(self, count: int) -> GridMotion:
         """Motion on equal steps by the basis, which is evaluated once."""
-        return _BasisGrid(self, count)
+        basis = cache(lambda derivative: self.basis(self.grid(count), derivative))  # each (N, size)
+
+        def tangent(x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
+            bases = [basis(d) for d in derivatives]
+
+            def rows(weights: Array, place: Index) -> Array:
+                at = instants[place]
+                first, *others = (weights[:, o, :, None] * B[at][:, None, :] for o, B in enumerate(bases))
+                for term in others:
+                    first += term
+                return np.asarray(first.reshape(place.size, first.shape[1] * first.shape[2]))
+
+            return rows  # the basis itself; no Jacobian is stored
+
+        return GridMotion(
+            linear=True,
+            factor=partial(self.grid_factor, count),
+            values=lambda x, derivative: np.asarray(basis(derivative) @ x.T),
+            combined=lambda x, matrix, derivative: np.asarray((matrix @ x) @ basis(derivative).T),
+            tangent=tangent,
+        )
 
     def resting(self, pose: Array, rng: np.random.Generator | None = None) -> Array:
         """Rest as multiples of `constant`."""
@@ -128,43 +158,3 @@ class LinearFamily(Family):
     def combined_extrema(self, x: Array, matrix: Array, offset: Array, derivative: int) -> Extrema:
         """Extrema of the functions with the combined coefficients."""
         return self.extrema(matrix @ x + np.outer(offset, self.constant), derivative)
-
-
-class _BasisJoints(JointMotion):
-    def __init__(self, family: LinearFamily, time: Array, motion: PartialMotion) -> None:
-        self._basis = [family.basis(time, d) for d in range(3)]
-        self._N, self._held = motion.matrix, np.outer(motion.offset, family.constant)
-
-    def values(self, x: Array) -> list[Array]:
-        joints = self._N @ x + self._held
-        return [np.ascontiguousarray(joints @ B.T) for B in self._basis]
-
-    def pullback(self, x: Array, slopes: Sequence[Array]) -> Array:
-        return np.asarray(self._N.T @ sum(s @ B for s, B in zip(slopes, self._basis, strict=True)))
-
-
-class _BasisGrid(GridMotion):
-    linear = True
-
-    def __init__(self, family: LinearFamily, count: int) -> None:
-        super().__init__(family, count)
-        self.basis = cache(lambda derivative: family.basis(family.grid(count), derivative))  # each (N, size)
-
-    def values(self, x: Array, derivative: int, instants: Index | None = None) -> Array:
-        B = self.basis(derivative)
-        return np.asarray((B if instants is None else B[instants]) @ x.T)
-
-    def combined(self, x: Array, matrix: Array, derivative: int) -> Array:
-        return np.asarray((matrix @ x) @ self.basis(derivative).T)
-
-    def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
-        bases = [self.basis(d) for d in derivatives]
-
-        def rows(weights: Array, place: Index) -> Array:
-            at = instants[place]
-            first, *others = (weights[:, o, :, None] * B[at][:, None, :] for o, B in enumerate(bases))
-            for term in others:
-                first += term
-            return np.asarray(first.reshape(place.size, first.shape[1] * first.shape[2]))
-
-        return rows  # the basis itself; no Jacobian is stored

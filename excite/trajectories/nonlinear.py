@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
@@ -113,11 +114,52 @@ class NonlinearFamily(Family):
 
     def joints(self, time: Array, motion: PartialMotion) -> JointMotion:
         """Motion of the joints, evaluated anew for every x."""
-        return _NonlinearJoints(self, time, motion)
+
+        def values(x: Array) -> list[Array]:
+            orders = [motion.matrix @ self.coordinate_motion(x, time, d).T for d in range(3)]
+            orders[0] = orders[0] + motion.offset[:, None]
+            return [np.ascontiguousarray(values) for values in orders]
+
+        def pullback(x: Array, slopes: Sequence[Array]) -> Array:
+            gradient = np.zeros(x.size)
+            for d, slope in enumerate(slopes):
+                weights = (motion.matrix.T @ slope).T
+                gradient += weights.ravel() @ self.jacobian(x, time, d).reshape(-1, x.size)
+            return gradient
+
+        return JointMotion(values, pullback)
 
     def on_grid(self, count: int) -> GridMotion:
-        """Motion on `nodes`, evaluated anew for every x."""
-        return _NodeGrid(self, count)
+        """Motion on `nodes`, which may depend on x, evaluated anew for every x."""
+
+        def values(x: Array, derivative: int) -> Array:
+            return self.coordinate_motion(x, self.nodes(x, count)[0], derivative)
+
+        def tangent(x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
+            jacobians = [self._node_jacobian(x, d, count, instants) for d in derivatives]  # each (T, k, x.size)
+
+            def rows(weights: Array, place: Index) -> Array:
+                parts = ((weights[:, order][:, None, :] @ J[place])[:, 0] for order, J in enumerate(jacobians))
+                return sum(parts, np.zeros((place.size, x.size)))
+
+            return rows
+
+        return GridMotion(
+            linear=False,
+            factor=partial(self.grid_factor, count),
+            values=values,
+            combined=lambda x, matrix, derivative: np.asarray(matrix @ values(x, derivative).T),
+            tangent=tangent,
+        )
+
+    def _node_jacobian(self, x: Array, derivative: int, count: int, instants: Index) -> Array:
+        """Derivative with respect to x at some nodes, including their motion with x, shape (T, k, x.size)."""
+        time, drift = self.nodes(x, count)
+        jacobian = self.jacobian(x, time[instants], derivative)
+        if drift is not None:
+            rate = self.coordinate_motion(x, time[instants], derivative + 1)
+            jacobian[:, :, x.size - drift.shape[1] :] += rate[:, :, None] * drift[instants][:, None, :]
+        return jacobian
 
     def nearest(self, time: Array, q: Array) -> Array:
         """Nearest motion by nonlinear least squares, starting from the most regular shape."""
@@ -141,49 +183,3 @@ class NonlinearFamily(Family):
         """Map from the coordinates to the joints, for `to_dict`."""
         matrix, offset = self._carrying(x)
         return {"matrix": matrix.tolist(), "rest": offset.tolist()}
-
-
-class _NonlinearJoints(JointMotion):
-    def __init__(self, family: NonlinearFamily, time: Array, motion: PartialMotion) -> None:
-        self._family, self._time, self._motion = family, time, motion
-
-    def values(self, x: Array) -> list[Array]:
-        orders = [self._motion.matrix @ self._family.coordinate_motion(x, self._time, d).T for d in range(3)]
-        orders[0] = orders[0] + self._motion.offset[:, None]
-        return [np.ascontiguousarray(values) for values in orders]
-
-    def pullback(self, x: Array, slopes: Sequence[Array]) -> Array:
-        gradient = np.zeros(x.size)
-        for d, slope in enumerate(slopes):
-            weights = (self._motion.matrix.T @ slope).T
-            gradient += weights.ravel() @ self._family.jacobian(x, self._time, d).reshape(-1, x.size)
-        return gradient
-
-
-class _NodeGrid(GridMotion):
-    """Motion on nodes that may depend on x."""
-
-    linear = False
-    _family: NonlinearFamily
-
-    def values(self, x: Array, derivative: int, instants: Index | None = None) -> Array:
-        time, _ = self._family.nodes(x, self._count)
-        return self._family.coordinate_motion(x, time if instants is None else time[instants], derivative)
-
-    def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
-        jacobians = [self._jacobian(x, d, instants) for d in derivatives]  # each (T, k, x.size)
-
-        def rows(weights: Array, place: Index) -> Array:
-            parts = ((weights[:, order][:, None, :] @ J[place])[:, 0] for order, J in enumerate(jacobians))
-            return sum(parts, np.zeros((place.size, x.size)))
-
-        return rows
-
-    def _jacobian(self, x: Array, derivative: int, instants: Index) -> Array:
-        """Derivative with respect to x at some nodes, including their motion with x, shape (T, k, x.size)."""
-        time, drift = self._family.nodes(x, self._count)
-        jacobian = self._family.jacobian(x, time[instants], derivative)
-        if drift is not None:
-            rate = self._family.coordinate_motion(x, time[instants], derivative + 1)
-            jacobian[:, :, x.size - drift.shape[1] :] += rate[:, :, None] * drift[instants][:, None, :]
-        return jacobian

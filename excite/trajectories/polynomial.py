@@ -62,22 +62,17 @@ class Polynomial(LinearFamily):
         bound.
         """
         ends = np.array([0.0, self.duration])
-        conditions = np.vstack([np.diff(self._series(ends, 0), axis=0), self._series(ends, 1), self._series(ends, 2)])
+        position, *rest = (chebyshev_terms(ends, self.duration, self.degree, d) for d in range(3))
+        conditions = np.vstack([np.diff(position, axis=0), *rest])
         weight = 1.0 / np.maximum(np.arange(self.degree + 1), 1)
         conditions = conditions * weight
         conditions /= np.linalg.norm(conditions, axis=1)[:, None]
         return np.asarray(weight[:, None] * scipy.linalg.null_space(conditions))
 
-    def _series(self, time: Array, derivative: int) -> Array:
-        """Chebyshev's polynomials or their derivatives, shape (N, degree + 1)."""
-        each = np.eye(self.degree + 1)
-        series = chebyshev.chebder(each, m=derivative) if derivative else each
-        rate = 2.0 / self.duration
-        return np.asarray(chebyshev.chebval(rate * time - 1.0, series).T * rate**derivative)
-
     def basis(self, time: Array, derivative: int) -> Array:
         """Values of the free basis functions, shape (N, size)."""
-        return np.asarray(self._series(np.asarray(time, dtype=float), derivative) @ self._Z)
+        terms = chebyshev_terms(np.asarray(time, dtype=float), self.duration, self.degree, derivative)
+        return np.asarray(terms @ self._Z)
 
     def grid(self, count: int) -> Array:
         """Zeros of a Chebyshev polynomial."""
@@ -91,6 +86,14 @@ class Polynomial(LinearFamily):
         """Extrema from the roots of the derivative, see `constraints.enclosure.chebyshev_extrema`."""
         points = chebyshev_points(self.degree + 1, self.duration)
         return chebyshev_extrema(self.basis(points, derivative) @ x.T, self.duration)
+
+
+def chebyshev_terms(time: Array, duration: float, degree: int, derivative: int) -> Array:
+    """Chebyshev's polynomials of all degrees up to one on [0, T], or their derivatives, shape (N, degree + 1)."""
+    each = np.eye(degree + 1)
+    series = chebyshev.chebder(each, m=derivative) if derivative else each
+    rate = 2.0 / duration
+    return np.asarray(chebyshev.chebval(rate * time - 1.0, series).T * rate**derivative)
 
 
 QUINTIC = np.array(  # coefficients of 1, u ... u^5; value, slope, second derivative at 0, then the same at 1

@@ -81,12 +81,7 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class MotionSequence:
-    """Pieces in sequence, each beginning on a sample.
-
-    Parameters
-    ----------
-    pieces : tuple of Piece
-    """
+    """Pieces in sequence, each beginning on a sample."""
 
     pieces: tuple[Piece, ...]
 
@@ -123,16 +118,10 @@ class MotionSequence:
         """The motion at full speed at given instants, each piece by its own formula, and the segment of each instant.
 
         Beyond the end it rests in the end pose. Instants where segments meet belong to ``excite``.
-
-        Parameters
-        ----------
-        time : ndarray, shape (N,)
-            Not negative, not decreasing [s].
-        """
+        """  # time (N,), not negative, not decreasing [s]
         ends = np.array([self._seconds(steps) for steps in np.cumsum([piece.steps for piece in self.pieces])])
         near = _SAME_INSTANT * self._seconds(1)
-        parts: list[Samples] = []
-        segments: list[str] = []
+        times = []
         first, begin = 0, 0.0
         for number, (piece, end) in enumerate(zip(self.pieces, ends, strict=True)):
             edge = end - near if piece.segment == APPROACH else end + near
@@ -140,10 +129,16 @@ class MotionSequence:
             local = time[first:last] - begin
             local[local <= near] = 0.0
             local[local >= end - begin - near] = piece.motion.duration
-            parts.append(piece.motion.samples(local))
-            segments += [piece.segment] * local.size
+            times.append(local)
             first, begin = last, end
-        return Samples(time, *_joined(parts)), segments
+        motion, segments = self._evaluated(times)
+        return Samples(time, *motion), segments
+
+    def _evaluated(self, times: list[Array]) -> tuple[list[Array], list[str]]:
+        """Position and its derivatives, and the segment, at instants of each piece from its own start [s]."""
+        parts = [piece.motion.samples(time) for piece, time in zip(self.pieces, times, strict=True)]
+        segments = [piece.segment for piece, time in zip(self.pieces, times, strict=True) for _ in range(time.size)]
+        return [np.concatenate([getattr(p, name) for p in parts]) for name in ("q", "dq", "ddq", "dddq")], segments
 
     def _count(self, speed: float) -> int:
         return int(np.ceil(self.steps / speed * (1.0 - 1e-12)))
@@ -152,38 +147,21 @@ class MotionSequence:
         """The motion at every sample, and the segment that each one belongs to.
 
         At a fraction v of full speed the motion is ``q(v t)``: the same path with velocities times v, accelerations
-        times v^2 and jerks times v^3. Samples where segments meet belong to ``excite``.
-
-        Parameters
-        ----------
-        wanted : float
-            Speed in (0, 1]; see `speed`.
-
-        Returns
-        -------
-        samples : Samples
-            Motion of every joint.
-        segments : list of str
+        times v^2 and jerks times v^3, for a wanted v in (0, 1], see `speed`. Samples where segments meet belong to
+        ``excite``.
         """
         count = self._count(wanted)
         at = np.arange(count + 1) * self.steps / count  # in sampling periods of full speed
-        parts: list[Samples] = []
-        segments: list[str] = []
-        begin = 0
+        times, begin = [], 0
         for piece in self.pieces:
             end = begin + piece.steps
             first = np.searchsorted(at, begin, side="right" if piece.segment == RETURN else "left")
             last = np.searchsorted(at, end, side="left" if piece.segment == APPROACH else "right")
             local = (at[first:last] - begin) * (piece.motion.duration / piece.steps)
             local[at[first:last] == end] = piece.motion.duration
-            parts.append(piece.motion.samples(local))
-            segments += [piece.segment] * local.size
+            times.append(local)
             begin = end
+        motion, segments = self._evaluated(times)
         speed = self.steps / count
-        motion = [orders * speed**order for order, orders in enumerate(_joined(parts))]
-        return Samples(np.linspace(0.0, self.duration / speed, count + 1), *motion), segments
-
-
-def _joined(parts: list[Samples]) -> list[Array]:
-    """Position and its derivatives, part after part."""
-    return [np.concatenate([getattr(part, name) for part in parts]) for name in ("q", "dq", "ddq", "dddq")]
+        slowed = [orders * speed**order for order, orders in enumerate(motion)]
+        return Samples(np.linspace(0.0, self.duration / speed, count + 1), *slowed), segments

@@ -208,7 +208,7 @@ def test_slopes_on_a_grid_are_those_of_its_values(motion: Callable[[Robot], Part
         expected = limit.values(joints).T
         np.testing.assert_allclose(grid.values(x), expected, atol=1e-9)
         tangent, place = grid.tangent(x, instants), np.arange(3)
-        rows = np.array([tangent.rows(np.full(3, k), place) for k in range(len(limit.labels))])
+        rows = np.array([tangent(np.full(3, k), place) for k in range(len(limit.labels))])
         for k, unit in enumerate(np.eye(x.size)):
             ahead, behind = (grid.values(x + side * h * unit.reshape(x.shape))[:, instants] for side in (1, -1))
             np.testing.assert_allclose(rows[:, :, k], (ahead - behind) / (2 * h), atol=2e-4)

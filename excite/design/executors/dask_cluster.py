@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 import warnings
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -27,13 +27,11 @@ from excite.design.executors.unit_executor import InProcesses, InThisProcess, Lo
 from excite.design.formulation import Formulation
 from excite.design.interruption import held_signals
 from excite.design.multistart import StartsOfRounds, pickled
-from excite.design.problem import Problem
-from excite.design.single_start import optimise_start
-from excite.design.solvers.solver import Solver
-from excite.design.start_results import Origin, Progress, Start, StartResult, number_of, write_start
-from excite.design.workers import environment_of_workers, main_not_imported
+from excite.design.problem_identity import package_versions
+from excite.design.start_results import Progress, Start, StartResult, number_of, write_start
+from excite.design.workers import Job, environment_of_workers, main_not_imported, work_on_starts
 from excite.errors import LostWorkersError
-from excite.registry import ADDRESS_FORMS, instance, is_addressed
+from excite.registry import ADDRESS_FORMS, is_addressed
 from regressors.errors import InputError, UnknownName, shortened
 from regressors.quantities import check
 
@@ -301,16 +299,20 @@ class DaskStarts:
 def optimise_there(needs: StartNeeds, start: Start) -> StartResult:
     """Optimise a start where only ``needs`` is known."""
     content, seed = needs
-    problem, method, origin = _prepared(content)
-    return optimise_start(problem, method, seed, start, None, origin=origin)
+    return _prepared(content)((seed, [start], None))[0]
 
 
 @lru_cache(maxsize=1)
-def _prepared(content: bytes) -> tuple[Problem, Solver, Origin]:
-    """The problem, built once per worker."""
+def _prepared(content: bytes) -> Callable[[Job], list[StartResult]]:
+    """What optimises starts, with the problem, built once per worker."""
     blueprint, origin = cloudpickle.loads(content)
-    check_versions(origin.problem["versions"])
-    return blueprint.problem(), instance("solver", blueprint.task.search.solver), origin
+    check_versions(origin["problem"]["versions"])
+    return work_on_starts(blueprint, origin)
+
+
+def versions_of(executor: UnitExecutor) -> dict[str, str]:
+    """Packages that an executor's processes elsewhere must have in this one's versions, see `check_versions`."""
+    return {} if executor.shares_disk else package_versions()
 
 
 def check_versions(wanted: dict[str, str]) -> None:

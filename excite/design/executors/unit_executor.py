@@ -27,39 +27,16 @@ class LostUnit:
 
 
 class UnitExecutor(Protocol):
-    """Runs units of work.
+    """Runs units of work."""
 
-    Attributes
-    ----------
-    shares_disk : bool
-        Whether the units see the folders of this process.
-    """
-
-    shares_disk: bool
+    shares_disk: bool  # whether the units see the folders of this process
 
     def run(self, work: Work, common: Any, units: Sequence[Any]) -> Generator[tuple[int, Any], None, None]:
         """Call ``work(common, unit)`` for every unit, until the generator is closed.
 
-        Parameters
-        ----------
-        work : callable
-            A function of a module, so that another process finds it by its name.
-        common : object
-            What is the same for all units; it can be pickled.
-        units : sequence
-            Each can be pickled.
-
-        Yields
-        ------
-        index : int
-            Of the unit.
-        result : object
-            What the call returned, or a `LostUnit`; in the order in which the units end.
-
-        Raises
-        ------
-        excite.errors.LostWorkersError
-            No worker is left to run the other units.
+        The work is a function of a module, so that another process finds it by its name; what is common to all units,
+        and each of them, can be pickled. Yields the number of each unit as it ends, and what the call returned or a
+        `LostUnit`; raises `LostWorkersError` where no worker is left to run the others.
         """
         ...
 

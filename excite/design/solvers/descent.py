@@ -31,17 +31,8 @@ class SqpOptions:
         return SqpOptions(2 * self.iterations, 0.25 * self.tolerance, self.patience + 2)
 
 
-@dataclass(frozen=True, eq=False)
-class DescentStep:
-    """A step, and what is known of it."""
-
-    d: Array  # (n,)
-    w: Array  # (n,) the step in whitened coordinates, ``d = J w``
-    length: float = 1.0  # largest part of the step, at most 1, that is inside the limits that are linear in x
-
-    def part(self, length: float) -> DescentStep:
-        """A part of the step."""
-        return self if length == 1.0 else DescentStep(length * self.d, length * self.w)
+#: A step d, shape (n,), and the same in whitened coordinates, ``d = J w``.
+DescentStep = tuple[Array, Array]
 
 
 class Descent:
@@ -87,8 +78,8 @@ class Descent:
     def learn(self, step: DescentStep, g: Array) -> None:
         """Take the gradient at the accepted end of a step."""
         assert self.H is not None
-        g = g.ravel()
-        self.H.update(step.d, g - self.g, step.w)
+        g, (d, w) = g.ravel(), step
+        self.H.update(d, g - self.g, w)
         self.g, self._fresh = g, False
         self._left -= 1
         if self._small >= self.options.patience:
@@ -194,8 +185,8 @@ class Programmes:
         self._linear = LinearRows(linear, problem.shape) if linear else None
         self._nonlinear = problem.limits.nonlinear_in_x
 
-    def steps(self, descents: Sequence[Descent]) -> list[DescentStep | None]:
-        """Solution of each descent's programme; None where its solver fails."""
+    def steps(self, descents: Sequence[Descent]) -> list[tuple[DescentStep, float] | None]:
+        """Solution of each descent's programme, see `_Programme.step`; None where its solver fails."""
         programmes = [_Programme(descent, self._linear, self._nonlinear) for descent in descents]
         if self._linear is not None and programmes:
             self._add(programmes, np.array([programme.x for programme in programmes]), _NEAR)
@@ -268,8 +259,11 @@ class _Programme:
         self.d = self._J @ self._w
         return True
 
-    def step(self) -> DescentStep | None:
-        """The solution; rows that are active in it are expected to be active again."""
+    def step(self) -> tuple[DescentStep, float] | None:
+        """The solution, and its largest part, at most 1, that is inside the limits that are linear in x.
+
+        Rows that are active in it are expected to be active again.
+        """
         if self._w is None:
             return None
         length = 1.0
@@ -278,4 +272,4 @@ class _Programme:
             self._descent.sides[self._chosen] = self._programme.sides
             if not self.is_whole:
                 length = largest_part(self._linear.values(self.x), self._linear.changes(self.d))
-        return DescentStep(self.d, self._w, length)
+        return (self.d, self._w), length

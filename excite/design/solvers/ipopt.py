@@ -133,7 +133,7 @@ def _spaced_rows(problem: Problem, spacing: int = 4) -> tuple[Array, Array, Arra
     for limit in problem.limits.linear_in_x:
         instants = np.arange(0, limit.values(problem.rest).shape[1], spacing)
         function, instant = (i.ravel() for i in np.meshgrid(np.arange(len(limit.lower)), instants, indexing="ij"))
-        A.append(limit.tangent(problem.rest).rows(function, instant))
+        A.append(limit.tangent(problem.rest)(function, instant))
         lower.append(limit.lower[function])
         upper.append(limit.upper[function])
     return np.concatenate(A), np.concatenate([np.zeros(0), *lower]), np.concatenate([np.zeros(0), *upper])

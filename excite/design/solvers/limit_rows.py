@@ -176,15 +176,15 @@ class NearRows:
 
 def _near(limit: GridConstraint, x: Array) -> tuple[Array, Index, Array]:
     """Value, bounds, scale and reserve of each function near a bound at an instant; its number; its row."""
-    sampled = limit.sampled(x)
-    near = sampled.use > _LINEARISED
+    instants, values, use = limit.sampled(x)
+    near = use > _LINEARISED
     near[~limit.function.varies] = False
     function, place = np.nonzero(near)
     needed = np.flatnonzero(near.any(axis=0))
-    rows = limit.tangent(x, sampled.instants[needed]).rows(function, np.searchsorted(needed, place))
+    rows = limit.tangent(x, instants[needed])(function, np.searchsorted(needed, place))
     of_functions = np.array([limit.lower, limit.upper, limit.scale, limit.reserve])
-    number = (sampled.instants.size + 1) * function + place  # those of neighbouring instants follow each other
-    return np.vstack([sampled.values[function, place], of_functions[:, function]]), number, rows
+    number = (instants.size + 1) * function + place  # those of neighbouring instants follow each other
+    return np.vstack([values[function, place], of_functions[:, function]]), number, rows
 
 
 Sides = NDArray[np.int32]

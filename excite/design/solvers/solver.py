@@ -50,23 +50,12 @@ Watcher = Callable[[Array, float], None]
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """One call of a solver's methods, to be made beside others.
-
-    Parameters
-    ----------
-    kind : {"solve", "combine", "refine"}
-    starts : sequence of ndarray, shape (n, size)
-        One or more, inside the limits; only one to refine.
-    known : sequence of ndarray
-        See `Solver.combine`.
-    watch : callable, optional
-        See `Solver.solve`.
-    """
+    """One call of a solver's methods, to be made beside others."""
 
     kind: Literal["solve", "combine", "refine"]
-    starts: Sequence[Array]
-    known: Sequence[Array] = ()
-    watch: Watcher | None = None
+    starts: Sequence[Array]  # (n, size) one or more, inside the limits; only one to refine
+    known: Sequence[Array] = ()  # see `Solver.combine`
+    watch: Watcher | None = None  # see `Solver.solve`
 
 
 class Solver(ABC):

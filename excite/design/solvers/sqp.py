@@ -127,13 +127,13 @@ def _advance(problem: Problem, programmes: Programmes, descents: Sequence[Descen
         descent.set_out(point, g)
     descents = [descent for descent in descents if descent.status is None]
     searches = []
-    for descent, step in zip(descents, programmes.steps(descents), strict=True):
-        if step is None:
+    for descent, solution in zip(descents, programmes.steps(descents), strict=True):
+        if solution is None:
             descent.stop(Status.FAILED)
-        elif (slope := float(descent.g @ step.d)) > -_FLAT:
+        elif (slope := float(descent.g @ solution[0][0])) > -_FLAT:
             descent.stop(Status.CONVERGED)
         else:
-            searches.append(_LineSearch(descent, step, slope))
+            searches.append(_LineSearch(descent, *solution, slope))
     _search(problem, searches)
     taken = [(search, search.taken) for search in searches if search.taken is not None]
     gradients = problem.gradients([search.point for search, _ in taken])
@@ -147,18 +147,17 @@ def _advance(problem: Problem, programmes: Programmes, descents: Sequence[Descen
 class _LineSearch:
     """Accept the longest step that the limits allow and that lowers the objective enough, by backtracking."""
 
-    def __init__(self, descent: Descent, step: DescentStep, slope: float) -> None:
+    def __init__(self, descent: Descent, step: DescentStep, length: float, slope: float) -> None:
         assert descent.point is not None
-        self.descent, self._step, self._slope = descent, step, slope
+        self.descent, (self._d, self._w), self._length, self._slope = descent, step, length, slope
         self._before = descent.point.value
-        self._length = step.length
         self.point: ObjectivePoint = descent.point
         self.taken: DescentStep | None = None
 
     def trial(self) -> Array | None:
         """The next point, inside the limits; None where a shorter step is to be tried first."""
         problem, x = self.descent.problem, self.descent.x
-        self._straight = x + self._length * self._step.d.reshape(x.shape)
+        self._straight = x + self._length * self._d.reshape(x.shape)
         self._x = problem.inside(self._straight)
         if problem.nonlinear_hold(self._x):
             return self._x
@@ -171,7 +170,7 @@ class _LineSearch:
         descent.evaluations += 1
         if point.value <= self._before + _ARMIJO * length * slope:
             straight = self._x is self._straight
-            self.taken = self._step.part(length) if straight else _between(descent, self._x)
+            self.taken = (length * self._d, length * self._w) if straight else _between(descent, self._x)
             descent.arrive(self._x, point)
             self.point = point
             return True
@@ -184,7 +183,7 @@ def _between(descent: Descent, end: Array) -> DescentStep:
     """The step to a point that is not on the straight line of a programme's solution."""
     assert descent.H is not None
     d = (end - descent.x).ravel()
-    return DescentStep(d, descent.H.whitened(d))
+    return d, descent.H.whitened(d)
 
 
 def _search(problem: Problem, searches: Sequence[_LineSearch]) -> None:

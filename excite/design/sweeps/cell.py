@@ -15,7 +15,6 @@ import tempfile
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +26,13 @@ from excite.design.executors.dask_cluster import check_versions
 from excite.design.formulation import formulate
 from excite.design.multistart import resume_search
 from excite.design.optimisation import solve
-from excite.design.problem_identity import PACKAGES, NotComparable, content_sha256, plain_options, references_of_own
+from excite.design.problem_identity import (
+    NotComparable,
+    content_sha256,
+    package_versions,
+    plain_options,
+    references_of_own,
+)
 from excite.errors import NoFeasibleMotionError
 from excite.storage.atomic import Destination, read_json, replacing, write_json, writing
 from excite.storage.codec import content_of, record_of
@@ -47,19 +52,11 @@ _DIGITS = 8  # of a hash in a name
 
 @dataclass(frozen=True)
 class Cell:
-    """One design of a sweep.
+    """One design of a sweep."""
 
-    Parameters
-    ----------
-    name : str
-        Of its folder; unique in the sweep, whatever the other cells are.
-    task : Task
-    options : mapping of str to str
-        Options of the grid and what they are in this cell, as text.
-    """
-
-    name: str
+    name: str  # of its folder; unique in the sweep, whatever the other cells are
     task: Task
+    # options of the grid and what they are in this cell, as text
     options: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -98,7 +95,7 @@ def cell_identities(cells: Iterable[Cell]) -> dict[str, str | None]:
     None stands for a task with a part of the user's own of which a later process could not tell whether it is the same.
     """
     robots: dict[tuple[Any, ...], str] = {}  # each read once
-    versions = {name: version(name) for name in PACKAGES}
+    versions = package_versions()
     identities = {}
     for cell in cells:
         task = cell.task

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from importlib.metadata import version
 from itertools import product
 from pathlib import Path
 from types import GenericAlias
@@ -14,9 +13,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from excite.design.executors.dask_cluster import unit_executor
+from excite.design.executors.dask_cluster import unit_executor, versions_of
 from excite.design.executors.unit_executor import LostUnit, UnitExecutor
-from excite.design.problem_identity import PACKAGES
 from excite.design.sweeps.cell import (
     CELLS,
     FAILED,
@@ -52,41 +50,22 @@ _SHOWN = 3  # names of cells in a message
 
 @dataclass(frozen=True)
 class CellProgress:
-    """One cell that has ended.
-
-    Parameters
-    ----------
-    cell : str
-    done, total : int
-        Cells that have ended, those of earlier runs among them, and all cells.
-    condition : float, optional
-        Condition number of its design.
-    status, reason : str
-        Where there is no design.
-    """
+    """One cell that has ended."""
 
     cell: str
-    done: int
-    total: int
-    condition: float | None = None
-    status: str = ""
+    done: int  # cells that have ended, those of earlier runs among them
+    total: int  # all cells
+    condition: float | None = None  # condition number of its design
+    status: str = ""  # where there is no design, and why
     reason: str = ""
 
 
 @dataclass(frozen=True)
 class CellsLeft:
-    """Cells of a sweep in a folder.
+    """Cells of a sweep in a folder."""
 
-    Parameters
-    ----------
-    done : tuple of Cell
-        Finished by an earlier run: designed, or found to be infeasible.
-    work : tuple of (Cell, CellWork)
-        Those that are left.
-    """
-
-    done: tuple[Cell, ...]
-    work: tuple[tuple[Cell, CellWork], ...]
+    done: tuple[Cell, ...]  # finished by an earlier run: designed, or found to be infeasible
+    work: tuple[tuple[Cell, CellWork], ...]  # those that are left
 
 
 @checked
@@ -203,9 +182,8 @@ def _run(units: UnitExecutor, todo: CellsLeft, folder: Path, progress: Callable[
     """Run the cells that are left, write what is not on disk yet, and say what came of each."""
     if not todo.work:
         return
-    versions = {} if units.shares_disk else {name: version(name) for name in PACKAGES}
     total = len(todo.done) + len(todo.work)
-    results = units.run(design_cell, versions, [work for _, work in todo.work])
+    results = units.run(design_cell, versions_of(units), [work for _, work in todo.work])
     for done, (index, result) in enumerate(results, len(todo.done) + 1):
         cell, work = todo.work[index]
         place_of_cell, condition = folder / CELLS / cell.name, None

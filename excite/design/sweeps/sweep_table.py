@@ -11,11 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from constraints.certificate import LimitUse
-from excite.design.design import RecomputedLimits, recomputed_limits
+from excite.design.approach import stated_on_transfers
+from excite.design.design import recomputed_limits
 from excite.design.design_json import load_design
 from excite.design.sweeps.cell import CELLS, Cell, read_cell, stored_design
 from excite.registry import name_of
 from excite.storage.atomic import replacing
+from excite.storage.codec import record_of
 from excite.storage.records import read_record, write_record
 from regressors.arguments import checked
 from regressors.errors import InputError
@@ -45,33 +47,18 @@ class CellFacts:
 
 @dataclass(frozen=True)
 class SweepRow:
-    """One cell of a sweep in numbers.
+    """One cell of a sweep in numbers."""
 
-    Parameters
-    ----------
-    cell : str
-        Name of the cell, and of its folder in ``cells``.
-    options : mapping of str to str
-        Options of the grid.
-    status : {"designed", "exceeds limits", "infeasible", "failed", "not run"}
-    group : int
-        Rows of the same group have the same robot, model, moving joints and base parameters, so that their numbers are
-        comparable; 0 without a design.
-    criteria : mapping of str to float
-        Of ``design.json``, see `excite.information.matrix.CONVENTIONS`; each at the rate and noise of its own task.
-    facts : CellFacts, optional
-        Of the design.
-    reason : str
-        Why there is no design, or why its limits could not be computed.
-    """
-
-    cell: str
-    options: Mapping[str, str]
-    status: str
+    cell: str  # name of the cell, and of its folder in ``cells``
+    options: Mapping[str, str]  # options of the grid
+    status: str  # one of `STATUSES`
+    # rows of the same group have the same robot, model, moving joints and base parameters, so that their numbers are
+    # comparable; 0 without a design
     group: int = 0
+    # of ``design.json``, see `excite.information.matrix.CONVENTIONS`; each at the rate and noise of its own task
     criteria: Mapping[str, float | None] = field(default_factory=dict)
-    facts: CellFacts | None = None
-    reason: str = ""
+    facts: CellFacts | None = None  # of the design
+    reason: str = ""  # why there is no design, or why its limits could not be computed
 
     def __post_init__(self) -> None:
         """Check that there is such an end, and facts of a design."""
@@ -153,18 +140,7 @@ class SweepTable:
 
 @checked
 def load_sweep(folder: str | Path) -> SweepTable:
-    """Read the table of a sweep from its folder.
-
-    Parameters
-    ----------
-    folder : path
-        Or its ``campaign.json``.
-
-    Raises
-    ------
-    InputError
-        It cannot be read, or is of another kind.
-    """
+    """Read the table of a sweep from its folder, or from its ``campaign.json``."""
     path = Path(folder)
     return read_record(path if path.suffix == ".json" else path / JSON, SweepTable, KIND)
 
@@ -190,10 +166,12 @@ def _row(cell: Cell, folder: Path, groups: dict[Any, int]) -> SweepRow:
     group = groups.setdefault(comparable, len(groups) + 1)
     reason = ""
     try:
-        known = recomputed_limits(load_design(folder), enclosed=False)
+        motion, transfers, _ = recomputed_limits(load_design(folder), enclosed=False)
     except InputError as error:
-        known, reason = RecomputedLimits.of(design), f"all limits are those that its file states: {error}"
-    uses = (*known.motion, *(use for uses in known.transfers.values() for use in uses))
+        motion = tuple(record_of(LimitUse, use, {}) for use in design["limits"])
+        transfers = stated_on_transfers(design.get("played", {}))
+        reason = f"all limits are those that its file states: {error}"
+    uses = (*motion, *(use for uses in transfers.values() for use in uses))
     status = DESIGNED if all(use.holds for use in uses) else BROKEN
     return SweepRow(cell.name, options, status, group, design["criteria"], _facts(cell, design, uses), reason)
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import excite
-from excite.design import search_rounds as continuation
+from excite.design import optimisation, search_rounds as continuation
+from excite.design.formulation import Formulation
 from excite.design.solvers.descent import SqpOptions
 from excite.design.solvers.sqp import SequentialQuadratic
 from excite.design.start_results import read_starts
@@ -80,15 +81,15 @@ def up_to(hz: float) -> Task:
 
 @pytest.mark.parametrize("interrupted", ["result", "raised"])
 def test_an_interruption_ends_it_with_the_best_so_far(interrupted: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = continuation._searched
+    real = optimisation.solve
 
-    def searched(robot: object, task: Task, *given: object, fresh: bool) -> object:
-        if fresh and interrupted == "raised":
+    def solve(robot: object, made: Formulation, *given: object) -> excite.Design:
+        further = made.task.trajectory.harmonics > 5
+        if further and interrupted == "raised":
             raise KeyboardInterrupt
-        step = real(robot, task, *given, fresh=fresh)
-        return replace(step, design=replace(step.design, interrupted=fresh))
+        return replace(real(robot, made, *given), interrupted=further)
 
-    monkeypatch.setattr(continuation, "_searched", searched)
+    monkeypatch.setattr(optimisation, "solve", solve)
     design = designed(0.0, (5, 6, 7), monkeypatch)
     assert design.interrupted
     assert design.notes[-1].endswith(" harmonics: interrupted")

@@ -21,7 +21,7 @@ from excite.design.optimisation import _unwound, certify, design_trajectory, lim
 from excite.design.problem import Problem
 from excite.design.single_start import optimise_start
 from excite.design.solvers.solver import Solver, SolverResult, Status, Watcher
-from excite.design.start_results import RUNNING, StartResult, read_starts
+from excite.design.start_results import RUNNING, BestStarts, StartResult, read_starts
 from excite.errors import NoFeasibleMotionError
 from excite.registry import EXECUTORS, built_in, instance
 from excite.tasks.task import Task
@@ -183,12 +183,12 @@ def test_the_best_start_that_keeps_every_limit_is_taken(made: Formulation, tmp_p
     results = read_starts(tmp_path)
     best = min(results, key=lambda r: r.value)
     robot = load_robot("irp6")
-    assert certify(robot, made, tuple(results), {}).best_start == best.index
+    assert certify(robot, made, BestStarts(tuple(results), 3, 0), {}).best_start == best.index
     # A better value outside the limits is passed over, and where nothing else is left, nothing is designed.
     outside = StartResult(9, (3.0 * best.coefficients).tolist(), 1.0, "ended", [1.0], 1, 0.0)
-    assert certify(robot, made, (*results, outside), {}).best_start == best.index
+    assert certify(robot, made, BestStarts((*results, outside), 4, 0), {}).best_start == best.index
     with pytest.raises(NoFeasibleMotionError):
-        certify(robot, made, (outside,), {})
+        certify(robot, made, BestStarts((outside,), 1, 0), {})
 
 
 WIDE = {"velocity": (1.0,), "acceleration": (3.0,), "harmonics": 2, "starts": 1, "executor": "serial", "rate": 50.0}
@@ -201,7 +201,7 @@ def test_whole_turns_for_nothing_are_taken_out_and_change_nothing_else() -> None
     made, plain = formulate(robot, task), design_trajectory(task)
     best = plain.starts[plain.best_start]
     turned = made.problem.family.moved(best.coefficients, 2 * np.pi * np.array([1.0, -1.0]))
-    again = certify(robot, made, (replace(best, x=turned.tolist()),), {})
+    again = certify(robot, made, BestStarts((replace(best, x=turned.tolist()),), 1, 0), {})
     q = again.trajectory.sampled(50.0).q
     np.testing.assert_allclose(q, plain.trajectory.sampled(50.0).q, atol=1e-12)
     assert np.all(np.abs(q.min(axis=0) + q.max(axis=0)) / 2 <= np.pi + 1e-6)

@@ -16,7 +16,7 @@ import excite
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import combinations, random_motion
 from excite.design.problem import Problem
-from excite.design.search_rounds import Population, Rounds, RoundSizes
+from excite.design.search_rounds import Population, Rounds
 from excite.design.start_results import PlannedStart, StartResult, read_starts
 from excite.tasks.search import RANDOM_STARTS, Search
 from excite.tasks.task import Task
@@ -81,11 +81,11 @@ def test_the_order_in_which_starts_end_has_no_say(seed: int) -> None:
     assert plain(shuffled) == plain(run(Rounds(Search()), random_value))
 
 
-def test_it_begins_anew_where_rounds_bring_nothing() -> None:
+def test_it_begins_anew_where_rounds_bring_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each population ends worse than the one before, so that none is found again."""
     begins = [number for number in range(200) if number % 16 == 0]
-    rounds = Rounds(Search(), RoundSizes(rounds=15))
-    planned = plain(run(rounds, lambda number: 10.0 + sum(n <= number for n in begins)))
+    monkeypatch.setattr("excite.design.search_rounds._ROUNDS", 15)
+    planned = plain(run(Rounds(Search()), lambda number: 10.0 + sum(n <= number for n in begins)))
     kinds = [starts[0][0] for starts in planned]
     assert kinds == ["random", *(["combination"] * 3 + ["random"]) * 3, *["combination"] * 3, "refinement"]
 
@@ -96,8 +96,9 @@ def test_it_ends_where_three_populations_come_to_the_same_end() -> None:
     assert kinds == ["random", *["combination"] * 3, "random", "random", "refinement"]
 
 
-def test_it_ends_at_the_latest_after_the_largest_number_of_rounds() -> None:
-    planned = run(Rounds(Search(), RoundSizes(rounds=7)), lambda number: 100.0 / (1.0 + number))
+def test_it_ends_at_the_latest_after_the_largest_number_of_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("excite.design.search_rounds._ROUNDS", 7)
+    planned = run(Rounds(Search()), lambda number: 100.0 / (1.0 + number))
     assert len(planned) == 1 + 7 + 1
 
 

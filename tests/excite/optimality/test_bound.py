@@ -116,7 +116,7 @@ def of_other_options(change: ProblemChanges, **options: object) -> Problem:
 
 
 def value_of(change: ProblemChanges, label: str, factor: float = 1.2) -> float:
-    return change.looser(label, factor).best(change.solver)[1]
+    return change.best(*change.looser(label, factor))[1]
 
 
 def test_looser_limits_are_never_worse_and_used_ones_can_be_better(change: ProblemChanges) -> None:
@@ -128,7 +128,7 @@ def test_looser_limits_are_never_worse_and_used_ones_can_be_better(change: Probl
 def test_the_better_motion_goes_beyond_the_looser_limit_alone(change: ProblemChanges) -> None:
     used = [use.label for use in change.uses(change.x) if use.use > 0.99]
     label = max(used, key=lambda label: change.gain(value_of(change, label)))
-    x, _ = change.looser(label).best(change.solver)
+    x, _ = change.best(*change.looser(label))
     uses = {use.label: use.use for use in change.uses(x)}
     assert 1.0 < uses.pop(label) <= 1.2
     assert max(uses.values()) <= 1.0
@@ -149,16 +149,16 @@ def test_a_factor_of_one_and_an_unknown_label_change_nothing(change: ProblemChan
 
 def test_richer_and_longer_motions_keep_the_limits_at_every_instant(change: ProblemChanges) -> None:
     for changed in (change.richer(), change.longer(), change.longer(5)):
-        x, value = changed.best(change.solver)
-        trajectory = changed.problem.information.trajectory(x)
+        x, value = change.best(*changed)
+        trajectory = changed[0].information.trajectory(x)
         uses = [use for limit in change.formulation.limits for use in limit_uses(limit, trajectory.extrema(limit))]
         assert all(use.holds for use in uses)
-        assert value == pytest.approx(changed.problem.exact_value(x), rel=1e-12)
+        assert value == pytest.approx(changed[0].exact_value(x), rel=1e-12)
 
 
 def test_richer_motions_have_limits_as_tight_on_their_grid(change: ProblemChanges) -> None:
     richer = change.richer()
-    for limit, same in zip(change.formulation.problem.limits.linear, richer.problem.limits.linear, strict=True):
+    for limit, same in zip(change.formulation.problem.limits.linear, richer[0].limits.linear, strict=True):
         np.testing.assert_allclose(limit.upper, same.upper, rtol=1e-12)
 
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from excite.optimality import proven_factor
-from excite.optimality.cutting_planes import BOUNDED, CuttingPlanes, DualCertificate
+from excite.optimality.cutting_planes import BOUNDED, CuttingPlanes
 from excite.optimality.limited_states import LimitedStates, MomentConditions, matrix_of, triangle
-from excite.optimality.proven_factor import ProvenFactor, SumOfSquares, monomials
+from excite.optimality.proven_factor import SumOfSquares, monomials
 
 W = 3.0
 K = W * np.arange(1.0, 4.0)
@@ -53,12 +53,11 @@ def planes(rows: Lift, states: LimitedStates, frequencies: np.ndarray = K) -> Cu
     higher = np.array([1.0, 0.2, 0.1]) * (frequencies.size > 1)
     begin = motion(np.array([0.1, 0.0, 0.0]) + 0.02 * higher, 0.1 * higher / K, 100)
     assert np.all(states.hold(begin))
-    return CuttingPlanes(rows, states, conditions, begin)
+    return CuttingPlanes(rows, conditions, begin)
 
 
 def bound_of(problem: CuttingPlanes, name: str, rounds: int = 4) -> float:
-    relaxed = problem.run(BOUNDED[name], rounds, np.random.default_rng(0))
-    return BOUNDED[name].proven(relaxed.multipliers, relaxed.factor)
+    return BOUNDED[name].proven(*problem.run(BOUNDED[name], rounds, np.random.default_rng(0)))
 
 
 @pytest.mark.parametrize(
@@ -106,9 +105,8 @@ def test_bounds_hold_for_random_motions(name: str) -> None:
 
 def test_dense_sampling_finds_no_state_beyond_what_is_proven() -> None:
     problem = planes(Lift(coulomb=True), limits())
-    relaxed = problem.run(BOUNDED["condition"], 4, np.random.default_rng(0))
-    certificate = DualCertificate(problem.rows, problem.conditions, relaxed.multipliers)
-    factor = ProvenFactor(certificate, problem.states).run(relaxed.factor, 0, lambda _: None)
+    certificate, largest = problem.run(BOUNDED["condition"], 4, np.random.default_rng(0))
+    factor = proven_factor.proven_factor(certificate, largest, 0, lambda _: None)
     assert factor is not None
     v, a = (x.ravel() for x in np.meshgrid(np.linspace(-1, 1, 401), np.linspace(-5, 5, 401)))
     S = np.stack([np.zeros_like(v), v, a], axis=1)
@@ -123,13 +121,12 @@ def test_what_interpolation_between_corners_may_miss_is_added(monkeypatch: pytes
     monkeypatch.setattr(proven_factor, "SumOfSquares", lambda *_: certificates)
     curvature, widths = np.random.default_rng(0).uniform(0.0, 2.0, (2, 3, 3)), np.array([0.3, 0.7])
     curvature, nothing = curvature + curvature.transpose(0, 2, 1), np.zeros((1, 3, 3))
-    pattern = SimpleNamespace(
+    states = SimpleNamespace(velocity=np.ones(3), acceleration=np.ones(3), bandwidth=None)
+    pattern: Any = SimpleNamespace(
         curvature=lambda *_: (curvature, 0 * curvature), matrices=lambda *_: (nothing,) * 3, signs=None,
-        functions=np.arange(3),
+        functions=np.arange(3), states=states,
     )  # fmt: skip
-    states: Any = SimpleNamespace(velocity=np.ones(3), acceleration=np.ones(3), bandwidth=None)
-    grid = proven_factor._Grid(np.zeros((1, 2)), widths[None], np.ones((1, 3)), np.eye(2))
-    ProvenFactor(None, states)._of_pattern(pattern, grid, 1.0, 0)
+    proven_factor.of_pattern(pattern, (np.zeros((1, 2)), widths[None], np.ones((1, 3)), np.eye(2)), 1.0, 0)
     corners = widths / 2 * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
     missed = np.mean([np.einsum("a,aij->ij", p**2 / 2, curvature) for p in corners], axis=0)  # zero in the middle
     np.testing.assert_allclose(added[0], np.diag(missed.sum(axis=1)))

@@ -466,8 +466,8 @@ def test_starts_design_and_manifest_state_one_run(tmp_path: Path) -> None:
         made.save(tmp_path / name / "saved")
         origin = read_start(start_file(tmp_path / name, 0))[1]
         assert origin is not None
-        assert origin.run == made.provenance["run"] == read_manifest(tmp_path / name / "saved")["design"].run
-        runs.append(origin.run)
+        assert origin["run"] == made.provenance["run"] == read_manifest(tmp_path / name / "saved")["design"].run
+        runs.append(origin["run"])
     assert runs[0] != runs[1]
 
 

@@ -362,7 +362,7 @@ def test_slopes_by_x(nonlinear: NonlinearFamily, derivative: int) -> None:
     np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
     grid, some = nonlinear.on_grid(64), np.arange(0, 64, 5)
     tangent = grid.tangent(x, [derivative], some)
-    expected = slope(lambda x: grid.values(x, derivative, some), x)
+    expected = slope(lambda x: grid.values(x, derivative)[some], x)
     k, place = expected.shape[1], np.arange(some.size)
     found = np.stack([tangent(np.tile(unit, (some.size, 1, 1)), place) for unit in np.eye(k)], axis=1)
     np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())

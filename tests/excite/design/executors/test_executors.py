@@ -33,7 +33,7 @@ from excite.design.kept_starts import keep_starts
 from excite.design.multistart import run_in_pool, serial
 from excite.design.optimisation import solve
 from excite.design.problem import Problem
-from excite.design.problem_identity import PACKAGES
+from excite.design.problem_identity import package_versions
 from excite.design.start_results import StartResult, read_starts
 from excite.errors import LostWorkersError, NoFeasibleMotionError
 from excite.registry import EXECUTORS
@@ -212,10 +212,8 @@ def test_finished_starts_are_kept_where_the_scheduler_goes_away(
 
 
 def test_other_versions_on_a_worker_are_refused() -> None:
-    from importlib.metadata import version
-
     pytest.importorskip("distributed")
-    check_versions({name: version(name) for name in PACKAGES})
+    check_versions(package_versions())
     with pytest.raises(
         InputError, match=r"a Dask worker has numpy .* instead of 0\.1; install the same versions there"
     ):

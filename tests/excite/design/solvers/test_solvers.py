@@ -99,7 +99,7 @@ def test_rows_are_the_jacobian_of_the_values(problem: Problem) -> None:
     for limit in problem.limits.linear_in_x:
         k, N = limit.values(x).shape
         function, instant = np.arange(2 * k) % k, np.arange(2 * k) * 7 % N
-        found, expected = limit.tangent(x).rows(function, instant) @ x.ravel(), limit.values(x)[function, instant]
+        found, expected = limit.tangent(x)(function, instant) @ x.ravel(), limit.values(x)[function, instant]
         np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
@@ -212,7 +212,7 @@ def linear_descent(problem: Problem, x: Array, sharpness: float, radius: float) 
         values = limit.values(x)
         k, N = values.shape
         function, instant = (i.ravel() for i in np.meshgrid(np.arange(k), np.arange(0, N, 4), indexing="ij"))
-        rows, at = limit.tangent(x).rows(function, instant), values[function, instant]
+        rows, at = limit.tangent(x)(function, instant), values[function, instant]
         A += [rows, -rows]
         b += [limit.upper[function] - at, at - limit.lower[function]]
     result = linprog(g, A_ub=np.vstack(A), b_ub=np.maximum(np.concatenate(b), 0.0), bounds=[(-radius, radius)] * g.size)
