@@ -16,15 +16,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 80_324,
-    "lines of code": 49_206,
+    "lines": 79_069,
+    "lines of code": 48_776,
     "files": 374,
-    "classes": 700,
+    "classes": 659,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 18,
-    "imports inside functions": 69,
+    "imports inside functions": 63,
     "look-ups of built-in parts by name": 17,
-    "lines of code of tests": 35_359,
+    "lines of code of tests": 35_355,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 140,

@@ -14,7 +14,7 @@ from click.shell_completion import BashComplete, FishComplete, ZshComplete
 from click.testing import CliRunner
 from commands import COMMANDS
 
-from excite.cli.command import LINES, Command, FurtherOption
+from excite.cli.command import LINES, FurtherOption
 from excite.cli.main import _GROUPS, cli
 from excite.registry import BUILT_IN
 from excite.tasks.task import PLACE
@@ -51,7 +51,6 @@ def shown(name: str) -> dict[str, list[str]]:
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_option_is_below_one_heading(name: str) -> None:
     command = COMMANDS[name]
-    assert isinstance(command, Command)
     ctx = click.Context(command, **command.context_settings)
     visible = [p for p in command.get_params(ctx) if isinstance(p, click.Option) and not p.hidden]
     found = shown(name)
@@ -76,7 +75,6 @@ def test_the_help_fits_a_screen(name: str, columns: int) -> None:
     options = [line.split()[0].rstrip(",") for line in lines[:end] if line.startswith("  -")]
     assert 5 <= len(options) <= 25
     command = COMMANDS[name]
-    assert isinstance(command, Command)
     visible = command.visible_options(click.Context(command, **command.context_settings))
     assert sorted(options) == sorted(each.opts[0] for each in visible if not isinstance(each, FurtherOption))
     assert lines[-1] == f"All {len(visible)} options: cli {name} --help-all; set any by --set NAME=VALUE"
@@ -101,7 +99,6 @@ def given(words: str, name: str = "design") -> dict[str, Any]:
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_option_can_be_set_by_its_name_and_its_key(name: str) -> None:
     command = COMMANDS[name]
-    assert isinstance(command, Command)
     ctx = click.Context(command, **command.context_settings)
     left_out = ("set_options", "help_all", command.get_help_option(ctx).name)  # type: ignore[union-attr]
     for option in command.visible_options(ctx):

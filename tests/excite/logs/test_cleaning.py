@@ -9,7 +9,7 @@ import pytest
 from recordings import held, late, recorded, rounded, some_rows, struck, without_rows
 
 from excite.logs.cleaning import held_rows, with_true_time, without_held_rows
-from excite.logs.event import CLOCK, GARBAGE, HELD, MISSING, RATE, SPIKE, Event, missing_rows
+from excite.logs.event import CLOCK, GARBAGE, HELD, MISSING, RATE, SPIKE, missing_rows
 from excite.logs.impacts import check_resets, without_spikes
 from excite.logs.log import Removed
 from excite.logs.signals.method import resample
@@ -140,7 +140,6 @@ def test_rows_that_were_removed_keep_their_kind_and_numbers():
     lost = np.zeros(log.count, dtype=bool)
     lost[100:103] = True
     (event,) = missing_rows(log.without(GARBAGE, lost))
-    assert isinstance(event, Event)
     assert (event.kind, event.rows, event.left_out) == (GARBAGE, (101, 103), True)
     assert event.seconds == pytest.approx(4e-3, rel=0.02)
 

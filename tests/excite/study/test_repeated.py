@@ -138,9 +138,8 @@ def cores(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("cores")
 def test_short_repetitions_stay_in_this_process_and_long_ones_take_all_cores(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert isinstance(executor_of_repetitions("process", None, plain(), TEN), InThisProcess)
-    assert isinstance(executor_of_repetitions("process", 2, plain(), TEN), InThisProcess)
-    assert isinstance(executor_of_repetitions("process", 1, plain(), LONG), InThisProcess)
+    for workers, count in ((None, TEN), (2, TEN), (1, LONG)):
+        assert isinstance(executor_of_repetitions("process", workers, plain(), count), InThisProcess)
     assert isinstance(executor_of_repetitions("serial", 2, plain(), LONG), InThisProcess)
     for workers, processes in ((None, 8), (3, 3)):
         pool = executor_of_repetitions("process", workers, plain(), LONG)

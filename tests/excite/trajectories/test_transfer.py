@@ -389,20 +389,18 @@ def test_ways_are_as_slow_as_the_tool_needs_and_judged_where_that_does_not_help(
     (limit,) = nonlinear_limits(IRP6, IRP6.joint_names, task)
     ends = design.samples.q[[0, -1]]
     transfers = ways_between(IRP6, task, ends)
-    instants = np.linspace(0.0, transfers.transfers["approach"].duration, 2001)
-    fastest = limit.shown(limit.values(transfers.transfers["approach"].samples(instants))).max()
+    approach = transfers.transfers["approach"]
+    fastest = limit.shown(limit.values(approach.samples(np.linspace(0.0, approach.duration, 2001)))).max()
     (use,) = [use for use in transfers.limits["approach"] if "tool" in use.label]
     assert use.holds
     assert fastest <= use.extreme <= 1.02 * fastest
     slower = ways_between(IRP6, task.changed(tool_speed=0.4), ends)
-    assert slower.transfers["approach"].duration == pytest.approx(
-        transfers.transfers["approach"].duration * fastest / 0.4, rel=0.03
-    )
+    assert slower.transfers["approach"].duration == pytest.approx(approach.duration * fastest / 0.4, rel=0.03)
     assert dataclasses.replace(design, approach_and_return=slower).feasible
     height = tool_height(np.array(HOME))
     box = ((None, None), (None, None), (height - 0.01, None))
     broken = ways_between(IRP6, task.changed(tool_speed=None, tool_box=box), ends)
-    assert broken.transfers["approach"].duration == transfers.transfers["approach"].duration
+    assert broken.transfers["approach"].duration == approach.duration
     assert not dataclasses.replace(design, approach_and_return=broken).feasible
 
 

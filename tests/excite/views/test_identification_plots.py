@@ -183,7 +183,6 @@ def test_one_equation_of_one_log(result: Identification, draw: object) -> None:
     observations = result.observations
     own = np.flatnonzero((observations.equation == 0) & (observations.log == 0))
     cut = dataclasses.replace(observations.rows(own), equations=(("work", "J"),), logs=("one.csv",))
-    assert callable(draw)
     figure = draw(observing(result, cut))
     assert figure.axes[0].get_ylabel() == "work [J]"
     assert "time in one [s]" in [ax.get_xlabel() for ax in figure.axes]
