@@ -462,7 +462,7 @@ def _memory_from_here() -> float:
 def without_figures() -> Iterator[None]:
     """Nothing is rendered: figures are made, but their files stay empty, and their texts are not looked at."""
     savefig = patch("matplotlib.figure.Figure.savefig", lambda self, stream, **_: None)
-    in_pages = patch("excite.views.figures.svg_text", lambda *_: "<svg></svg>")
+    in_pages = patch("excite.views.page_text.svg_text", lambda *_: "<svg></svg>")
     with savefig, in_pages, patch("excite.views.figures.literal", lambda figure: None):
         yield
 

@@ -163,7 +163,7 @@ def test_a_start_that_was_edited_runs_again(quick: Here) -> None:
     assert "excite: 1 of 3 starts is already done in out/starts; 2 are left\n" in ended.stderr
     assert "excite: 1 file in out/starts was changed after it was written; its start runs again\n" in ended.stderr
     assert read_start(start)[0].value == content["value"]
-    runs = {read_start(path)[1].run for _, path in start_files(folder / "starts")[1:]}  # type: ignore[union-attr]
+    runs = {read_start(path)[1]["run"] for _, path in start_files(folder / "starts")[1:]}
     assert runs == {content_of(folder)["provenance"]["run"]} == {read_manifest(folder)["design"].run}
 
 
