@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -261,7 +261,7 @@ class Studied:
         }
 
     def _identify(self, name: str, run: Simulation, log: Log, model: Model, way: Way, seed: int) -> None:
-        task = replace(model.of(self.motions[name][0]), offset=way.offset)
+        task = model.of(self.motions[name][0]).changed(offset=way.offset)
         known = self.measured.curves[seed] if way.known else None
         result = estimate_parameters(ROBOT, task, [log], Recipe(), friction=known)
         estimate, target = result.estimate, result.target

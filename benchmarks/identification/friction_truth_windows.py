@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from friction_truth_case import ENCODER, EXPERIMENTS, FORM, NOISE, RATE, ROBOT, TRUTH, shares, true_values
 
-from excite.friction.constant_speed_windows import WindowSearch
+from excite.friction.constant_speed_windows import WindowSearch, constant_windows
 from excite.friction.curve_fit import fit
-from excite.friction.points import Point, described_model, drive_log, points_of, windows_of
+from excite.friction.points import Point, described_model, drive_log, points_of
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion
 from excite.tasks.reference import SampledMotion
@@ -66,7 +66,8 @@ def runs(drive: str, encoder: bool) -> tuple[Any, Any, Array, Array]:
     reference = SampledMotion(course(limit, WINDOWS[drive], PATHS[drive], line))
     log = simulate_motion(ROBOT, Task("irp6"), reference, settings, friction=FrictionCurves(TRUTH)).log
     motion = drive_log(log, ROBOT)
-    found = windows_of(motion, drive, WindowSearch(WINDOWS[drive], 0.02, 0.02 * limit)).windows
+    k, search = motion.names.index(drive), WindowSearch(WINDOWS[drive], 0.02, 0.02 * limit)
+    found = constant_windows(log.time, motion.z[:, k], np.delete(motion.z, k, axis=1), search).windows
     rigid = described_model(motion.robot)
     pairs = zip(
         points_of(motion, drive, found, None), points_of(motion, drive, found, rigid, settling=True), strict=True

@@ -70,7 +70,7 @@ WAYS = [
 ]
 DATA = (
     Data("motion designed for the differential model", DIFFERENTIAL),
-    Data("motion designed for the energy model, short windows", replace(SHORT, starts=30)),
+    Data("motion designed for the energy model, short windows", SHORT.changed(starts=30)),
     Data("motion designed for the differential model, torques with an offset", DIFFERENTIAL, OFFSET),
 )
 

@@ -18,10 +18,11 @@ import numpy as np
 import record
 
 from excite.identification.drive_gains import drive_gains
-from excite.identification.equations import equations_of
+from excite.identification.equations import equations_of, instant_columns
+from excite.identification.estimator import Context
 from excite.identification.estimators.least_squares import weighted
 from excite.identification.observations import Observations, join_observations
-from excite.identification.preparation import prepare
+from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.procedure import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
@@ -119,11 +120,15 @@ def payload_study(logs: dict[str, Log]) -> dict[str, Any]:
     recipe = Recipe()
     bare = estimate_parameters(ROBOT, TASK, [logs[name] for name in ("unload", "30sec_12harm")], recipe)
     target, recipe = bare.target, bare.recipe
-    parts, regressors = [], []
+    parts, regressors, model = [], [], PayloadModel(target.robot)
+
+    def torques(part: PreparedLog) -> np.ndarray:
+        return model.instants(part.samples).reshape(part.samples.time.size, -1, 10).transpose(2, 0, 1)
+
     for name in ("unload", "load", "30sec_12harm"):
         part = prepare(logs[name], ROBOT, target, recipe)
         parts.append(equations_of(target, part, recipe))
-        K = PayloadModel(target.robot).instants(part.samples)
+        K = instant_columns(Context(target, (part,), recipe), torques)
         regressors.append(K if name == "load" else np.zeros_like(K))
     sets = {"load and unload": parts[:2], "with 30sec_12harm": parts}
     found = {}
@@ -135,11 +140,11 @@ def payload_study(logs: dict[str, Log]) -> dict[str, Any]:
             "stated gains": described(before),
             **{
                 kind: {
-                    "factor": g.factor.tolist(),
-                    "deviation": g.deviation.tolist(),
-                    **described(with_load(scaled(observations, g.factor), K)),
+                    "factor": factor.tolist(),
+                    "deviation": deviation.tolist(),
+                    **described(with_load(scaled(observations, factor), K)),
                 }
-                for kind, g in gains.items()
+                for kind, (factor, deviation, _) in gains.items()
             },
         }
     return {"mass": MASS, "recipe": recipe.to_dict(), "sets": found}
@@ -269,7 +274,7 @@ LIMITATIONS = (
     "The choices were made on the training logs alone, except that which variants are listed was decided after seeing "
     "this table; the first row is the tool's defaults.",
     "One robot, one day per log; the arm's temperature is not known.",
-    "Standard deviations in the payload table take the residuals as white; they are correlated in time, so the true "
+    "Standard deviations of the mass take the residuals as white; they are correlated in time, so the true "
     "uncertainty is several times larger.",
     "With factors of their own the joints whose torque the load hardly changes (1, 4 to 6) take up model errors.",
     "The known mass fixes the scale: 'identified mass' after the correction equals it by construction, up to weights.",

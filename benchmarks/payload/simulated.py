@@ -74,7 +74,7 @@ def case(name: str, rate: float) -> dict[str, Any]:
     truth = robot_with_rotors(name)
     motion = excite.design_payload_motion(truth, 0.2, pose=pose)
     designed = time.process_time() - began
-    robot, task = described(truth, None, None, None, True)
+    robot, task = described(truth, None, None, None, True, False)
     friction = friction_of(robot)
     settings = {"rate": rate, "encoder": (ENCODER,), "friction": friction}
     bare_log = excite.simulate(motion.design, **settings).measured
