@@ -19,6 +19,7 @@ from regressors.readers.library import built_in
 from regressors.robot.columns import BODY_KINDS, COULOMB as COULOMB_KIND, VISCOUS as VISCOUS_KIND
 from regressors.robot.friction.curve import Side, Stribeck
 from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.friction.load_and_temperature import drives_along
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -158,10 +159,14 @@ class Experiment:
         return Log(log.source, log.sha256, log.joints, log.time, log.q, None, log.effort)
 
     def _friction(self) -> dict[str, tuple[float, float]]:
-        """Coulomb and viscous friction of each drive, or of each joint where no drives are described."""
+        """Coulomb and viscous friction of each drive, with what turns along, or of each joint without drives."""
         if self.description.transmission is None:
             return dict.fromkeys(self.description.joint_names, OWN.get(self.robot, (COULOMB, VISCOUS)))
-        return {d.name: (d.coulomb, d.viscous) for d in self.description.transmission.drives}
+        friction = {d.name: (d.coulomb, d.viscous) for d in self.description.transmission.drives}
+        for name, leading, a in drives_along(self.target.robot):
+            coulomb, viscous = friction[leading]
+            friction[leading] = coulomb + abs(a) * friction[name][0], viscous + a**2 * friction[name][1]
+        return friction
 
 
 _INSTANT = {
