@@ -164,10 +164,9 @@ LIMITATIONS = (
     "All lines but those of sticking and of plain defaults are of the code before the intervals allowed for friction "
     "near standstill and for a delay, which enter none of these cases but by a test that mistakes noise in 1 % of "
     "them, and then widens the intervals.",
-    "Plain defaults with encoder counts, and under sticking friction, are of the code before intervals allowed for the "
-    "choice of terms, which only widens them; with 60 repetitions, 2 misses of one parameter are 96.7 %.",
+    "With 60 repetitions, 2 misses of one parameter are 96.7 %; with 40, as with a panda, 95 %.",
     "A constant torque that prediction does not find clearly (0.18 Nm beside noise of 3 % on a panda's joint 2) is "
-    "taken up by a first moment, without a doubt; cases of a panda have 40 repetitions, 2 misses are 95 %.",
+    "taken up by a first moment, without a doubt.",
     "The friction of the ur10e and of the panda is assumed, since it is not published.",
 )
 
