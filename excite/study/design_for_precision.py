@@ -258,10 +258,10 @@ def _with_load(design: Design, run: RunInformation) -> float:
     task = design.task
     samples = design.trajectory.samples(target.model.times(task.trajectory.period, task.output.rate))
     noise = formulate(design.robot, task).blueprint.noise
-    W = target.model.assemble(samples)[:, [target.model.names.index(name) for name in columns]]
-    W = W / np.tile(noise, W.shape[0] // noise.size)[:, None]
-    own = np.linalg.inv(run.half @ run.half.T)
-    M = 0.5 * (W.T @ W + own)
-    length = np.sqrt(np.diag(M))
-    half = inverse_half(np.linalg.cholesky(M / np.outer(length, length)).T * length)
-    return float(run.use(1) / replace(run, half=half).use(1))
+    places = [target.model.names.index(name) for name in columns]
+    loaded, own = (
+        m.assemble(samples)[:, k] for m, k in ((target.model, places), (run.target.model, run.target.base.index))
+    )
+    each = np.tile(noise, own.shape[0] // noise.size)[:, None]
+    half = inverse_half(np.vstack([loaded / each, own / each]) / np.sqrt(2.0))
+    return float(replace(run, half=inverse_half(own / each)).use(1) / replace(run, half=half).use(1))
