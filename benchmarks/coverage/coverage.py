@@ -169,7 +169,7 @@ LIMITATIONS = (
     "them, and then widens the intervals.",
     "With 60 repetitions, 2 misses of one parameter are 96.7 %; with 40, as with a panda, 95 %.",
     "A constant torque that prediction does not find clearly (0.18 Nm beside noise of 3 % on a panda's joint 2) is "
-    "taken up by a first moment, without a doubt.",
+    "taken up by a first moment; a warning names that parameter in each log in which its interval misses.",
     "The friction of the ur10e and of the panda is assumed, since it is not published.",
 )
 

@@ -25,10 +25,11 @@ from excite.identification.prediction import (
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.procedure import log_of
 from excite.identification.recipe import AUTO, Recipe
+from excite.identification.result_json import load_result
 from excite.information.target import IdentificationTarget
 from excite.logs.event import LEFT_OUT
 from excite.logs.log import Log
-from excite.logs.mapping import LogMapping, read_mapping
+from excite.logs.mapping import LogMapping
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from excite.simulation.replay import Outcome, Replay, windowed_motion
 from excite.storage.work_prediction import announce
@@ -66,7 +67,7 @@ HORIZON = 0.5
     "check the units of the log and `rows`",
 )
 def verify(
-    result: Identification,
+    result: Identification | str | Path,
     log: Log | str | Path | Any,
     *,
     mapping: LogMapping | str | Path | None = None,
@@ -85,8 +86,8 @@ def verify(
 
     Parameters
     ----------
-    result : Identification
-        Just identified, or loaded.
+    result : Identification or path
+        Just identified or loaded, or its folder.
     log : Log, path or Simulation
     mapping : LogMapping or path, optional
         How a foreign file is laid out.
@@ -110,9 +111,9 @@ def verify(
         A log that the result was identified from, or that does not fit its robot; a horizon that is not positive.
     """
     check("horizon", horizon)
-    layout = read_mapping(Path(mapping)) if isinstance(mapping, str | Path) else mapping
+    result = load_result(result) if isinstance(result, str | Path) else result
     recipe = _recipe(result, rows, signals, temperature)
-    log = log_of(log, result.robot, layout, tuple(drop), recipe.row_numbers)
+    log = log_of(log, result.robot, mapping, tuple(drop), recipe.row_numbers)
     slower = recipe.cutoff is not None and recipe.cutoff > HIGHEST * log.rate
     recipe = replace(recipe, cutoff=HIGHEST * log.rate) if slower else recipe
     rows_prediction("the verification", [log]).check()
