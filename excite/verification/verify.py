@@ -13,6 +13,7 @@ from excite.identification.choices.cutoff_and_timing import HIGHEST
 from excite.identification.doubts import answers
 from excite.identification.identification import Identification
 from excite.identification.identify import rows_prediction
+from excite.identification.large_residual import with_external_forces
 from excite.identification.log_faults import load_that_explains
 from excite.identification.prediction import (
     LogPrediction,
@@ -125,7 +126,7 @@ def verify(
     target = judging_target(result)
     simulated = target.model.torque_equations() is not None
     announce(f"the verification on {cut(log.source)}", verification_seconds(log, simulated=simulated))
-    part = prepare(log, result.robot, target, recipe)
+    part = prepare(with_external_forces(result.robot, target, log, recipe), result.robot, target, recipe)
     predicted = prediction(target, part, recipe, result.coefficients, result.friction)
     tolerances = tolerances if tolerances is not None else Tolerances()
     replay, length = _replayed(target, result, part, horizon)
