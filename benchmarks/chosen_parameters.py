@@ -68,7 +68,7 @@ def problem_of(name: str, options: dict[str, Any]) -> Formulation:
 
 def best(made: Formulation) -> tuple[Array, float]:
     """Coefficients of the best start that keeps every limit, and the processor time of a start."""
-    from excite.design.single_start import optimise_start
+    from excite.design.starts import optimise_start
     from excite.registry import instance
 
     method = instance("solver", "sqp")

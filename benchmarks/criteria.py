@@ -78,7 +78,7 @@ def problem_of(setting: Setting, goal: str) -> Formulation:
 def designed(made: Formulation) -> dict[str, Any]:
     """Best of all starts, one after the other in this process, and what they took."""
     from excite.design.optimisation import limits_of
-    from excite.design.single_start import optimise_start
+    from excite.design.starts import optimise_start
     from excite.registry import instance
     from excite.trajectories import Trajectory
 

@@ -90,7 +90,7 @@ def designed(setting: Setting, task: Task) -> dict[str, Any]:
     """Best of all starts, one after the other in this process, judged as `excite design` judges it."""
     from excite.design.formulation import formulate
     from excite.design.optimisation import certify
-    from excite.design.single_start import optimise_start
+    from excite.design.starts import optimise_start
     from excite.registry import instance
     from regressors.errors import InputError
 

@@ -13,7 +13,7 @@ from measure import script
 from problems import FREE_SPACE, PERIOD, PROBLEMS, RATE
 
 from excite.design.formulation import formulate
-from excite.design.single_start import optimise_start
+from excite.design.starts import optimise_start
 from excite.registry import instance
 from excite.tasks.task import Task
 from regressors.readers.library import load_robot

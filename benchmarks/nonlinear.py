@@ -130,7 +130,7 @@ def problem_of(robot: str, limits: dict[str, Any]) -> Problem:
 
 def of_starts(robot: str) -> list[dict[str, Any]]:
     """The same starts with each of the limits, one after the other in this process."""
-    from excite.design.single_start import optimise_start
+    from excite.design.starts import optimise_start
     from excite.registry import instance
 
     problems = {name: problem_of(robot, limits) for name, limits in OF_STARTS[robot].items()}

@@ -84,7 +84,7 @@ def search(wanted: Specification) -> dict[str, Any]:
 
 def starts(wanted: Specification) -> list[dict[str, Any]]:
     """Single starts, each on its own, one after the other in this process."""
-    from excite.design.single_start import optimise_start
+    from excite.design.starts import optimise_start
     from excite.registry import instance
 
     made = formulation(wanted)
@@ -105,8 +105,8 @@ def target(wanted: Specification) -> dict[str, Any]:
     """The search that is the default, in this process, until an iterate, judged at 100 Hz, is as good as the target."""
     made = formulation({**wanted, "starts": None})
     from excite.design.search_rounds import Rounds
-    from excite.design.single_start import optimise_starts
     from excite.design.solvers.sqp import SequentialQuadratic
+    from excite.design.starts import optimise_starts
 
     problem = made.problem
     ready = time.process_time()

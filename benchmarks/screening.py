@@ -23,9 +23,9 @@ import record
 from excite.design.formulation import Formulation, formulate
 from excite.design.problem import Problem
 from excite.design.search_rounds import Rounds
-from excite.design.single_start import optimise_start, optimise_starts
 from excite.design.solvers.limit_rows import LinearRows
 from excite.design.solvers.sqp import SequentialQuadratic
+from excite.design.starts import optimise_start, optimise_starts
 from excite.tasks.search import Search
 from excite.tasks.task import Task
 from regressors.jax_models import JaxModel

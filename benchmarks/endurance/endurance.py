@@ -72,9 +72,9 @@ def starts(folder: Path) -> Iterator[Callable[[int], None]]:
     """Units of work that are one start each, of one problem."""
     import excite
     from excite.design.formulation import formulate
-    from excite.design.single_start import optimise_start
     from excite.design.solvers.descent import SqpOptions
     from excite.design.solvers.sqp import SequentialQuadratic
+    from excite.design.starts import optimise_start
 
     formulation = formulate(excite.load_robot("irp6"), excite.Task("irp6", period=4.0, harmonics=3))
 

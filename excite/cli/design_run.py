@@ -32,10 +32,10 @@ from excite.design.design_folder import (
 )
 from excite.design.design_json import load_design
 from excite.design.formulation import Formulation, formulate
-from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.multistart import holds_unfinished_design, ready_workers, resume_search
 from excite.design.optimisation import announce_search, solve, starts_left
 from excite.design.search_rounds import design_with_harmonics
+from excite.design.starts import KeptStarts, keep_starts
 from excite.design.sweeps.run_sweep import CellsLeft, read_sweep_file, run_sweep
 from excite.design.sweeps.sweep_table import JSON, TABLE, SweepTable, load_sweep
 from excite.design.task_file import read_task_file, task_from_options

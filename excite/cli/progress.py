@@ -17,8 +17,8 @@ from excite.cli.streams import SECONDS, can_move, remark, say, something_is_show
 from excite.design.interruption import Interruption, answered_signals, current_interruption, deferred_interruption
 
 if TYPE_CHECKING:
-    from excite.design.kept_starts import KeptStarts
     from excite.design.start_results import StartResult
+    from excite.design.starts import KeptStarts
     from excite.design.sweeps.run_sweep import CellProgress
 
 

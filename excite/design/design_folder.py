@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from excite.design.design import Design
-from excite.design.kept_starts import remove_starts, remove_temporary
 from excite.design.start_results import or_none, write_start
+from excite.design.starts import remove_starts, remove_temporary
 from excite.design.task_file import task_content
 from excite.information.precision_forecast import PrecisionSearch
 from excite.storage.atomic import NEXT, replacing, write_json, writing

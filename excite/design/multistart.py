@@ -16,10 +16,9 @@ import cloudpickle
 from excite.design.design_folder import DESIGN, KIND, STARTS, check_no_design, data_files, starts_folder
 from excite.design.formulation import Formulation
 from excite.design.interruption import deferred_interruption
-from excite.design.kept_starts import KeptStarts, keep_starts, remove_temporary
 from excite.design.search_rounds import Rounds
-from excite.design.single_start import optimise_starts
 from excite.design.start_results import RUNNING, Progress, Starts, read_start, start_files
+from excite.design.starts import KeptStarts, keep_starts, optimise_starts, remove_temporary
 from excite.design.workers import NotPreparedError, Workers, environment_of_workers, work_on_starts
 from excite.registry import FIGURE_FORMATS, instance
 from excite.storage.atomic import read_json, replacing, shown, writing

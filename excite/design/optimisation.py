@@ -26,9 +26,9 @@ from excite.design.blueprint import TYPICAL_STARTS, search_seconds
 from excite.design.design import Design
 from excite.design.formulation import LIKELY_CAUSE, Formulation, formulate
 from excite.design.interruption import current_interruption
-from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.search_rounds import Rounds, RunningRounds, design_with_harmonics
 from excite.design.start_results import BestStarts, Progress as Progress, best_starts, or_none
+from excite.design.starts import KeptStarts, keep_starts
 from excite.design.stated_limits import remedy
 from excite.design.task_checks import suspecting, unidentifiable
 from excite.errors import NoFeasibleMotionError

@@ -18,7 +18,6 @@ import numpy as np
 
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
-from excite.design.kept_starts import KeptStarts, remove_starts
 from excite.design.start_results import (
     HarmonicsTrial,
     Kind,
@@ -32,6 +31,7 @@ from excite.design.start_results import (
     start_file,
     write_start,
 )
+from excite.design.starts import KeptStarts, remove_starts
 from excite.errors import NoFeasibleMotionError
 from excite.tasks.search import RANDOM_STARTS, Search
 from excite.tasks.stored_files import InitialDesign

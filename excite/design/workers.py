@@ -28,8 +28,8 @@ from threadpoolctl import threadpool_limits
 from excite.design.blueprint import Blueprint
 from excite.design.interruption import SIGNALS, deferred_interruption, held_signals
 from excite.design.problem import Problem
-from excite.design.single_start import optimise_starts
 from excite.design.start_results import Origin, StartResult, Starts, number_of
+from excite.design.starts import optimise_starts
 from excite.errors import LostWorkersError
 from excite.operating_system import can_fork
 from excite.registry import instance

@@ -12,9 +12,9 @@ from threadpoolctl import threadpool_limits
 
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
-from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.optimisation import Progress, search_folder, solve
 from excite.design.problem import Problem
+from excite.design.starts import KeptStarts, keep_starts
 from excite.information.matrix import noise_per_row
 from excite.information.precision_forecast import (
     OutOfReach,

@@ -39,9 +39,8 @@ from excite.views.identification_view import TITLES, identification_view
 from excite.views.page_text import PageFigure, PageSection, drawn, pictures
 from excite.views.player_data import player_motion
 from excite.views.player_log import Appearance, LoggedMotion, looked_at, motion_of_plan, played, source_of
-from excite.views.simulation_view import simulation_view
 from excite.views.subjects import Filed, Subject
-from excite.views.verification_view import TITLES as OF_VERIFICATION, verification_view
+from excite.views.verification_view import TITLES as OF_VERIFICATION, simulation_view, verification_view
 from excite.views.view import View
 from regressors.errors import ExciteError
 

@@ -25,7 +25,7 @@ _READERS = {  # each imported when it is needed: those of XML take their librari
     **dict.fromkeys(_YAML, ("description", "read_description")),
     _TABLE: ("dh_table", "read_dh_table"),
     URDF: ("urdf", "read_urdf"),
-    XACRO: ("xacro_file", "read_xacro"),
+    XACRO: ("urdf", "read_xacro"),
     MJCF: ("mjcf", "read_mjcf"),
 }
 _NEAR = 0.7  # likeness of names that may be meant
@@ -63,7 +63,7 @@ def load_robot(
         Take rounded right angles of a URDF or an MJCF for right angles, see `regressors.readers.urdf.parse_urdf`.
     xacro : bool
         Expand the file as xacro although its name does not end in ``.xacro``, see
-        `regressors.readers.xacro_file.read_xacro`.
+        `regressors.readers.urdf.read_xacro`.
 
     Returns
     -------

@@ -1,12 +1,20 @@
-"""Reader of URDF files: any serial chain of a tree of links, as a `Robot`."""
+"""Readers of URDF files: any serial chain of a tree of links, as a `Robot`; and of xacro, URDF written with macros.
+
+Macros are expanded without ROS, in a process without rights.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from regressors import input_files
 from regressors.errors import InputError, reading
 from regressors.input_files import read_bytes
 from regressors.readers.chain_ends import carried, chain_of, kind_of, resting_rotation
@@ -134,3 +142,65 @@ def _gravity(tree: UrdfTree, base: str) -> Array:
     """Gravity in the axes of the base, with the joints above it at rest."""
     magnitude = float(np.linalg.norm(_GRAVITY))
     return magnitude * _tidy(resting_rotation(tree, base).T @ (_GRAVITY / magnitude))
+
+
+CPU, WALL = 20, 60.0  # seconds of computing, and of waiting, that an expansion may take
+MEMORY = 10**9  # bytes that it may take
+_PROCESS = "regressors.readers.xacro_expansion"
+
+
+def read_xacro(
+    path: str | Path,
+    *,
+    base: str | None = None,
+    tip: str | None = None,
+    arguments: Mapping[str, str] | None = None,
+    snap_angles: bool = True,
+) -> Robot:
+    """Expand a xacro file, and read a serial chain of the URDF that comes out.
+
+    A process of its own expands it, without a network and with caps on time and memory; expressions are limited to
+    `regressors.readers.xacro_expressions`. It opens files of the folder of this one, of its package and of the packages
+    that it names, and does not see the environment.
+    """
+    path = Path(path)
+    text = expand_xacro(path, arguments)
+    robot = parse_urdf(text, name_of_source=f"{path.name}, expanded", base=base, tip=tip, snap_angles=snap_angles)
+    return robot.replace(source=f"URDF {path.name}")
+
+
+def expand_xacro(path: str | Path, arguments: Mapping[str, str] | None = None) -> str:
+    """Text of the URDF that a xacro file expands to; parameters as of `read_xacro`."""
+    path = Path(path)
+    order = {
+        "path": str(path),
+        "arguments": dict(arguments or {}),
+        "seconds": CPU,
+        "memory": MEMORY,
+        "silence": input_files.SILENCE,
+    }
+    answer = _answer(json.dumps(order), path)
+    if "text" not in answer:
+        raise InputError(answer["error"])
+    return answer["text"]
+
+
+def _answer(order: str, path: Path) -> dict[str, str]:
+    """What the process that expands a file says."""
+    command = [sys.executable, "-P", "-m", _PROCESS]  # -P: no module of the folder that it is started in
+    try:
+        done = subprocess.run(command, input=order.encode(), capture_output=True, timeout=WALL, check=False)
+    except subprocess.TimeoutExpired as error:
+        raise InputError(f"{path.name}: expanding it takes more than {WALL:g} s, the most that it may") from error
+    except OSError as error:
+        raise InputError(f"{path.name}: the process that expands it does not start: {error.strerror}") from error
+    if done.returncode == -getattr(signal, "SIGXCPU", 0) or done.returncode == -getattr(signal, "SIGKILL", 0):
+        raise InputError(f"{path.name}: expanding it takes more than {CPU} s of computing, the most that it may")
+    try:
+        answer: dict[str, str] = json.loads(done.stdout)
+    except ValueError as error:
+        said = done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:] or ["no reason is given"]
+        raise InputError(
+            f"{path.name}: the process that expands it ended with status {done.returncode}: {said[0]}"
+        ) from error
+    return answer

@@ -28,9 +28,8 @@ from regressors.readers.description import read_description
 from regressors.readers.dh_table import read_dh_table
 from regressors.readers.library import built_in
 from regressors.readers.mjcf import read_mjcf
-from regressors.readers.urdf import read_urdf
+from regressors.readers.urdf import read_urdf, read_xacro
 from regressors.readers.urdf_elements import xml_kind
-from regressors.readers.xacro_file import read_xacro
 
 READERS = {
     "robot": read_description,

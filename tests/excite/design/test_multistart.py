@@ -19,9 +19,9 @@ from excite.design.formulation import Formulation, formulate
 from excite.design.multistart import ready_workers, run_in_pool, serial
 from excite.design.optimisation import _unwound, certify, design_trajectory, limits_of
 from excite.design.problem import Problem
-from excite.design.single_start import optimise_start
 from excite.design.solvers.solver import Solver, SolverResult, Status, Watcher
 from excite.design.start_results import RUNNING, BestStarts, StartResult, read_starts
+from excite.design.starts import optimise_start
 from excite.errors import NoFeasibleMotionError
 from excite.registry import EXECUTORS, built_in, instance
 from excite.tasks.task import Task
@@ -86,7 +86,7 @@ class Slow(Solver):
 def test_the_best_point_of_an_unfinished_start_is_on_disk(
     made: Formulation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("excite.design.single_start._SAVE_EVERY", -1.0)
+    monkeypatch.setattr("excite.design.starts._SAVE_EVERY", -1.0)
     method = Slow(tmp_path)
     result = optimise_start(made.problem, method, 0, 5, tmp_path)
     first, second, third = (seen[0] for seen in method.seen)

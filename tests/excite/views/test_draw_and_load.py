@@ -20,7 +20,7 @@ from excite.verification.verification import load_verification
 from excite.views.page_text import PageSection
 from excite.views.player_log import Appearance
 from excite.views.sections import section_of
-from excite.views.simulation_view import simulation_view
+from excite.views.verification_view import simulation_view
 from excite.views.write_report import report_text
 from regressors.errors import InputError
 

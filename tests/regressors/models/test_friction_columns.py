@@ -12,12 +12,11 @@ from pinocchio_chains import drive_torques, joint_torques
 
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import base_parameters, random_states
-from regressors.models.differential import DifferentialModel, standard_of
+from regressors.models.differential import DifferentialModel, SpringModel, standard_of
 from regressors.models.energy import EnergyModel
 from regressors.models.model import RegressorModel
 from regressors.models.nominal import standard_values
 from regressors.models.partial import of_joints
-from regressors.models.springs import SpringModel
 from regressors.models.windows import Window
 from regressors.readers.library import built_in
 from regressors.robot.columns import FRICTION_KINDS, Terms

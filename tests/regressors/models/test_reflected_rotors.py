@@ -16,11 +16,10 @@ from excite.registry import MODELS
 from excite.study.repetitions import repetitions
 from excite.tasks.task import Task
 from regressors.models.base import base_parameters, random_states
-from regressors.models.differential import DifferentialModel
+from regressors.models.differential import DifferentialModel, SpringModel
 from regressors.models.energy import EnergyModel
 from regressors.models.nominal import MotorSide, motor_sides, parameter_values, standard_values
 from regressors.models.partial import of_drives
-from regressors.models.springs import SpringModel
 from regressors.readers.library import built_in, load_robot
 from regressors.robot.columns import Terms
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction

@@ -18,11 +18,10 @@ import pytest
 from refused import refusal
 
 from regressors.errors import InputError
-from regressors.readers import xacro_file
+from regressors.readers import urdf
 from regressors.readers.library import load_robot
-from regressors.readers.urdf import parse_urdf
+from regressors.readers.urdf import expand_xacro, parse_urdf, read_xacro
 from regressors.readers.xacro_expressions import LARGEST, LONGEST, Refused, evaluate, known_names
-from regressors.readers.xacro_file import expand_xacro, read_xacro
 from tests.builders.public_arms import robots_folder
 
 xacro = pytest.importorskip("xacro", reason="xacro is not installed (pip install xacro)")
@@ -152,8 +151,8 @@ ENDLESS = {
 
 @pytest.mark.parametrize(("body", "message"), ENDLESS.values(), ids=ENDLESS)
 def test_endless_documents_end(body: str, message: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(xacro_file, "CPU", 10)
-    monkeypatch.setattr(xacro_file, "MEMORY", 150 * 10**6)
+    monkeypatch.setattr(urdf, "CPU", 10)
+    monkeypatch.setattr(urdf, "MEMORY", 150 * 10**6)
     laughs = ["a0: &a0 [1, 2, 3, 4, 5, 6, 7, 8, 9]"]
     laughs += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 10)]
     (folder / "laughs.yaml").write_text("\n".join(laughs), encoding="utf-8")
@@ -170,7 +169,7 @@ def test_endless_documents_end(body: str, message: str, folder: Path, monkeypatc
 def test_caps_end_what_takes_too_long(
     cap: str, value: float, message: str, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(xacro_file, cap, value)
+    monkeypatch.setattr(urdf, cap, value)
     slow = mass("${" + " + ".join(["math.prod(range(1, 90000))"] * 9) + "}")
     with pytest.raises(InputError, match=message):
         expand_xacro(document(folder, slow))

@@ -29,12 +29,12 @@ from excite.design.executors.dask_cluster import (
 from excite.design.executors.unit_executor import InProcesses, InThisProcess, LostUnit
 from excite.design.formulation import Formulation, formulate
 from excite.design.initial_guesses import candidates
-from excite.design.kept_starts import keep_starts
 from excite.design.multistart import run_in_pool, serial
 from excite.design.optimisation import solve
 from excite.design.problem import Problem
 from excite.design.problem_identity import package_versions
 from excite.design.start_results import StartResult, read_starts
+from excite.design.starts import keep_starts
 from excite.errors import LostWorkersError, NoFeasibleMotionError
 from excite.registry import EXECUTORS
 from excite.tasks.search import Search

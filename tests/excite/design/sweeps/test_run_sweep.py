@@ -19,9 +19,9 @@ from written_results import VERSIONS, design
 
 import excite
 from excite.design.executors.unit_executor import InThisProcess
-from excite.design.kept_starts import KeptStarts
 from excite.design.problem_identity import ProblemIdentity
 from excite.design.start_results import write_start
+from excite.design.starts import KeptStarts
 from excite.design.sweeps.cell import clear_cells, packed, place, stored_design
 from excite.design.sweeps.run_sweep import run_sweep
 from excite.design.sweeps.sweep_table import load_sweep

@@ -20,14 +20,14 @@ from scipy.interpolate import BPoly, CubicSpline, PPoly
 import excite
 from excite.design.design import Design
 from excite.export.motions.export_motion import export_motion
-from excite.export.motions.franka import ACCELERATION, JERK, VELOCITY, check_rates, fr3_velocities
+from excite.export.motions.industrial import ACCELERATION, JERK, VELOCITY, check_rates, fr3_velocities
 from excite.export.motions.motion_format import Interpolation, certify, deviation
 from excite.export.motions.ros2 import Ros2Yaml
 from excite.export.motions.sampled_design import SampledDesign, breaks_of, sampled_design
 from excite.registry import TRAJECTORIES
 from excite.trajectories import Fourier, Trajectory
-from excite.trajectories.bspline import BSpline
 from excite.trajectories.family import Family
+from excite.trajectories.polynomials import BSpline
 from excite.trajectories.transfer import SCurve
 from excite.trajectories.waypoints import Waypoints
 from regressors.samples import Array
