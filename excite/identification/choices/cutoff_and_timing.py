@@ -11,14 +11,14 @@ import numpy as np
 import scipy.optimize
 import scipy.stats
 
-from excite.identification.choices.left_out import Choice, LeftOut, best_of, candidates_of, jackknife
+from excite.identification.choices.left_out import Choice, LeftOut, best_of, candidates_of
 from excite.identification.choices.scoring import Scoring
 from excite.identification.equations import listed
+from excite.identification.noise import autocorrelation, effective_samples
 from excite.identification.preparation import PreparedLog
 from excite.identification.presliding import presliding_candidates
 from excite.identification.recipe import Recipe
 from regressors.errors import InputError, percent
-from regressors.samples import Array
 
 _TIMES_IN_TURN = 3
 Chosen = tuple[Recipe, tuple[Choice, ...]]
@@ -97,63 +97,87 @@ def choose_cutoff(candidates: Sequence[float], scored: Scored) -> tuple[float, C
 
 
 LONGEST = 0.05  # [s]
+_BEYOND = 0.01  # that is searched beyond it, so that it is inside the range [s]
 _GRID = 0.01  # [s]
-_PRECISION = 1e-5  # [s]
-_CONVINCING = 2.0  # standard errors
+_PRECISION = 0.01  # of the sample time
+LEAST_GAIN = 0.002  # of the score
+_LEVEL = 0.01  # of the interval: what lies outside
 
 
-def choose_delay(scored: Scored, step: float) -> tuple[float, Choice]:
-    """Delay of the torques after the motion; zero where it does not predict left-out torques clearly better.
+def choose_delay(scored: Scored, step: float, independent: Callable[[float], float]) -> tuple[float, Choice]:
+    """Delay of the torques after the motion; zero where its interval holds zero, or it predicts no better than none.
 
-    Nor is a delay taken whose interval contains zero, or that is at the end of the range that is searched.
+    Near a minimum the errors are steps, where friction turns from one row to the next, so that it is found by trying
+    both neighbours at distances that are halved, from 10 ms to a hundredth of a sample. The interval holds the delays
+    that are as likely: their score, which is minus the log-likelihood of a row of an equation, exceeds the least one by
+    no more than ``F / 2 N``, with N independent rows of all equations.
     """
-    tried = {0.0: scored(0.0)}
+    tried: dict[float, LeftOut] = {}
 
     def score(delay: float) -> float:
-        tried[float(delay)] = scored(float(delay))
-        return tried[float(delay)].score
+        if abs(delay) > LONGEST + _BEYOND:
+            return np.inf
+        if delay not in tried:
+            tried[delay] = scored(delay)
+        return tried[delay].score
 
-    near = min((-_GRID, 0.0, _GRID), key=score)
-    while abs(near) < LONGEST and near and score(further := near + np.copysign(_GRID, near)) < tried[near].score:
-        near = further
-    scipy.optimize.minimize_scalar(
-        score, bounds=(near - _GRID, near + _GRID), method="bounded", options={"xatol": max(_PRECISION, 0.01 * step)}
-    )
-    best, listed = best_of(tried), candidates_of(dict(sorted(tried.items())))
-    gain, _ = tried[best].gain_over(tried[0.0])
-    half = _half_width(scored, best, max(0.1 * step, 1e-4))
-    if not half < abs(best) < LONGEST or not tried[best].is_better(tried[0.0], LEAST_GAIN, _CONVINCING):
+    best, distance = 0.0, _GRID
+    while distance > _PRECISION * step:
+        near = min((best, round(best - distance, 9), round(best + distance, 9)), key=score)
+        distance, best = (distance / 2 if near == best else distance), near
+    rows = independent(best)
+    most = score(best) + float(scipy.stats.f.isf(_LEVEL, 1, rows)) / (2 * rows)
+    low, high = (_edge(score, sorted(tried), best, side, most) for side in (-1.0, 1.0))
+    middle = round((low + high) / 2, 6)
+    best = middle if score(middle) <= most else round(best, 6)
+    listed = candidates_of(dict(sorted(tried.items())))
+    gain = tried[0.0].score - score(best)
+    if low <= 0.0 <= high or abs(best) > LONGEST + _BEYOND / 2 or gain < LEAST_GAIN:
         reason = "torques and positions are taken as recorded at the same time: no delay predicts clearly better"
         return 0.0, Choice("delay", 0.0, listed, reason, "s")
-    best = round(best, 6)
     when = "before" if best > 0 else "after"
     reason = (
-        f"torques are matched with the motion {1e3 * abs(best):.3g} +- {1e3 * half:.2g} ms {when} them, which lowers "
-        f"the errors of left-out torques by {percent(1 - np.exp(-gain))}, the mean over the joints; what friction "
-        "does at its reversals can look like a delay"
+        f"torques are matched with the motion {1e3 * abs(best):.3g} ms ({1e3 * min(abs(low), abs(high)):.3g} to "
+        f"{1e3 * max(abs(low), abs(high)):.3g} ms) {when} them, which lowers the errors of left-out torques by "
+        f"{percent(1 - np.exp(-gain))}, the mean over the joints; what friction does at its reversals can look like a "
+        "delay"
     )
-    return best, Choice("delay", best, listed, reason, "s", (best - half, best + half))
+    return best, Choice("delay", best, listed, reason, "s", (low, high))
 
 
-LEAST_GAIN = 0.002  # of the score
+def delay_of(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> tuple[float, Choice]:
+    """Delay of the torques of some logs, see `choose_delay`; friction is softened already."""
+
+    def scored(delay: float) -> LeftOut:
+        return scoring.of(scoring.statistics(recipe, parts, delay))
+
+    def independent(delay: float) -> float:
+        beta = scoring.fitted(scoring.statistics(recipe, parts, delay), scored(delay).weights)
+        equations = scoring.trial.equations(scoring.target, parts, recipe, delay)
+        masks = scoring.trial.rows or [np.ones(y.shape, dtype=bool) for _, y in equations]
+        residuals = [(y - W @ beta, mask) for (W, y), mask in zip(equations, masks, strict=True)]
+        counts = [
+            [effective_samples(autocorrelation(e[m]), np.count_nonzero(m)) for e, m in zip(one.T, mask.T, strict=True)]
+            for one, mask in residuals
+        ]
+        each = np.maximum(np.sum(counts, axis=0), 1.0)
+        return float(each.size / np.mean(1 / each))
+
+    return choose_delay(scored, min(1 / part.log.rate for part in parts), independent)
 
 
-def _half_width(scored: Scored, delay: float, h: float) -> float:
-    """Half of the 99 % interval, by leaving one block after the other out of a parabola of the errors [s].
-
-    Its points are h apart, which is added: friction jumps from row to row, so that nearer delays look alike.
-    """
-    below, at, above = (scored(delay + shift) for shift in (-h, 0.0, h))
-    weights = at.weights
-    rows = np.array([(s.squares * weights).sum(axis=1) for s in (below, at, above)])
-    minima = np.array([_vertex(rows.sum(axis=1) - row, h) for row in rows.T])
-    return h + float(scipy.stats.t.ppf(0.995, minima.size - 1) * jackknife(minima))
+_EDGE = 0.1  # of an interval's half: how exactly its end is found
 
 
-def _vertex(values: Array, h: float) -> float:
-    """Place of the minimum of a parabola through three values, h apart, from the middle one."""
-    curvature = values[0] - 2 * values[1] + values[2]
-    return float(h / 2 * (values[0] - values[2]) / curvature) if curvature > 0 else 0.0
+def _edge(score: Callable[[float], float], tried: Sequence[float], best: float, side: float, most: float) -> float:
+    """End of the interval of delays on one side, whose scores are no larger than the most."""
+    beyond = sorted((abs(delay - best) for delay in tried if (delay - best) * side > 0), reverse=False)
+    outer = next((far for far in beyond if score(best + side * far) > most), LONGEST + _BEYOND - side * best)
+    inner = max((far for far in beyond if far < outer), default=0.0)
+    while outer - inner > _EDGE * outer:
+        middle = round((inner + outer) / 2, 9)
+        inner, outer = (inner, middle) if score(round(best + side * middle, 9)) > most else (middle, outer)
+    return best + side * outer
 
 
 _SLIDING_WORTH = 0.005  # of the score: below that the exact sign stays
@@ -175,8 +199,17 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     def scored(recipe: Recipe, delay: float) -> LeftOut:
         return softened(recipe).of(softened(recipe).statistics(recipe, parts, delay))
 
-    step = min(1 / part.log.rate for part in parts)
-    timings = [_timing(scored, tried, step, free) for tried in _slidings(scoring, recipe, parts)]
+    def timing(tried: Recipe) -> _Timing:
+        """Best delay of a kind of presliding, and then its best size at that delay."""
+        if "delay" not in free:
+            return tried, scored(tried, 0.0), ()
+        delay, choice = delay_of(softened(tried), tried, parts)
+        resized = _resized(tried, lambda one: scored(one, delay)) if delay else tried
+        if resized != tried:
+            delay, choice = delay_of(softened(resized), resized, parts)
+        return replace(resized, delay=delay), scored(resized, delay), (choice,)
+
+    timings = [timing(tried) for tried in _slidings(scoring, recipe, parts)]
     best = min(timings, key=lambda one: one[1].score)
 
     def with_no_more_delay(one: _Timing) -> _Timing:
@@ -206,17 +239,6 @@ def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) ->
 
 
 _Timing = tuple[Recipe, LeftOut, tuple[Choice, ...]]
-
-
-def _timing(scored: Callable[[Recipe, float], LeftOut], recipe: Recipe, step: float, free: frozenset[str]) -> _Timing:
-    """Best delay of a kind of presliding, and then its best size at that delay."""
-    if "delay" not in free:
-        return recipe, scored(recipe, 0.0), ()
-    delay, choice = choose_delay(lambda tried: scored(recipe, tried), step)
-    resized = _resized(recipe, lambda tried: scored(tried, delay)) if delay else recipe
-    if resized != recipe:
-        delay, choice = choose_delay(lambda tried: scored(resized, tried), step)
-    return replace(resized, delay=delay), scored(resized, delay), (choice,)
 
 
 def _resized(recipe: Recipe, scored: Callable[[Recipe], LeftOut]) -> Recipe:

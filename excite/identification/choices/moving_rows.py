@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.identification.biases import SPEEDS, standstill_candidates
-from excite.identification.choices.cutoff_and_timing import choose_cutoff_and_timing, choose_delay
+from excite.identification.choices.cutoff_and_timing import choose_cutoff_and_timing, delay_of
 from excite.identification.choices.left_out import Choice, LeftOut, best_of, candidates_of, differ, jackknife
 from excite.identification.choices.scoring import Mask, Scoring
 from excite.identification.equations import nearest
@@ -80,9 +80,7 @@ def _with_delay_of(
     recipe, choices = choose_cutoff_and_timing(scoring, plain, cutoffs, settled)
     if "delay" in free:
         soft = fast.softened(recipe)
-        parts = soft.parts(recipe)
-        step = min(1 / part.log.rate for part in parts)
-        delay, choice = choose_delay(lambda d: soft.of(soft.statistics(recipe, parts, d)), step)
+        delay, choice = delay_of(soft, recipe, soft.parts(recipe))
         if delay:
             recipe, choices = choose_cutoff_and_timing(scoring, replace(plain, delay=delay), cutoffs, settled)
         choices = (*choices, choice)
