@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
 import scipy.optimize
 import scipy.stats
 
-from excite.identification.choices.left_out import Choice, LeftOut, best_of, candidates_of
+from excite.identification.choices.left_out import NEGLIGIBLE, Choice, LeftOut, best_of, candidates_of
 from excite.identification.choices.scoring import Scoring
 from excite.identification.equations import listed
 from excite.identification.noise import autocorrelation, effective_samples
@@ -19,6 +19,7 @@ from excite.identification.preparation import PreparedLog
 from excite.identification.presliding import presliding_candidates
 from excite.identification.recipe import Recipe
 from regressors.errors import InputError, percent
+from regressors.samples import Array
 
 _TIMES_IN_TURN = 3
 Chosen = tuple[Recipe, tuple[Choice, ...]]
@@ -101,16 +102,16 @@ _BEYOND = 0.01  # that is searched beyond it, so that it is inside the range [s]
 _GRID = 0.01  # [s]
 _PRECISION = 0.01  # of the sample time
 LEAST_GAIN = 0.002  # of the score
-_LEVEL = 0.01  # of the interval: what lies outside
+
+Residuals = Callable[[float], list[list[Array]]]  # of a delay: those of each equation in each log, shape (N,)
 
 
-def choose_delay(scored: Scored, step: float, independent: Callable[[float], float]) -> tuple[float, Choice]:
+def choose_delay(scored: Scored, residuals: Residuals, step: float) -> tuple[float, Choice]:
     """Delay of the torques after the motion; zero where its interval holds zero, or it predicts no better than none.
 
-    Near a minimum the errors are steps, where friction turns from one row to the next, so that it is found by trying
-    both neighbours at distances that are halved, from 10 ms to a hundredth of a sample. The interval holds the delays
-    that are as likely: their score, which is minus the log-likelihood of a row of an equation, exceeds the least one by
-    no more than ``F / 2 N``, with N independent rows of all equations.
+    Both neighbours are tried at distances that are halved, from 10 ms to a hundredth of a sample: by left-out errors,
+    and below half a sample by `DelayLikelihood`, for a single reversal of friction that lies in the wrong row moves the
+    errors' minimum. The delay is the mean by that likelihood; the interval holds delays that are as likely.
     """
     tried: dict[float, LeftOut] = {}
 
@@ -121,20 +122,16 @@ def choose_delay(scored: Scored, step: float, independent: Callable[[float], flo
             tried[delay] = scored(delay)
         return tried[delay].score
 
-    best, distance = 0.0, _GRID
-    while distance > _PRECISION * step:
-        near = min((best, round(best - distance, 9), round(best + distance, 9)), key=score)
-        distance, best = (distance / 2 if near == best else distance), near
-    rows = independent(best)
-    most = score(best) + float(scipy.stats.f.isf(_LEVEL, 1, rows)) / (2 * rows)
-    low, high = (_edge(score, sorted(tried), best, side, most) for side in (-1.0, 1.0))
-    middle = round((low + high) / 2, 6)
-    best = middle if score(middle) <= most else round(best, 6)
-    listed = candidates_of(dict(sorted(tried.items())))
-    gain = tried[0.0].score - score(best)
+    near = _descent(score, 0.0, _GRID, step / 2)
+    likelihood = DelayLikelihood.of(residuals, near, tried[near])
+    near = _descent(likelihood.misfit, near, step / 2, _PRECISION * step)
+    low, high = (likelihood.edge(near, side, step) for side in (-1.0, 1.0))
+    best = round(likelihood.mean(), 6)
+    score(best)
+    gain, listed = tried[0.0].score - score(best), candidates_of(dict(sorted(tried.items())))
     if low <= 0.0 <= high or abs(best) > LONGEST + _BEYOND / 2 or gain < LEAST_GAIN:
         reason = "torques and positions are taken as recorded at the same time: no delay predicts clearly better"
-        return 0.0, Choice("delay", 0.0, listed, reason, "s")
+        return 0.0, Choice("delay", 0.0, listed, reason, "s", (low, high) if low <= 0.0 <= high else None)
     when = "before" if best > 0 else "after"
     reason = (
         f"torques are matched with the motion {1e3 * abs(best):.3g} ms ({1e3 * min(abs(low), abs(high)):.3g} to "
@@ -145,43 +142,104 @@ def choose_delay(scored: Scored, step: float, independent: Callable[[float], flo
     return best, Choice("delay", best, listed, reason, "s", (low, high))
 
 
+def _descent(misfit: Callable[[float], float], best: float, distance: float, least: float) -> float:
+    """Delay of a small misfit: the better neighbour, or half the distance where none is better, down to the least."""
+    while distance > least:
+        near = min((best, round(best - distance, 9), round(best + distance, 9)), key=misfit)
+        distance, best = (distance / 2 if near == best else distance), near
+    return best
+
+
+_LEVEL = 0.01  # of the interval: what lies outside
+_BISQUARE = 4.685  # standard deviations beyond which a residual counts no further [Beaton, Tukey 1974]
+_TURN = 0.1  # of a sample: how exactly it is known between which rows a drive turns
+_EDGE = 0.1  # of an interval's half: how exactly its end is found
+
+
+@dataclass(frozen=True, eq=False)
+class DelayLikelihood:
+    """Minus the logarithm of the likelihood of a delay, to which no residual contributes more than 3.7.
+
+    A row on the wrong side of a reversal of Coulomb friction has a residual of many deviations. Residuals correlated in
+    time count as fewer independent ones.
+    """
+
+    residuals: Residuals
+    sizes: Array  # (r,) deviation of the residuals
+    counts: Array  # (r,) of residuals
+    independent: Array  # (r,) and of independent ones
+    tried: dict[float, float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, residuals: Residuals, delay: float, errors: LeftOut) -> DelayLikelihood:
+        """Sizes and correlation of the residuals are those at a delay."""
+        own, least = residuals(delay), NEGLIGIBLE * np.sqrt(errors.sizes / errors.instants)
+        sizes = [np.median(np.abs(np.concatenate(one))) * _NORMAL for one in own]
+        counts = [sum(effective_samples(autocorrelation(e), e.size) for e in one) for one in own]
+        rows = np.array([sum(e.size for e in one) for one in own])
+        return cls(residuals, np.maximum(sizes, least), rows, np.array(counts))
+
+    def misfit(self, delay: float) -> float:
+        """Sum over the equations of the mean bisquare of the residuals times the independent ones."""
+        if delay not in self.tried:
+            means = [
+                np.mean(_bisquare(np.concatenate(e) / s))
+                for e, s in zip(self.residuals(delay), self.sizes, strict=True)
+            ]
+            self.tried[delay] = float(self.independent @ means)
+        return self.tried[delay]
+
+    def mean(self) -> float:
+        """Mean of the delays that were tried, by their likelihood."""
+        delays, misfits = np.array(sorted(self.tried.items())).T
+        likelihoods = np.exp(misfits.min() - misfits)
+        return float(np.trapezoid(delays * likelihoods, delays) / np.trapezoid(likelihoods, delays))
+
+    def edge(self, best: float, side: float, step: float) -> float:
+        """End of the interval on one side of the best."""
+        one_row = _BISQUARE**2 / 6 * float(np.max(self.independent / self.counts))
+        most = self.misfit(best) + float(scipy.stats.f.isf(_LEVEL, 1, self.independent.sum())) / 2 + one_row
+        inner, outer = 0.0, step / 4
+
+        def outside(far: float) -> bool:
+            return self.misfit(round(best + side * far, 9)) > most
+
+        while not outside(outer) and outer < LONGEST:
+            inner, outer = outer, 2 * outer
+        while outer - inner > _EDGE * outer and outer > _PRECISION * step:
+            middle = (inner + outer) / 2
+            inner, outer = (inner, middle) if outside(middle) else (middle, outer)
+        return round(best + side * (outer + _TURN * step), 9)
+
+
+_NORMAL = 1.4826  # deviation of a normal distribution over its median absolute value
+
+
+def _bisquare(u: Array) -> Array:
+    """Half the square of small deviations, and a constant beyond."""
+    return np.asarray(_BISQUARE**2 / 6 * (1 - np.maximum(1 - (u / _BISQUARE) ** 2, 0.0) ** 3))
+
+
 def delay_of(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> tuple[float, Choice]:
     """Delay of the torques of some logs, see `choose_delay`; friction is softened already."""
 
     def scored(delay: float) -> LeftOut:
         return scoring.of(scoring.statistics(recipe, parts, delay))
 
-    def independent(delay: float) -> float:
-        beta = scoring.fitted(scoring.statistics(recipe, parts, delay), scored(delay).weights)
+    def residuals(delay: float) -> list[list[Array]]:
+        statistics = scoring.statistics(recipe, parts, delay)
+        beta = scoring.fitted(statistics, scoring.of(statistics).weights)
         equations = scoring.trial.equations(scoring.target, parts, recipe, delay)
         masks = scoring.trial.rows or [np.ones(y.shape, dtype=bool) for _, y in equations]
-        residuals = [(y - W @ beta, mask) for (W, y), mask in zip(equations, masks, strict=True)]
-        counts = [
-            [effective_samples(autocorrelation(e[m]), np.count_nonzero(m)) for e, m in zip(one.T, mask.T, strict=True)]
-            for one, mask in residuals
-        ]
-        each = np.maximum(np.sum(counts, axis=0), 1.0)
-        return float(each.size / np.mean(1 / each))
+        rows = [((y - W @ beta).T, mask.T) for (W, y), mask in zip(equations, masks, strict=True)]
+        return [[e[j][m[j]] for e, m in rows] for j in range(len(rows[0][0]))]
 
-    return choose_delay(scored, min(1 / part.log.rate for part in parts), independent)
-
-
-_EDGE = 0.1  # of an interval's half: how exactly its end is found
-
-
-def _edge(score: Callable[[float], float], tried: Sequence[float], best: float, side: float, most: float) -> float:
-    """End of the interval of delays on one side, whose scores are no larger than the most."""
-    beyond = sorted((abs(delay - best) for delay in tried if (delay - best) * side > 0), reverse=False)
-    outer = next((far for far in beyond if score(best + side * far) > most), LONGEST + _BEYOND - side * best)
-    inner = max((far for far in beyond if far < outer), default=0.0)
-    while outer - inner > _EDGE * outer:
-        middle = round((inner + outer) / 2, 9)
-        inner, outer = (inner, middle) if score(round(best + side * middle, 9)) > most else (middle, outer)
-    return best + side * outer
+    return choose_delay(scored, residuals, min(1 / part.log.rate for part in parts))
 
 
 _SLIDING_WORTH = 0.005  # of the score: below that the exact sign stays
 _HOLDING = 0.05  # of the score: what a direction at standstill is worth, where the logs do not show it
+_HOLDING_MOST = 0.1  # within its standard error
 _FACTORS = (0.25, 0.5, 2**-0.5, 1.0, 2**0.5, 2.0, 4.0)
 
 
@@ -189,9 +247,9 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     """Choose the presliding of friction and the delay of the torques.
 
     A friction that changes its direction late looks like a delay; so each kind of presliding is tried with its own best
-    delay. Presliding over a distance is preferred where it predicts as well as the best, within a standard error or 5 %
+    delay. Presliding over a distance is preferred where it predicts as well as the best, within 5 %
     of the errors: only it has a direction at standstill, which exciting motions hardly show, but others do. No kind is
-    preferred with a larger delay than that of the best.
+    preferred with another delay than that of the best, or none: a presliding that lags would shift it.
     """
     parts = scoring.parts(recipe)
     softened = cache(scoring.softened)
@@ -207,22 +265,26 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
         resized = _resized(tried, lambda one: scored(one, delay)) if delay else tried
         if resized != tried:
             delay, choice = delay_of(softened(resized), resized, parts)
-        return replace(resized, delay=delay), scored(resized, delay), (choice,)
+        low, high = choice.interval if delay and choice.interval else (0.0, 0.0)
+        alike = [one for one in choice.candidates if low <= one.value <= high]
+        return replace(resized, delay=delay), scored(resized, min(alike, key=lambda one: one.score).value), (choice,)
 
     timings = [timing(tried) for tried in _slidings(scoring, recipe, parts)]
     best = min(timings, key=lambda one: one[1].score)
 
-    def with_no_more_delay(one: _Timing) -> _Timing:
+    def with_that_delay(one: _Timing) -> _Timing:
         delay = best[0].delay
-        if abs(one[0].delay) <= abs(delay):
+        if one[0].delay in (0.0, delay):
             return one
         return replace(one[0], delay=delay), scored(one[0], delay), best[2]
 
-    exact, last = with_no_more_delay(timings[0]), with_no_more_delay(timings[-1])
+    exact, last = with_that_delay(timings[0]), with_that_delay(timings[-1])
     chosen = best
     if best[1].score > exact[1].score - _SLIDING_WORTH:
         chosen = exact
-    elif last[0].breakaway and not best[1].is_better(last[1], _HOLDING):
+    elif last[0].breakaway and last[1].score - best[1].score <= max(
+        _HOLDING, min(best[1].gain_over(last[1])[1], _HOLDING_MOST)
+    ):
         chosen = last
     if len(timings) == 1:
         return chosen[0], chosen[2]

@@ -55,7 +55,9 @@ def choose_by_rows(scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], fr
     moving, fast = (_of_faster(scoring, recipe, share) for share in (MOVING, _FAST))
     if moving is None or fast is None or not _spoilt(scoring, moving, recipe):
         return every
-    tried = {_ALL: every, _MOVING: replace(_with_delay_of(fast, moving, plain, cutoffs, free), least=MOVING)}
+    known = next((choice for choice in choices if choice.name == "delay"), None)
+    of_moving = _with_delay_of(fast, moving, plain, cutoffs, free, known)
+    tried = {_ALL: every, _MOVING: replace(of_moving, least=MOVING)}
     if _misled(fast, recipe, plain):
         tried[_FAST_DELAY] = _with_delay_of(fast, scoring, plain, cutoffs, free)
     errors = {name: _errors(one.scoring, one.recipe, moving) for name, one in tried.items()}
@@ -73,14 +75,22 @@ def choose_by_rows(scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], fr
 
 
 def _with_delay_of(
-    fast: Scoring, scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], free: frozenset[str]
+    fast: Scoring,
+    scoring: Scoring,
+    plain: Recipe,
+    cutoffs: Sequence[float],
+    free: frozenset[str],
+    known: Choice | None = None,
 ) -> RowChoice:
-    """Cutoff and presliding by some rows, and the delay by those of fast drives."""
+    """Cutoff and presliding by some rows; and the delay by those of fast drives, or the known one if these allow it."""
     settled = free - {"delay"}
     recipe, choices = choose_cutoff_and_timing(scoring, plain, cutoffs, settled)
     if "delay" in free:
         soft = fast.softened(recipe)
         delay, choice = delay_of(soft, recipe, soft.parts(recipe))
+        low, high = choice.interval or (0.0, 0.0)
+        if not delay and known is not None and low <= known.value <= high:
+            delay, choice = known.value, known
         if delay:
             recipe, choices = choose_cutoff_and_timing(scoring, replace(plain, delay=delay), cutoffs, settled)
         choices = (*choices, choice)
