@@ -235,7 +235,7 @@ def drive_directions(robot: Robot, samples: Samples, sign_width: Sizes | None, b
 
 def sample_way(samples: Samples) -> Array:
     """Way of each joint in one sample time at its velocity, shape (N, n)."""
-    return samples.dq * (samples.time[-1] - samples.time[0]) / max(samples.time.size - 1, 1)
+    return np.asarray(samples.dq * (samples.time[-1] - samples.time[0]) / max(samples.time.size - 1, 1))
 
 
 def measured_direction(z: Array, distance: float | Array, pace: Array | None = None) -> Array:

@@ -238,8 +238,7 @@ def delay_of(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> 
 
 
 _SLIDING_WORTH = 0.005  # of the score: below that the exact sign stays
-_HOLDING = 0.05  # of the score: what a direction at standstill is worth, where the logs do not show it
-_HOLDING_MOST = 0.1  # within its standard error
+_HOLDING = 0.05, 0.1  # of the score: what a direction at standstill is worth, and one that needs less delay
 _FACTORS = (0.25, 0.5, 2**-0.5, 1.0, 2**0.5, 2.0, 4.0)
 
 
@@ -247,9 +246,10 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     """Choose the presliding of friction and the delay of the torques.
 
     A friction that changes its direction late looks like a delay; so each kind of presliding is tried with its own best
-    delay. Presliding over a distance is preferred where it predicts as well as the best, within 5 %
-    of the errors: only it has a direction at standstill, which exciting motions hardly show, but others do. No kind is
-    preferred with another delay than that of the best, or none: a presliding that lags would shift it.
+    delay. Presliding over a distance is preferred where it predicts as well as the best, within 5 % of the errors: only
+    it has a direction at standstill, which exciting motions hardly show, but others do; and within 10 % where it needs
+    less delay, since a sign that is smooth and late stands for it. No kind is preferred with a larger delay than that
+    of the best.
     """
     parts = scoring.parts(recipe)
     softened = cache(scoring.softened)
@@ -272,19 +272,17 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     timings = [timing(tried) for tried in _slidings(scoring, recipe, parts)]
     best = min(timings, key=lambda one: one[1].score)
 
-    def with_that_delay(one: _Timing) -> _Timing:
+    def with_no_more_delay(one: _Timing) -> _Timing:
         delay = best[0].delay
-        if one[0].delay in (0.0, delay):
+        if abs(one[0].delay) <= abs(delay):
             return one
         return replace(one[0], delay=delay), scored(one[0], delay), best[2]
 
-    exact, last = with_that_delay(timings[0]), with_that_delay(timings[-1])
+    exact, last = with_no_more_delay(timings[0]), with_no_more_delay(timings[-1])
     chosen = best
     if best[1].score > exact[1].score - _SLIDING_WORTH:
         chosen = exact
-    elif last[0].breakaway and last[1].score - best[1].score <= max(
-        _HOLDING, min(best[1].gain_over(last[1])[1], _HOLDING_MOST)
-    ):
+    elif last[0].breakaway and last[1].score - best[1].score <= _HOLDING[abs(last[0].delay) < abs(best[0].delay)]:
         chosen = last
     if len(timings) == 1:
         return chosen[0], chosen[2]

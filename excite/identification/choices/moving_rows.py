@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.identification.biases import SPEEDS, standstill_candidates
-from excite.identification.choices.cutoff_and_timing import choose_cutoff_and_timing, delay_of
+from excite.identification.choices.cutoff_and_timing import LONGEST, choose_cutoff_and_timing, delay_of
 from excite.identification.choices.left_out import Choice, LeftOut, best_of, candidates_of, differ, jackknife
 from excite.identification.choices.scoring import Mask, Scoring
 from excite.identification.equations import nearest
@@ -82,14 +82,14 @@ def _with_delay_of(
     free: frozenset[str],
     known: Choice | None = None,
 ) -> RowChoice:
-    """Cutoff and presliding by some rows; and the delay by those of fast drives, or the known one if these allow it."""
+    """Cutoff and presliding by some rows; and the delay by those of fast drives, or the known one if these cannot tell."""
     settled = free - {"delay"}
     recipe, choices = choose_cutoff_and_timing(scoring, plain, cutoffs, settled)
     if "delay" in free:
         soft = fast.softened(recipe)
         delay, choice = delay_of(soft, recipe, soft.parts(recipe))
         low, high = choice.interval or (0.0, 0.0)
-        if not delay and known is not None and low <= known.value <= high:
+        if known is not None and high - low > LONGEST:
             delay, choice = known.value, known
         if delay:
             recipe, choices = choose_cutoff_and_timing(scoring, replace(plain, delay=delay), cutoffs, settled)
