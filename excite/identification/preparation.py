@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from excite.identification.recipe import ALL, AUTO, Recipe
 from excite.information.target import IdentificationTarget
@@ -130,7 +131,8 @@ def _with_motion(rows: UsableRows, target: IdentificationTarget, recipe: Recipe)
     notes = [*rows.notes, *event_notes(events, 1.0 / log.rate), *rows.remarks, *steps]
     events = (*events, *rows.saturated)
     spans = spans_left_out(events)
-    measured, samples = measured_channel(uniform, target)[motion.kept], delayed(motion.samples, recipe.delay)
+    measured = with_common_delay(measured_channel(uniform, target), uniform, recipe)[motion.kept]
+    samples = delayed(motion.samples, recipe.common_delay)
     temperature = _temperature(uniform, recipe)
     return PreparedLog(
         rows.moving,
@@ -141,6 +143,21 @@ def _with_motion(rows: UsableRows, target: IdentificationTarget, recipe: Recipe)
         spans_in_mean(spans, uniform) if recipe.average else spans,
         events,
     )
+
+
+def with_common_delay(measured: Array, uniform: Log, recipe: Recipe) -> Array:
+    """Measurements as if those of every joint had the common delay: those of the others are interpolated."""
+    if not isinstance(recipe.delay, tuple):
+        return measured
+    if uniform.effort is None or len(recipe.delay) != measured.shape[1]:
+        names = f"{len(uniform.joints)}, one of each of {', '.join(uniform.joints)}"
+        raise InputError(f"`delay` needs one value, or, of joint torques, {names}; given {len(recipe.delay)}")
+    time, moved = uniform.time, measured.copy()
+    for k, late in enumerate(recipe.delay):
+        if late != recipe.common_delay:
+            at = np.clip(time + (late - recipe.common_delay), time[0], time[-1])
+            moved[:, k] = PchipInterpolator(time, measured[:, k])(at)
+    return moved
 
 
 def _rows_asked_for(log: Log, recipe: Recipe) -> Log:

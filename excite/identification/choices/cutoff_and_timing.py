@@ -273,8 +273,8 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     best = min(timings, key=lambda one: one[1].score)
 
     def with_no_more_delay(one: _Timing) -> _Timing:
-        delay = best[0].delay
-        if abs(one[0].delay) <= abs(delay):
+        delay = best[0].common_delay
+        if abs(one[0].common_delay) <= abs(delay):
             return one
         return replace(one[0], delay=delay), scored(one[0], delay), best[2]
 
@@ -282,7 +282,10 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     chosen = best
     if best[1].score > exact[1].score - _SLIDING_WORTH:
         chosen = exact
-    elif last[0].breakaway and last[1].score - best[1].score <= _HOLDING[abs(last[0].delay) < abs(best[0].delay)]:
+    elif (
+        last[0].breakaway
+        and last[1].score - best[1].score <= _HOLDING[abs(last[0].common_delay) < abs(best[0].common_delay)]
+    ):
         chosen = last
     if len(timings) == 1:
         return chosen[0], chosen[2]

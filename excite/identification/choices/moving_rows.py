@@ -82,7 +82,7 @@ def _with_delay_of(
     free: frozenset[str],
     known: Choice | None = None,
 ) -> RowChoice:
-    """Cutoff and presliding by some rows; and the delay by those of fast drives, or the known one if these cannot tell."""
+    """Cutoff and presliding by some rows; the delay by those of fast drives, or the known one if these cannot tell."""
     settled = free - {"delay"}
     recipe, choices = choose_cutoff_and_timing(scoring, plain, cutoffs, settled)
     if "delay" in free:

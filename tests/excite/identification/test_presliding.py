@@ -106,7 +106,9 @@ def test_widths_and_distances_of_each_drive_are_taken(tmp_path) -> None:
         assert result.training_error < 1e-8
         result.save(tmp_path, replace=True)
         assert load_result(tmp_path).recipe.sign_width == WIDTHS
-    hysteretic = turned(measured_direction(played(three_joints(), 3).q @ C.T, np.array(DISTANCES)))
+    log = played(three_joints(), 3)
+    pace = log.dq @ C.T / log.rate
+    hysteretic = turned(measured_direction(log.q @ C.T, np.array(DISTANCES), pace))
     result = found(TASK, hysteretic, recipe=replace(EXACT, breakaway=DISTANCES))
     np.testing.assert_allclose(result.estimate.values, described(result), rtol=1e-8, atol=1e-8)
     energy = Task("irp6", model="energy")
