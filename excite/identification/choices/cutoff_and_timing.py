@@ -133,9 +133,10 @@ def choose_delay(scored: Scored, residuals: Residuals, step: float) -> tuple[flo
         reason = "torques and positions are taken as recorded at the same time: no delay predicts clearly better"
         return 0.0, Choice("delay", 0.0, listed, reason, "s", (low, high) if low <= 0.0 <= high else None)
     when = "before" if best > 0 else "after"
+    near, far = sorted((1e3 * abs(low), 1e3 * abs(high)))
     reason = (
-        f"torques are matched with the motion {1e3 * abs(best):.3g} ms ({1e3 * min(abs(low), abs(high)):.3g} to "
-        f"{1e3 * max(abs(low), abs(high)):.3g} ms) {when} them, which lowers the errors of left-out torques by "
+        f"torques are matched with the motion {1e3 * abs(best):.3g} ms {when} them ({near:.3g} to {far:.3g} ms), "
+        "which lowers the errors of left-out torques by "
         f"{percent(1 - np.exp(-gain))}, the mean over the joints; what friction does at its reversals can look like a "
         "delay"
     )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.stats
 from observed import observations_of, random_problem
-from played import EXACT, TASK, found, irp6, noisy, played, three_joints
+from played import EXACT, TASK, described, found, irp6, noisy, played, three_joints
 
 from excite.identification.allowances import (
     allowing_for_pull,
@@ -28,6 +28,7 @@ from excite.identification.procedure import estimate_parameters
 from excite.identification.streamed_rows import StreamedRows, held_rows
 from excite.information.target import target_of
 from excite.tasks.task import Task
+from regressors.errors import InputError
 
 C = irp6().transmission.coupling[:3, :3]
 
@@ -111,6 +112,22 @@ def test_the_column_is_the_change_of_the_prediction_with_the_delay(changes: dict
     inner = slice(6, -6)  # the motion is not known beyond the log
     expected = (predicted[1] - predicted[0]) / 2
     np.testing.assert_allclose(column[inner], expected[inner], atol=0.02 * np.abs(expected).max())
+
+
+def test_joints_have_delays_of_their_own() -> None:
+    """Torques of one joint that are some rows late are matched again; equal delays are one delay of all."""
+    log, exact = played(three_joints(), 3), replace(EXACT, sign_width=0.0)
+    late = log.effort.copy()
+    late[4:, 2] = log.effort[:-4, 2]
+    shifted = replace(exact, delay=(0.0, 0.0, 4 / log.rate))
+    plain, other = (found(TASK, replace(log, effort=late, sha256="late"), recipe=recipe) for recipe in (exact, shifted))
+    assert other.training_error < 0.1 * plain.training_error
+    np.testing.assert_allclose(other.estimate.values, described(other), rtol=1e-6, atol=1e-6)
+    one, each = (found(TASK, log, recipe=replace(exact, delay=delay)) for delay in (2e-3, (2e-3,) * 3))
+    np.testing.assert_array_equal(one.observations.y, each.observations.y)
+    np.testing.assert_array_equal(one.observations.matrix, each.observations.matrix)
+    with pytest.raises(InputError, match="`delay` needs one value, or, of joint torques, 3, one of each of"):
+        found(TASK, log, recipe=replace(exact, delay=(0.0, 0.0)))
 
 
 def test_there_is_none_without_a_delay_or_for_windows() -> None:

@@ -13,8 +13,8 @@ from played import periodic
 from excite.identification.equations import (
     friction_drives,
     measured_direction,
-    sample_way,
     measured_regressor,
+    sample_way,
 )
 from excite.identification.identification import Identification
 from excite.identification.procedure import estimate_parameters

@@ -136,6 +136,17 @@ def written_out(z: Array, distance: float) -> Array:
     return s
 
 
+def test_a_drive_turns_between_its_samples() -> None:
+    """Over a vanishing distance the direction is the sign of the velocity, from the first row after a reversal on."""
+    t = np.arange(0.0, 3.0, 0.01)[:, None]
+    z, dz = np.sin(5.0 * t + [0.0, 1.0]), 5.0 * np.cos(5.0 * t + [0.0, 1.0])
+    np.testing.assert_allclose(measured_direction(z, 1e-9, 0.01 * dz), np.sign(dz), atol=1e-9)
+    late = np.flatnonzero(measured_direction(z, 1e-9)[:, 0] != np.sign(dz[:, 0]))
+    assert late.size  # without the velocities
+    slow = measured_direction(z, 0.2)  # and changes nothing over distances that are long against a row
+    np.testing.assert_allclose(measured_direction(z, 0.2, 0.01 * dz), slow, atol=0.01)
+
+
 @pytest.mark.parametrize("distance", [1e-6, 1e-3, 0.1, 1e3])
 def test_every_length_of_path_follows_the_recursion(distance: float) -> None:
     for count in (1, 2, 3, 4, 10, 99, 100, 101, 1000):
