@@ -155,10 +155,9 @@ def _with_motion(rows: UsableRows, target: IdentificationTarget, recipe: Recipe)
 
 def _unknown_ends(time: Array, recipe: Recipe) -> Spans:
     """Ends of a log that lack the torques of joints with other delays than the common one."""
-    others = np.asarray(recipe.delay) - recipe.common_delay
-    early, late = float(np.minimum(others, 0.0).min()), float(np.maximum(others, 0.0).max())
-    ends = ((time[0], time[0] - early), (time[-1] - late, time[-1]))
-    return tuple((float(first), float(last)) for first, last in ends if last > first)
+    reach = float(np.abs(np.asarray(recipe.delay) - recipe.common_delay).max())
+    first, last = float(time[0]), float(time[-1])
+    return ((first, first + reach), (last - reach, last)) if reach else ()
 
 
 def _rows_asked_for(log: Log, recipe: Recipe) -> Log:

@@ -103,7 +103,7 @@ _GRID = 0.01  # [s]
 _PRECISION = 0.01  # of the sample time
 LEAST_GAIN = 0.002  # of the score
 
-Residuals = Callable[[float], list[list[Array]]]  # of a delay: those of each equation in each log, shape (N,)
+Residuals = Callable[[float], list[Array]]  # of each equation under a delay, (N,)
 
 
 def choose_delay(scored: Scored, residuals: Residuals, step: float) -> tuple[float, Choice]:
@@ -127,8 +127,8 @@ def choose_delay(scored: Scored, residuals: Residuals, step: float) -> tuple[flo
     near = _descent(likelihood.misfit, near, step / 2, _PRECISION * step)
     low, high = (likelihood.edge(near, side, step) for side in (-1.0, 1.0))
     best = round(likelihood.mean(), 6)
-    score(best)
-    gain, listed = tried[0.0].score - score(best), candidates_of(dict(sorted(tried.items())))
+    gain = tried[0.0].score - score(best)
+    listed = candidates_of(dict(sorted(tried.items())))
     if low <= 0.0 <= high or abs(best) > LONGEST + _BEYOND / 2 or gain < LEAST_GAIN:
         reason = "torques and positions are taken as recorded at the same time: no delay predicts clearly better"
         return 0.0, Choice("delay", 0.0, listed, reason, "s", (low, high) if low <= 0.0 <= high else None)
@@ -152,42 +152,40 @@ def _descent(misfit: Callable[[float], float], best: float, distance: float, lea
 
 
 _LEVEL = 0.01  # of the interval: what lies outside
+_NORMAL = 1.4826  # deviation of a normal distribution over its median absolute value
 _BISQUARE = 4.685  # standard deviations beyond which a residual counts no further [Beaton, Tukey 1974]
+_MOST = _BISQUARE**2 / 6  # that it counts
 _TURN = 0.1  # of a sample: how exactly it is known between which rows a drive turns
 _EDGE = 0.1  # of an interval's half: how exactly its end is found
 
 
 @dataclass(frozen=True, eq=False)
 class DelayLikelihood:
-    """Minus the logarithm of the likelihood of a delay, to which no residual contributes more than 3.7.
-
-    A row on the wrong side of a reversal of Coulomb friction has a residual of many deviations. Residuals correlated in
-    time count as fewer independent ones.
-    """
+    """Likelihood of delays, to whose logarithm a row on the wrong side of a reversal contributes 3.7 at most."""
 
     residuals: Residuals
     sizes: Array  # (r,) deviation of the residuals
-    counts: Array  # (r,) of residuals
-    independent: Array  # (r,) and of independent ones
+    weights: Array  # (r,) share of the residuals that is independent
+    margin: float  # between logarithms in the interval; one row may be on the wrong side
     tried: dict[float, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, residuals: Residuals, delay: float, errors: LeftOut) -> DelayLikelihood:
         """Sizes and correlation of the residuals are those at a delay."""
         own, least = residuals(delay), NEGLIGIBLE * np.sqrt(errors.sizes / errors.instants)
-        sizes = [np.median(np.abs(np.concatenate(one))) * _NORMAL for one in own]
-        counts = [sum(effective_samples(autocorrelation(e), e.size) for e in one) for one in own]
-        rows = np.array([sum(e.size for e in one) for one in own])
-        return cls(residuals, np.maximum(sizes, least), rows, np.array(counts))
+        independent = np.array([effective_samples(autocorrelation(e), e.size) for e in own])
+        weights = independent / [e.size for e in own]
+        margin = float(scipy.stats.f.isf(_LEVEL, 1, independent.sum()) / 2 + _MOST * weights.max())
+        return cls(residuals, np.maximum([_NORMAL * np.median(np.abs(e)) for e in own], least), weights, margin)
 
     def misfit(self, delay: float) -> float:
-        """Sum over the equations of the mean bisquare of the residuals times the independent ones."""
+        """Minus the logarithm: Tukey's bisquare, which is half the square of small deviations."""
         if delay not in self.tried:
-            means = [
-                np.mean(_bisquare(np.concatenate(e) / s))
-                for e, s in zip(self.residuals(delay), self.sizes, strict=True)
+            own = self.residuals(delay)
+            shares = [
+                1 - np.maximum(1 - (e / s / _BISQUARE) ** 2, 0.0) ** 3 for e, s in zip(own, self.sizes, strict=True)
             ]
-            self.tried[delay] = float(self.independent @ means)
+            self.tried[delay] = _MOST * float(self.weights @ [share.sum() for share in shares])
         return self.tried[delay]
 
     def mean(self) -> float:
@@ -198,27 +196,14 @@ class DelayLikelihood:
 
     def edge(self, best: float, side: float, step: float) -> float:
         """End of the interval on one side of the best."""
-        one_row = _BISQUARE**2 / 6 * float(np.max(self.independent / self.counts))
-        most = self.misfit(best) + float(scipy.stats.f.isf(_LEVEL, 1, self.independent.sum())) / 2 + one_row
-        inner, outer = 0.0, step / 4
-
-        def outside(far: float) -> bool:
-            return self.misfit(round(best + side * far, 9)) > most
-
-        while not outside(outer) and outer < LONGEST:
+        inner, outer, most = 0.0, step / 4, self.misfit(best) + self.margin
+        while self.misfit(round(best + side * outer, 9)) <= most and outer < LONGEST:
             inner, outer = outer, 2 * outer
         while outer - inner > _EDGE * outer and outer > _PRECISION * step:
             middle = (inner + outer) / 2
-            inner, outer = (inner, middle) if outside(middle) else (middle, outer)
+            outside = self.misfit(round(best + side * middle, 9)) > most
+            inner, outer = (inner, middle) if outside else (middle, outer)
         return round(best + side * (outer + _TURN * step), 9)
-
-
-_NORMAL = 1.4826  # deviation of a normal distribution over its median absolute value
-
-
-def _bisquare(u: Array) -> Array:
-    """Half the square of small deviations, and a constant beyond."""
-    return np.asarray(_BISQUARE**2 / 6 * (1 - np.maximum(1 - (u / _BISQUARE) ** 2, 0.0) ** 3))
 
 
 def delay_of(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> tuple[float, Choice]:
@@ -227,13 +212,13 @@ def delay_of(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> 
     def scored(delay: float) -> LeftOut:
         return scoring.of(scoring.statistics(recipe, parts, delay))
 
-    def residuals(delay: float) -> list[list[Array]]:
+    def residuals(delay: float) -> list[Array]:
         statistics = scoring.statistics(recipe, parts, delay)
         beta = scoring.fitted(statistics, scoring.of(statistics).weights)
         equations = scoring.trial.equations(scoring.target, parts, recipe, delay)
         masks = scoring.trial.rows or [np.ones(y.shape, dtype=bool) for _, y in equations]
-        rows = [((y - W @ beta).T, mask.T) for (W, y), mask in zip(equations, masks, strict=True)]
-        return [[e[j][m[j]] for e, m in rows] for j in range(len(rows[0][0]))]
+        e, used = np.concatenate([y - W @ beta for W, y in equations]), np.concatenate(masks)
+        return [column[rows] for column, rows in zip(e.T, used.T, strict=True)]
 
     return choose_delay(scored, residuals, min(1 / part.log.rate for part in parts))
 
@@ -275,24 +260,23 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
 
     def with_no_more_delay(one: _Timing) -> _Timing:
         delay = best[0].common_delay
-        if abs(one[0].common_delay) <= abs(delay):
-            return one
-        return replace(one[0], delay=delay), scored(one[0], delay), best[2]
+        return (replace(one[0], delay=delay), scored(one[0], delay), best[2]) if _later(one[0], best[0]) else one
 
     exact, last = with_no_more_delay(timings[0]), with_no_more_delay(timings[-1])
     chosen = best
     if best[1].score > exact[1].score - _SLIDING_WORTH:
         chosen = exact
-    elif (
-        last[0].breakaway
-        and last[1].score - best[1].score <= _HOLDING[abs(last[0].common_delay) < abs(best[0].common_delay)]
-    ):
+    elif last[0].breakaway and last[1].score - best[1].score <= _HOLDING[_later(best[0], last[0])]:
         chosen = last
     if len(timings) == 1:
         return chosen[0], chosen[2]
     words = _sliding_words(chosen[0])
     listed = candidates_of({_sliding_words(tried): errors for tried, errors, _ in timings})
     return chosen[0], (*chosen[2], Choice("presliding", words, listed, f"{words}, as left-out torques show"))
+
+
+def _later(one: Recipe, other: Recipe) -> bool:
+    return abs(one.common_delay) > abs(other.common_delay)
 
 
 def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> list[Recipe]:

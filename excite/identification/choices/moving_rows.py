@@ -55,11 +55,10 @@ def choose_by_rows(scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], fr
     moving, fast = (_of_faster(scoring, recipe, share) for share in (MOVING, _FAST))
     if moving is None or fast is None or not _spoilt(scoring, moving, recipe):
         return every
-    known = next((choice for choice in choices if choice.name == "delay"), None)
-    of_moving = _with_delay_of(fast, moving, plain, cutoffs, free, known)
-    tried = {_ALL: every, _MOVING: replace(of_moving, least=MOVING)}
+    by_moving = replace(_with_delay_of(fast, moving, plain, cutoffs, every), least=MOVING)
+    tried = {_ALL: every, _MOVING: by_moving}
     if _misled(fast, recipe, plain):
-        tried[_FAST_DELAY] = _with_delay_of(fast, scoring, plain, cutoffs, free)
+        tried[_FAST_DELAY] = _with_delay_of(fast, scoring, plain, cutoffs, every)
     errors = {name: _errors(one.scoring, one.recipe, moving) for name, one in tried.items()}
     best = best_of(errors)
     name = best if errors[best].is_better(errors[_ALL], _WORTH) else _ALL
@@ -75,22 +74,17 @@ def choose_by_rows(scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], fr
 
 
 def _with_delay_of(
-    fast: Scoring,
-    scoring: Scoring,
-    plain: Recipe,
-    cutoffs: Sequence[float],
-    free: frozenset[str],
-    known: Choice | None = None,
+    fast: Scoring, scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], every: RowChoice
 ) -> RowChoice:
-    """Cutoff and presliding by some rows; the delay by those of fast drives, or the known one if these cannot tell."""
-    settled = free - {"delay"}
+    """Cutoff and presliding by some rows; the delay by those of fast drives, or by every row if these cannot tell."""
+    settled = every.free - {"delay"}
     recipe, choices = choose_cutoff_and_timing(scoring, plain, cutoffs, settled)
-    if "delay" in free:
+    if "delay" in every.free:
         soft = fast.softened(recipe)
         delay, choice = delay_of(soft, recipe, soft.parts(recipe))
-        low, high = choice.interval or (0.0, 0.0)
-        if known is not None and high - low > LONGEST:
-            delay, choice = known.value, known
+        if choice.interval and np.ptp(choice.interval) > LONGEST:
+            choice = next(one for one in every.choices if one.name == "delay")
+            delay = choice.value
         if delay:
             recipe, choices = choose_cutoff_and_timing(scoring, replace(plain, delay=delay), cutoffs, settled)
         choices = (*choices, choice)
