@@ -50,7 +50,11 @@ SHARES = (0.0, 0.3, 1.25)  # delays, of a sample
 TIMES = (0.005, -0.005, 0.010, -0.020, 0.020, 0.040)  # delays [s]
 LEVEL, ENCODER = 0.02, 1e-5  # noise, of each joint's root mean square; step of the positions [rad]
 NOISE_KINDS = ("white", "autoregressive")
-PRESLIDING, FINE, LEAD = 2e-3, 10, 1.0  # distance [rad], instants per sample that it is followed on, time before [s]
+PRESLIDING, FINE, LEAD = (
+    2e-3,
+    10,
+    1.0,
+)  # distance [rad], instants per sample that it is followed on, time that is not recorded [s]
 PERIOD, HARMONICS = 10.0, 5
 UNSEEN = 1000  # added to the seed of a log's motion
 
@@ -86,7 +90,11 @@ def common_cases(robots: Sequence[str], first: int) -> list[Case]:
             for noise in (NOISE_KINDS if not delay else NOISE_KINDS[(j + k) % 2 :][:1])
         ]
         if robot == FASTEST:
-            cases += [Case(robot, rate, NOISE_KINDS[0], (delay,), first + 3, PRESLIDING) for delay in (0.0, 0.01)]
+            cases += [
+                Case(robot, rate, NOISE_KINDS[0], (delay,), first + 3 + j, PRESLIDING)
+                for j in range(2)
+                for delay in (0.0, 0.01)
+            ]
     return cases
 
 
@@ -107,16 +115,15 @@ def simulated(case: Case, number: int, *, unseen: bool = False) -> tuple[Log, Ar
     """One log of a case, and its torques without noise, shape (N, n)."""
     seed = case.seed + 10 * number + (UNSEEN if unseen else 0)
     target, motion = _target(case.robot, case.seed), _motion(case.robot, seed)
-    instants = np.arange(round(PERIOD * case.rate) + 1) / case.rate
+    every, skipped = (FINE, round(LEAD * case.rate)) if case.breakaway else (1, 0)
+    path = np.arange(round(PERIOD * case.rate) * every + 1) / case.rate / every
+    instants = path[skipped * every :: every]
     beta = parameter_values(target.model, target.base, standard_values(target.robot))
     late = np.broadcast_to(case.delays[number], target.robot.n)
     exact = np.empty((instants.size, target.robot.n))
-    fine = FINE if case.breakaway else 1
-    first = round(LEAD * case.rate) * fine if case.breakaway else 0
-    path = np.arange(-first, (instants.size - 1) * fine + 1) / case.rate / fine
     for delay in np.unique(late):
         torques = measured_regressor(target, motion.samples(path - delay), case.breakaway) @ beta
-        exact[:, late == delay] = torques.reshape(path.size, -1)[first::fine, late == delay]
+        exact[:, late == delay] = torques.reshape(path.size, -1)[skipped * every :: every, late == delay]
     rng = np.random.default_rng([seed, round(case.rate), len(case.noise)])
     noise = NOISES[case.noise](rng, (1, *exact.shape), case.rate)[0]
     effort = exact + LEVEL * np.sqrt(np.mean(exact**2, axis=0)) * noise
@@ -165,13 +172,20 @@ def text_of(results: dict[str, dict[str, Any]]) -> str:
         words = "none" if shares == [0.0] else words
         by_delay.setdefault(f"{words}, presliding" if "presliding" in name else words, []).append(one)
         by_robot.setdefault(f"{robot}, {rate}", []).append(one)
-    late, none = ([one for one in results.values() if bool(one["true"][0]) == is_late] for is_late in (True, False))
+    return (
+        f"{_counted('Coulomb friction', [one for name, one in results.items() if 'presliding' not in name])}"
+        f"{_counted('presliding friction', [one for name, one in results.items() if 'presliding' in name])}\n"
+        f"{_lines('true delay', by_delay)}\n\n{_lines('robot, rate', by_robot)}"
+    )
+
+
+def _counted(friction: str, logs: list[dict[str, Any]]) -> str:
+    late, none = ([one for one in logs if bool(one["true"][0]) == is_late] for is_late in (True, False))
     found = [one for one in late if one["found"]]
     false = sum(one["found"] != 0.0 for one in none)
     return (
-        f"Of {len(late)} delays {len(found)} are found, and {sum(map(_holds, found))} are in the stated interval; of "
-        f"{len(none)} logs without delay {false} are given one.\n\n"
-        f"{_lines('true delay', by_delay)}\n\n{_lines('robot, rate', by_robot)}"
+        f"With {friction}, {len(found)} of {len(late)} delays are found, of which {sum(map(_holds, found))} are in the "
+        f"stated interval; {false} of {len(none)} logs without delay are given one.\n"
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -25,6 +26,7 @@ from excite.identification.estimator import Context
 from excite.identification.estimators.least_squares import weighted
 from excite.identification.preparation import prepare
 from excite.identification.procedure import estimate_parameters
+from excite.identification.result_json import load_result
 from excite.identification.streamed_rows import StreamedRows, held_rows
 from excite.information.target import target_of
 from excite.tasks.task import Task
@@ -114,7 +116,7 @@ def test_the_column_is_the_change_of_the_prediction_with_the_delay(changes: dict
     np.testing.assert_allclose(column[inner], expected[inner], atol=0.02 * np.abs(expected).max())
 
 
-def test_joints_have_delays_of_their_own() -> None:
+def test_joints_have_delays_of_their_own(tmp_path: Path) -> None:
     """Torques of one joint that are some rows late are matched again; equal delays are one delay of all."""
     log, exact = played(three_joints(), 3), replace(EXACT, sign_width=0.0)
     late = log.effort.copy()
@@ -123,6 +125,8 @@ def test_joints_have_delays_of_their_own() -> None:
     plain, other = (found(TASK, replace(log, effort=late, sha256="late"), recipe=recipe) for recipe in (exact, shifted))
     assert other.training_error < 0.1 * plain.training_error
     np.testing.assert_allclose(other.estimate.values, described(other), rtol=1e-6, atol=1e-6)
+    other.save(tmp_path)
+    assert load_result(tmp_path).recipe == other.recipe
     one, each = (found(TASK, log, recipe=replace(exact, delay=delay)) for delay in (2e-3, (2e-3,) * 3))
     np.testing.assert_array_equal(one.observations.y, each.observations.y)
     np.testing.assert_array_equal(one.observations.matrix, each.observations.matrix)
