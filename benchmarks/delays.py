@@ -44,7 +44,7 @@ from regressors.readers.library import load_robot
 from regressors.samples import Array
 
 HERE = Path(__file__).resolve().parent
-RATES = {"irp6": (100.0, 125.0, 200.0, 500.0), "panda": (100.0, 200.0), "ur10e": (100.0, 125.0, 200.0)}
+RATES = {"irp6": (100.0, 125.0, 200.0, 500.0), "panda": (100.0,), "ur10e": (100.0, 125.0)}
 FASTEST = "irp6"
 SHARES = (0.0, 0.3, 1.25)  # delays, of a sample
 TIMES = (0.005, -0.005, 0.010, -0.020, 0.020, 0.040)  # delays [s]
