@@ -50,7 +50,6 @@ _OF_QUANTITIES: dict[Kind, Callable[[str], Any]] = {
     "frame": lambda quantity: Numbers(quantity, (3, 6)),
     "poses": Numbers,
     "distance": lambda quantity: Number(quantity, {AUTO: AUTO}),
-    "time": lambda quantity: Number(quantity, {AUTO: None}),
     "size": size,
     "percent": lambda quantity: Number(quantity, percent=True),
 }

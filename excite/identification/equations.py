@@ -229,29 +229,42 @@ def drive_directions(robot: Robot, samples: Samples, sign_width: Sizes | None, b
             raise InputError(f"`{what}` needs one value, or {len(rows)}, one per moving drive; given {len(given)}")
     distance, width = (np.asarray(given or 0.0) for given in (breakaway, sign_width))
     if np.any(distance):
-        return measured_direction(samples.q @ rows.T, np.maximum(distance, _ZERO))
+        return measured_direction(samples.q @ rows.T, np.maximum(distance, _ZERO), sample_way(samples) @ rows.T)
     return np.asarray(np.tanh(samples.dq @ rows.T / np.maximum(width, _ZERO))) if np.any(width) else None
 
 
-def measured_direction(z: Array, distance: float | Array) -> Array:
+def sample_way(samples: Samples) -> Array:
+    """Way of each joint in one sample time at its velocity, shape (N, n)."""
+    return np.asarray(samples.dq * (samples.time[-1] - samples.time[0]) / max(samples.time.size - 1, 1))
+
+
+def measured_direction(z: Array, distance: float | Array, pace: Array | None = None) -> Array:
     """Direction of friction along a measured path, which begins in the midst of a motion, from -1 to 1.
 
     What came before is not known. A drive is taken to have come the way that it goes on, by its first displacement
     beyond the distance; the direction is zero where there is none.
-    """  # z (N, k); distance (k,)
+    """  # z (N, k); distance (k,); pace (N, k)
     moved = z - z[:1]
     first = np.argmax(np.abs(moved) > distance, axis=0)
-    return dahl_direction(z, distance, np.sign(moved[first, np.arange(z.shape[1])]))
+    return dahl_direction(z, distance, np.sign(moved[first, np.arange(z.shape[1])]), pace)
 
 
-def dahl_direction(z: Array, distance: float | Array, start: Array | None = None) -> Array:
+def dahl_direction(z: Array, distance: float | Array, start: Array | None = None, pace: Array | None = None) -> Array:
     """Direction of friction along a sampled path, from -1 to 1.
 
-    z is linear between two samples: ``s_k = u + (s_{k-1} - u) exp(-|dz| / d)`` with ``u = sign(dz)``.
-    """  # z (N, k); start (k,)
+    z is linear between two samples: ``s_k = u + (s_{k-1} - u) exp(-|dz| / d)`` with ``u = sign(dz)``. Where the way in
+    a sample time at each sample's velocity is given, and changes its sign, z turns between them, on a parabola: else
+    friction would turn half a sample late on average, which looks like a delay.
+    """  # z (N, k); start (k,); pace (N, k)
     way = np.diff(z, axis=0)
     keep = np.exp(-np.abs(way) / distance)
     gain = np.sign(way) * (1.0 - keep)
+    if pace is not None:
+        turns = np.nonzero(pace[:-1] * pace[1:] < 0)
+        before, after, d = pace[:-1][turns], pace[1:][turns], np.broadcast_to(distance, way.shape)[turns]
+        to, fro = (np.exp(-(v**2) / np.abs(before - after) / 2 / d) for v in (before, after))
+        keep[turns] = to * fro
+        gain[turns] = np.sign(before) * (1.0 - to) * fro + np.sign(after) * (1.0 - fro)
     first = np.zeros((1, z.shape[1])) if start is None else np.reshape(start, (1, -1)).astype(float)
     if len(gain):
         gain[:1] += keep[:1] * first

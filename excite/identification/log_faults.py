@@ -161,7 +161,8 @@ def delay_fault(names: tuple[str, ...], late: Index, step: float) -> Fault:
     concerned = tuple(name for name, d in zip(names, late, strict=True) if d)
     delay = step * float(late[np.argmax(np.abs(late))])
     how = "later" if delay > 0 else "earlier"
-    kind, cure = "channel late", "shift its column in time before you give the log: a mapping has no delay of one joint"
+    each = ", ".join(f"{step * float(d):.3g}" for d in late)
+    kind, cure = "channel late", f"use `delay=({each})`, one of each joint, beside what all have now"
     what = f"the torques of {', '.join(concerned)} are {1e3 * abs(delay):.3g} ms {how} than those of the other joints"
     if len(concerned) == len(names):
         kind, cure = "late", f"use `delay={delay:.3g}`"

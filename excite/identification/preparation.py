@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from excite.identification.recipe import ALL, AUTO, Recipe
 from excite.information.target import IdentificationTarget
@@ -69,7 +70,16 @@ class PreparedLog:
 
 def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe) -> PreparedLog:
     """Prepare the motion and the measurements of one log."""
-    asked = (robot, target.robot.joint_names, target.model.channel, recipe.rows, recipe.torque_factors, recipe.bias)
+    own = recipe.delay if isinstance(recipe.delay, tuple) else None
+    asked = (
+        robot,
+        target.robot.joint_names,
+        target.model.channel,
+        recipe.rows,
+        recipe.torque_factors,
+        recipe.bias,
+        own,
+    )
     if log not in _KNOWN or _KNOWN[log][0] != asked:
         _KNOWN[log] = asked, _usable_rows(log, robot, target, recipe)
     return _with_motion(_KNOWN[log][1], target, recipe)
@@ -130,8 +140,8 @@ def _with_motion(rows: UsableRows, target: IdentificationTarget, recipe: Recipe)
     events = (*rows.found, *stretches_left_out(rows.smooth, cut, rows.hits), *external_forces(log))
     notes = [*rows.notes, *event_notes(events, 1.0 / log.rate), *rows.remarks, *steps]
     events = (*events, *rows.saturated)
-    spans = spans_left_out(events)
-    measured, samples = measured_channel(uniform, target)[motion.kept], delayed(motion.samples, recipe.delay)
+    spans = (*spans_left_out(events), *_unknown_ends(uniform.time, recipe))
+    measured, samples = measured_channel(uniform, target)[motion.kept], delayed(motion.samples, recipe.common_delay)
     temperature = _temperature(uniform, recipe)
     return PreparedLog(
         rows.moving,
@@ -142,6 +152,13 @@ def _with_motion(rows: UsableRows, target: IdentificationTarget, recipe: Recipe)
         spans_in_mean(spans, uniform) if recipe.average else spans,
         events,
     )
+
+
+def _unknown_ends(time: Array, recipe: Recipe) -> Spans:
+    """Ends of a log that lack the torques of joints with other delays than the common one."""
+    reach = float(np.abs(np.asarray(recipe.delay) - recipe.common_delay).max())
+    first, last = float(time[0]), float(time[-1])
+    return ((first, first + reach), (last - reach, last)) if reach else ()
 
 
 def _rows_asked_for(log: Log, recipe: Recipe) -> Log:
@@ -361,7 +378,7 @@ def drives_of_torques(robot: Robot, *, each: bool) -> tuple[tuple[str, ...], Arr
 
 
 def corrected(log: Log, robot: Robot, recipe: Recipe) -> Log:
-    """A log of the moving joints whose torques are in corrected gains, its wrench without the bias of the sensor."""
+    """A log of the moving joints, its torques in corrected gains and with a common delay, its wrench without bias."""
     factors, bias = recipe.torque_factors, recipe.bias or ()
     if factors and log.effort is None:
         raise InputError(f"{log.source}: `torque_factors` are for joint torques, which it does not have")
@@ -369,7 +386,22 @@ def corrected(log: Log, robot: Robot, recipe: Recipe) -> Log:
         raise InputError(f"{log.source}: `bias` is for the wrench of a sensor, which it does not have")
     if factors and log.effort is not None:
         log = replace(log, effort=log.effort @ correction(robot, dict(factors)).T)
+    if isinstance(recipe.delay, tuple):
+        log = replace(log, effort=_with_common_delay(log, recipe.delay, recipe.common_delay))
     return replace(log, wrench=log.wrench - bias) if any(bias) and log.wrench is not None else log
+
+
+def _with_common_delay(log: Log, delays: Sequence[float], common: float) -> Array:
+    """Torques as if those of every joint had the common delay: those of the others are interpolated."""
+    if log.effort is None or len(delays) != len(log.joints):
+        names = f"{len(log.joints)}, one of each of {', '.join(log.joints)}"
+        raise InputError(f"{log.source}: `delay` needs one value, or, of joint torques, {names}; given {len(delays)}")
+    moved = log.effort.copy()
+    for k, late in enumerate(delays):
+        if late != common:
+            at = np.clip(log.time + (late - common), log.time[0], log.time[-1])
+            moved[:, k] = PchipInterpolator(log.time, log.effort[:, k])(at)
+    return moved
 
 
 def correction(robot: Robot, factors: Mapping[str, float]) -> Array:

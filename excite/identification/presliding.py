@@ -19,6 +19,7 @@ from excite.identification.equations import (
     listed,
     measured_direction,
     put_friction,
+    sample_way,
     streamed_equations,
 )
 from excite.identification.observations import Observations
@@ -69,7 +70,11 @@ def presliding_candidates(
         width, misfit = _refined(speed * WIDTHS, lambda w: score([np.tanh(dz / w) for dz in speeds]))
         found.append(({**_EXACT, "sign_width": width}, misfit))
         if recipe.breakaway is None:
-            distance, misfit = _refined(travel * DISTANCES, lambda d: score([measured_direction(z, d) for z in paths]))
+            paces = [sample_way(part.samples) @ C.T for part in parts]
+            turned = list(zip(paths, paces, strict=True))
+            distance, misfit = _refined(
+                travel * DISTANCES, lambda d: score([measured_direction(z, d, pace) for z, pace in turned])
+            )
             found.append(({**_EXACT, "breakaway": distance}, misfit))
     return found
 

@@ -75,8 +75,8 @@ class Recipe:
         joint [deg C].
     described_within : float, optional
         Standard deviation of the described bodies in the estimator physical, in their sizes.
-    delay : float
-        Of the recorded torques after the positions [s].
+    delay : float or tuple of float
+        Of the recorded torques after the positions [s], of all moving joints or of each.
     bias : tuple of float, optional
         Constant wrench that the force/torque sensor measures beside the load's, which is subtracted: forces [N], then
         torques [Nm]; chosen, or none, if not given.
@@ -158,8 +158,12 @@ class Recipe:
         "Hold bodies within about X times their size of the description (estimator physical).",
         metavar="X",
     )
-    delay: float = option(
-        0.0, "time", "Delay of the recorded torques after the positions; 0: none.", metavar="S", unset=AUTO
+    delay: Sizes = option(
+        0.0,
+        "size",
+        "Delay of the recorded torques after the positions, or one of each moving joint; 0: none.",
+        metavar="S",
+        unset=AUTO,
     )
     bias: tuple[float, ...] | None = option(
         None,
@@ -244,8 +248,15 @@ class Recipe:
                 raise InputError(f"repetitions simulate single instants and positions; leave out `{what}`")
         if isinstance(self.sign_width, tuple) or isinstance(self.breakaway, tuple):
             raise InputError("repetitions take one `sign_width` or `breakaway` for all drives")
+        if isinstance(self.delay, tuple):
+            raise InputError("repetitions take one `delay` for all joints")
         if self.standstill:
             raise InputError("repetitions use every row; leave out `standstill`")
+
+    @property
+    def common_delay(self) -> float:
+        """The delay of all joints, or that which half of them do not exceed [s]."""
+        return sorted(self.delay)[(len(self.delay) - 1) // 2] if isinstance(self.delay, tuple) else self.delay
 
     @property
     def common_width(self) -> float:

@@ -24,11 +24,11 @@ from regressors.quantities import QUANTITIES, check, number_of
 Kind = Literal[
     "flag", "integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "names", "name", "text", "file",
     "prior", "margin", "count", "mount", "payload", "drives", "parameters",
-    "folders", "precision", "size", "time", "distance", "impacts", "percent", "frame", "sides", "several",
+    "folders", "precision", "size", "distance", "impacts", "percent", "frame", "sides", "several",
 ]  # fmt: skip
 
 NUMERIC = frozenset(
-    ("integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "count", "margin", "size", "time",
+    ("integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "count", "margin", "size",
      "distance", "percent", "sides")
 )  # fmt: skip
 _QUANTITIES: Mapping[Kind, str] = {"ranges": "position", "box": "tool_box", "sides": "tool_box", "pose": "home"}
@@ -283,7 +283,6 @@ _KINDS: dict[Kind, tuple[Callable[[Any], Any], str]] = {  # conversion, and what
     "folders": (_folders, "results or designs, or their folders"),
     "precision": (_precision, "a share such as 0.05, or a precision target"),
     "size": (_as_it_is, f"{AUTO}, a number, or a list of numbers"),
-    "time": (_as_it_is, f"{AUTO}, or a number"),
     "distance": (_as_it_is, f"{AUTO}, or a number"),
     "impacts": (_as_it_is, "a list of impacts"),
     "several": (_names, "some of its names"),

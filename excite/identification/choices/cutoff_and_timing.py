@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
 import scipy.optimize
 import scipy.stats
 
-from excite.identification.choices.left_out import Choice, LeftOut, best_of, candidates_of, jackknife
+from excite.identification.choices.left_out import NEGLIGIBLE, Choice, LeftOut, best_of, candidates_of
 from excite.identification.choices.scoring import Scoring
 from excite.identification.equations import listed
+from excite.identification.noise import autocorrelation, effective_samples
 from excite.identification.preparation import PreparedLog
 from excite.identification.presliding import presliding_candidates
 from excite.identification.recipe import Recipe
@@ -97,67 +98,133 @@ def choose_cutoff(candidates: Sequence[float], scored: Scored) -> tuple[float, C
 
 
 LONGEST = 0.05  # [s]
+_BEYOND = 0.01  # that is searched beyond it, so that it is inside the range [s]
 _GRID = 0.01  # [s]
-_PRECISION = 1e-5  # [s]
-_CONVINCING = 2.0  # standard errors
-
-
-def choose_delay(scored: Scored, step: float) -> tuple[float, Choice]:
-    """Delay of the torques after the motion; zero where it does not predict left-out torques clearly better.
-
-    Nor is a delay taken whose interval contains zero, or that is at the end of the range that is searched.
-    """
-    tried = {0.0: scored(0.0)}
-
-    def score(delay: float) -> float:
-        tried[float(delay)] = scored(float(delay))
-        return tried[float(delay)].score
-
-    near = min((-_GRID, 0.0, _GRID), key=score)
-    while abs(near) < LONGEST and near and score(further := near + np.copysign(_GRID, near)) < tried[near].score:
-        near = further
-    scipy.optimize.minimize_scalar(
-        score, bounds=(near - _GRID, near + _GRID), method="bounded", options={"xatol": max(_PRECISION, 0.01 * step)}
-    )
-    best, listed = best_of(tried), candidates_of(dict(sorted(tried.items())))
-    gain, _ = tried[best].gain_over(tried[0.0])
-    half = _half_width(scored, best, max(0.1 * step, 1e-4))
-    if not half < abs(best) < LONGEST or not tried[best].is_better(tried[0.0], LEAST_GAIN, _CONVINCING):
-        reason = "torques and positions are taken as recorded at the same time: no delay predicts clearly better"
-        return 0.0, Choice("delay", 0.0, listed, reason, "s")
-    best = round(best, 6)
-    when = "before" if best > 0 else "after"
-    reason = (
-        f"torques are matched with the motion {1e3 * abs(best):.3g} +- {1e3 * half:.2g} ms {when} them, which lowers "
-        f"the errors of left-out torques by {percent(1 - np.exp(-gain))}, the mean over the joints; what friction "
-        "does at its reversals can look like a delay"
-    )
-    return best, Choice("delay", best, listed, reason, "s", (best - half, best + half))
-
-
+_PRECISION = 0.01  # of the sample time
 LEAST_GAIN = 0.002  # of the score
 
+Residuals = Callable[[float], list[Array]]  # of each equation under a delay, (N,)
 
-def _half_width(scored: Scored, delay: float, h: float) -> float:
-    """Half of the 99 % interval, by leaving one block after the other out of a parabola of the errors [s].
 
-    Its points are h apart, which is added: friction jumps from row to row, so that nearer delays look alike.
+def choose_delay(scored: Scored, residuals: Residuals, step: float) -> tuple[float, Choice]:
+    """Delay of the torques after the motion; zero where its interval holds zero, or it predicts no better than none.
+
+    Both neighbours are tried at distances that are halved, from 10 ms to a hundredth of a sample: by left-out errors,
+    and below half a sample by `DelayLikelihood`, for a single reversal of friction that lies in the wrong row moves the
+    errors' minimum. The delay is the mean by that likelihood; the interval holds delays that are as likely.
     """
-    below, at, above = (scored(delay + shift) for shift in (-h, 0.0, h))
-    weights = at.weights
-    rows = np.array([(s.squares * weights).sum(axis=1) for s in (below, at, above)])
-    minima = np.array([_vertex(rows.sum(axis=1) - row, h) for row in rows.T])
-    return h + float(scipy.stats.t.ppf(0.995, minima.size - 1) * jackknife(minima))
+    tried: dict[float, LeftOut] = {}
+
+    def score(delay: float) -> float:
+        if abs(delay) > LONGEST + _BEYOND:
+            return np.inf
+        if delay not in tried:
+            tried[delay] = scored(delay)
+        return tried[delay].score
+
+    near = _descent(score, 0.0, _GRID, step / 2)
+    likelihood = DelayLikelihood.of(residuals, near, tried[near])
+    near = _descent(likelihood.misfit, near, step / 2, _PRECISION * step)
+    low, high = (likelihood.edge(near, side, step) for side in (-1.0, 1.0))
+    best = round(likelihood.mean(), 6)
+    gain = tried[0.0].score - score(best)
+    listed = candidates_of(dict(sorted(tried.items())))
+    if low <= 0.0 <= high or abs(best) > LONGEST + _BEYOND / 2 or gain < LEAST_GAIN:
+        reason = "torques and positions are taken as recorded at the same time: no delay predicts clearly better"
+        return 0.0, Choice("delay", 0.0, listed, reason, "s", (low, high) if low <= 0.0 <= high else None)
+    when = "before" if best > 0 else "after"
+    near, far = sorted((1e3 * abs(low), 1e3 * abs(high)))
+    reason = (
+        f"torques are matched with the motion {1e3 * abs(best):.3g} ms {when} them ({near:.3g} to {far:.3g} ms), "
+        "which lowers the errors of left-out torques by "
+        f"{percent(1 - np.exp(-gain))}, the mean over the joints; what friction does at its reversals can look like a "
+        "delay"
+    )
+    return best, Choice("delay", best, listed, reason, "s", (low, high))
 
 
-def _vertex(values: Array, h: float) -> float:
-    """Place of the minimum of a parabola through three values, h apart, from the middle one."""
-    curvature = values[0] - 2 * values[1] + values[2]
-    return float(h / 2 * (values[0] - values[2]) / curvature) if curvature > 0 else 0.0
+def _descent(misfit: Callable[[float], float], best: float, distance: float, least: float) -> float:
+    """Delay of a small misfit: the better neighbour, or half the distance where none is better, down to the least."""
+    while distance > least:
+        near = min((best, round(best - distance, 9), round(best + distance, 9)), key=misfit)
+        distance, best = (distance / 2 if near == best else distance), near
+    return best
+
+
+_LEVEL = 0.01  # of the interval: what lies outside
+_NORMAL = 1.4826  # deviation of a normal distribution over its median absolute value
+_BISQUARE = 4.685  # standard deviations beyond which a residual counts no further [Beaton, Tukey 1974]
+_MOST = _BISQUARE**2 / 6  # that it counts
+_TURN = 0.1  # of a sample: how exactly it is known between which rows a drive turns
+_EDGE = 0.1  # of an interval's half: how exactly its end is found
+
+
+@dataclass(frozen=True, eq=False)
+class DelayLikelihood:
+    """Likelihood of delays, to whose logarithm a row on the wrong side of a reversal contributes 3.7 at most."""
+
+    residuals: Residuals
+    sizes: Array  # (r,) deviation of the residuals
+    weights: Array  # (r,) share of the residuals that is independent
+    margin: float  # between logarithms in the interval; one row may be on the wrong side
+    tried: dict[float, float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, residuals: Residuals, delay: float, errors: LeftOut) -> DelayLikelihood:
+        """Sizes and correlation of the residuals are those at a delay."""
+        own, least = residuals(delay), NEGLIGIBLE * np.sqrt(errors.sizes / errors.instants)
+        independent = np.array([effective_samples(autocorrelation(e), e.size) for e in own])
+        weights = independent / [e.size for e in own]
+        margin = float(scipy.stats.f.isf(_LEVEL, 1, independent.sum()) / 2 + _MOST * weights.max())
+        return cls(residuals, np.maximum([_NORMAL * np.median(np.abs(e)) for e in own], least), weights, margin)
+
+    def misfit(self, delay: float) -> float:
+        """Minus the logarithm: Tukey's bisquare, which is half the square of small deviations."""
+        if delay not in self.tried:
+            own = self.residuals(delay)
+            shares = [
+                1 - np.maximum(1 - (e / s / _BISQUARE) ** 2, 0.0) ** 3 for e, s in zip(own, self.sizes, strict=True)
+            ]
+            self.tried[delay] = _MOST * float(self.weights @ [share.sum() for share in shares])
+        return self.tried[delay]
+
+    def mean(self) -> float:
+        """Mean of the delays that were tried, by their likelihood."""
+        delays, misfits = np.array(sorted(self.tried.items())).T
+        likelihoods = np.exp(misfits.min() - misfits)
+        return float(np.trapezoid(delays * likelihoods, delays) / np.trapezoid(likelihoods, delays))
+
+    def edge(self, best: float, side: float, step: float) -> float:
+        """End of the interval on one side of the best."""
+        inner, outer, most = 0.0, step / 4, self.misfit(best) + self.margin
+        while self.misfit(round(best + side * outer, 9)) <= most and outer < LONGEST:
+            inner, outer = outer, 2 * outer
+        while outer - inner > _EDGE * outer and outer > _PRECISION * step:
+            middle = (inner + outer) / 2
+            outside = self.misfit(round(best + side * middle, 9)) > most
+            inner, outer = (inner, middle) if outside else (middle, outer)
+        return round(best + side * (outer + _TURN * step), 9)
+
+
+def delay_of(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> tuple[float, Choice]:
+    """Delay of the torques of some logs, see `choose_delay`; friction is softened already."""
+
+    def scored(delay: float) -> LeftOut:
+        return scoring.of(scoring.statistics(recipe, parts, delay))
+
+    def residuals(delay: float) -> list[Array]:
+        statistics = scoring.statistics(recipe, parts, delay)
+        beta = scoring.fitted(statistics, scoring.of(statistics).weights)
+        equations = scoring.trial.equations(scoring.target, parts, recipe, delay)
+        masks = scoring.trial.rows or [np.ones(y.shape, dtype=bool) for _, y in equations]
+        e, used = np.concatenate([y - W @ beta for W, y in equations]), np.concatenate(masks)
+        return [column[rows] for column, rows in zip(e.T, used.T, strict=True)]
+
+    return choose_delay(scored, residuals, min(1 / part.log.rate for part in parts))
 
 
 _SLIDING_WORTH = 0.005  # of the score: below that the exact sign stays
-_HOLDING = 0.05  # of the score: what a direction at standstill is worth, where the logs do not show it
+_HOLDING = 0.05, 0.1  # of the score: what a direction at standstill is worth, and one that needs less delay
 _FACTORS = (0.25, 0.5, 2**-0.5, 1.0, 2**0.5, 2.0, 4.0)
 
 
@@ -165,9 +232,10 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     """Choose the presliding of friction and the delay of the torques.
 
     A friction that changes its direction late looks like a delay; so each kind of presliding is tried with its own best
-    delay. Presliding over a distance is preferred where it predicts as well as the best, within a standard error or 5 %
-    of the errors: only it has a direction at standstill, which exciting motions hardly show, but others do. No kind is
-    preferred with a larger delay than that of the best.
+    delay. Presliding over a distance is preferred where it predicts as well as the best, within 5 % of the errors: only
+    it has a direction at standstill, which exciting motions hardly show, but others do; and within 10 % where it needs
+    less delay, since a sign that is smooth and late stands for it. No kind is preferred with a larger delay than that
+    of the best.
     """
     parts = scoring.parts(recipe)
     softened = cache(scoring.softened)
@@ -175,27 +243,40 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     def scored(recipe: Recipe, delay: float) -> LeftOut:
         return softened(recipe).of(softened(recipe).statistics(recipe, parts, delay))
 
-    step = min(1 / part.log.rate for part in parts)
-    timings = [_timing(scored, tried, step, free) for tried in _slidings(scoring, recipe, parts)]
+    def timing(tried: Recipe) -> _Timing:
+        """Best delay of a kind of presliding, and then its best size at that delay."""
+        if "delay" not in free:
+            return tried, scored(tried, 0.0), ()
+        delay, choice = delay_of(softened(tried), tried, parts)
+        resized = _resized(tried, lambda one: scored(one, delay)) if delay else tried
+        if resized != tried:
+            delay, choice = delay_of(softened(resized), resized, parts)
+        low, high = choice.interval if delay and choice.interval else (0.0, 0.0)
+        alike = [one for one in choice.candidates if low <= one.value <= high]
+        return replace(resized, delay=delay), scored(resized, min(alike, key=lambda one: one.score).value), (choice,)
+
+    timings = [timing(tried) for tried in _slidings(scoring, recipe, parts)]
     best = min(timings, key=lambda one: one[1].score)
 
     def with_no_more_delay(one: _Timing) -> _Timing:
-        delay = best[0].delay
-        if abs(one[0].delay) <= abs(delay):
-            return one
-        return replace(one[0], delay=delay), scored(one[0], delay), best[2]
+        delay = best[0].common_delay
+        return (replace(one[0], delay=delay), scored(one[0], delay), best[2]) if _later(one[0], best[0]) else one
 
     exact, last = with_no_more_delay(timings[0]), with_no_more_delay(timings[-1])
     chosen = best
     if best[1].score > exact[1].score - _SLIDING_WORTH:
         chosen = exact
-    elif last[0].breakaway and not best[1].is_better(last[1], _HOLDING):
+    elif last[0].breakaway and last[1].score - best[1].score <= _HOLDING[_later(best[0], last[0])]:
         chosen = last
     if len(timings) == 1:
         return chosen[0], chosen[2]
     words = _sliding_words(chosen[0])
     listed = candidates_of({_sliding_words(tried): errors for tried, errors, _ in timings})
     return chosen[0], (*chosen[2], Choice("presliding", words, listed, f"{words}, as left-out torques show"))
+
+
+def _later(one: Recipe, other: Recipe) -> bool:
+    return abs(one.common_delay) > abs(other.common_delay)
 
 
 def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> list[Recipe]:
@@ -206,17 +287,6 @@ def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) ->
 
 
 _Timing = tuple[Recipe, LeftOut, tuple[Choice, ...]]
-
-
-def _timing(scored: Callable[[Recipe, float], LeftOut], recipe: Recipe, step: float, free: frozenset[str]) -> _Timing:
-    """Best delay of a kind of presliding, and then its best size at that delay."""
-    if "delay" not in free:
-        return recipe, scored(recipe, 0.0), ()
-    delay, choice = choose_delay(lambda tried: scored(recipe, tried), step)
-    resized = _resized(recipe, lambda tried: scored(tried, delay)) if delay else recipe
-    if resized != recipe:
-        delay, choice = choose_delay(lambda tried: scored(resized, tried), step)
-    return replace(resized, delay=delay), scored(resized, delay), (choice,)
 
 
 def _resized(recipe: Recipe, scored: Callable[[Recipe], LeftOut]) -> Recipe:

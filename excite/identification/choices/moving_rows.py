@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.identification.biases import SPEEDS, standstill_candidates
-from excite.identification.choices.cutoff_and_timing import choose_cutoff_and_timing, choose_delay
+from excite.identification.choices.cutoff_and_timing import LONGEST, choose_cutoff_and_timing, delay_of
 from excite.identification.choices.left_out import Choice, LeftOut, best_of, candidates_of, differ, jackknife
 from excite.identification.choices.scoring import Mask, Scoring
 from excite.identification.equations import nearest
@@ -56,9 +56,10 @@ def choose_by_rows(scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], fr
     moving, fast = (_of_faster(scoring, recipe, share) for share in (MOVING, _FAST))
     if moving is None or fast is None or not _spoilt(scoring, moving, recipe):
         return every
-    tried = {_ALL: every, _MOVING: replace(_with_delay_of(fast, moving, plain, cutoffs, free), least=MOVING)}
+    by_moving = replace(_with_delay_of(fast, moving, plain, cutoffs, every), least=MOVING)
+    tried = {_ALL: every, _MOVING: by_moving}
     if _misled(fast, recipe, plain):
-        tried[_FAST_DELAY] = _with_delay_of(fast, scoring, plain, cutoffs, free)
+        tried[_FAST_DELAY] = _with_delay_of(fast, scoring, plain, cutoffs, every)
     errors = {name: _errors(one.scoring, one.recipe, moving) for name, one in tried.items()}
     name, reason = preferred_rows({name: one.recipe.cutoff for name, one in tried.items()}, errors)
     choice = Choice("rows", name, candidates_of(errors), reason)
@@ -91,16 +92,17 @@ def preferred_rows(cutoffs: Mapping[str, float | None], errors: Mapping[str, Lef
 
 
 def _with_delay_of(
-    fast: Scoring, scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], free: frozenset[str]
+    fast: Scoring, scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], every: RowChoice
 ) -> RowChoice:
-    """Cutoff and presliding by some rows, and the delay by those of fast drives."""
-    settled = free - {"delay"}
+    """Cutoff and presliding by some rows; the delay by those of fast drives, or by every row if these cannot tell."""
+    settled = every.free - {"delay"}
     recipe, choices = choose_cutoff_and_timing(scoring, plain, cutoffs, settled)
-    if "delay" in free:
+    if "delay" in every.free:
         soft = fast.softened(recipe)
-        parts = soft.parts(recipe)
-        step = min(1 / part.log.rate for part in parts)
-        delay, choice = choose_delay(lambda d: soft.of(soft.statistics(recipe, parts, d)), step)
+        delay, choice = delay_of(soft, recipe, soft.parts(recipe))
+        if choice.interval and np.ptp(choice.interval) > LONGEST:
+            choice = next(one for one in every.choices if one.name == "delay")
+            delay = choice.value
         if delay:
             recipe, choices = choose_cutoff_and_timing(scoring, replace(plain, delay=delay), cutoffs, settled)
         choices = (*choices, choice)

@@ -43,7 +43,7 @@ OPTIONS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     (DESIGN, f"--seed {'9' * 400}", "must be a whole number from 0 to 2^63 - 1, given a whole number of about"),
     (DESIGN, f"--seed {'9' * 5000}", "'--seed': expected a whole number, given '9999999999999"),
     (DESIGN, "--period \u0661", r"'--period': expected a number, given '\u0661'"),
-    (BASE["identify"], "--delay 0,0", "'--delay': expected auto or a number, given '0,0'"),
+    (BASE["identify"], "--delay 0,1e9", "'--delay': expected auto or a number; must be a number from -10000 to"),
     (PLAN, "--velocity-limit 1e-9", "a stroke of 7.5e-10 rad to each side is too short for a run"),
     (PLAN, "--breakaways 2 --creep 1e-6 --creeping 1e-3", "the break-away tests creep only 2e-11 far"),
     (DESIGN, "--mount 1,2,1e99", "expected floor, wall, ceiling, or roll, pitch, yaw [rad]; given '1,2,1e99'"),

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import scipy.stats
 from observed import observations_of, random_problem
-from played import EXACT, TASK, found, irp6, noisy, played, three_joints
+from played import EXACT, TASK, described, found, irp6, noisy, played, three_joints
 
 from excite.identification.allowances import (
     allowing_for_pull,
@@ -25,9 +26,11 @@ from excite.identification.estimator import Context
 from excite.identification.estimators.least_squares import weighted
 from excite.identification.preparation import prepare
 from excite.identification.procedure import estimate_parameters
+from excite.identification.result_json import load_result
 from excite.identification.streamed_rows import StreamedRows, held_rows
 from excite.information.target import target_of
 from excite.tasks.task import Task
+from regressors.errors import InputError
 
 C = irp6().transmission.coupling[:3, :3]
 
@@ -111,6 +114,24 @@ def test_the_column_is_the_change_of_the_prediction_with_the_delay(changes: dict
     inner = slice(6, -6)  # the motion is not known beyond the log
     expected = (predicted[1] - predicted[0]) / 2
     np.testing.assert_allclose(column[inner], expected[inner], atol=0.02 * np.abs(expected).max())
+
+
+def test_joints_have_delays_of_their_own(tmp_path: Path) -> None:
+    """Torques of one joint that are some rows late are matched again; equal delays are one delay of all."""
+    log, exact = played(three_joints(), 3), replace(EXACT, sign_width=0.0)
+    late = log.effort.copy()
+    late[4:, 2] = log.effort[:-4, 2]
+    shifted = replace(exact, delay=(0.0, 0.0, 4 / log.rate))
+    plain, other = (found(TASK, replace(log, effort=late, sha256="late"), recipe=recipe) for recipe in (exact, shifted))
+    assert other.training_error < 0.1 * plain.training_error
+    np.testing.assert_allclose(other.estimate.values, described(other), rtol=1e-6, atol=1e-6)
+    other.save(tmp_path)
+    assert load_result(tmp_path).recipe == other.recipe
+    one, each = (found(TASK, log, recipe=replace(exact, delay=delay)) for delay in (2e-3, (2e-3,) * 3))
+    np.testing.assert_array_equal(one.observations.y, each.observations.y)
+    np.testing.assert_array_equal(one.observations.matrix, each.observations.matrix)
+    with pytest.raises(InputError, match="`delay` needs one value, or, of joint torques, 3, one of each of"):
+        found(TASK, log, recipe=replace(exact, delay=(0.0, 0.0)))
 
 
 def test_there_is_none_without_a_delay_or_for_windows() -> None:

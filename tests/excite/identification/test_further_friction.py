@@ -14,6 +14,7 @@ from excite.identification.equations import (
     friction_drives,
     measured_direction,
     measured_regressor,
+    sample_way,
 )
 from excite.identification.identification import Identification
 from excite.identification.procedure import estimate_parameters
@@ -85,7 +86,8 @@ def test_presliding_directions_enter_every_directed_column() -> None:
         joint = (column.owner or 1) - 1
         expected = exact[:, :, k].copy()
         if column.kind in DIRECTED_KINDS:
-            s = measured_direction(samples.q[:, [joint]], distances[joint])[:, 0]
+            pace = sample_way(samples)[:, [joint]]
+            s = measured_direction(samples.q[:, [joint]], distances[joint], pace)[:, 0]
             expected[:, joint] *= np.sign(samples.dq[:, joint]) * s
         np.testing.assert_allclose(dahl[:, :, k], expected, atol=1e-9 * np.abs(expected).max())
     assert len(friction_drives(target, samples).columns) == 6 + 2 + 1 + 1

@@ -21,7 +21,7 @@ def log() -> Log:
 
 
 BAD_RECIPES = (
-    ({"delay": (0.0, 0.0)}, "delay: expected a number, given (0.0, 0.0)"),
+    ({"delay": (0.0, 1e9)}, "`delay` must be a number from -10000 to 10000 s, given"),
     ({"signals": "magic"}, "no signals named 'magic'; available: butterworth, "),
     ({"estimator": "best"}, "no estimator named 'best'; available: huber, "),
     ({"covariance": "none"}, "no covariance named 'none'; available: auto, white, robust"),

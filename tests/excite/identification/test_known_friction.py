@@ -47,7 +47,7 @@ def turned(log: Log, direction: Array) -> Log:
 
 
 def test_a_planted_distance_is_found_with_known_curves(log: Log) -> None:
-    moved = turned(log, measured_direction(log.q @ C.T, 0.0005))
+    moved = turned(log, measured_direction(log.q @ C.T, 0.0005, log.dq @ C.T / log.rate))
     result = found(TASK, moved, friction=CURVES)
     assert result.recipe.breakaway == pytest.approx(0.0005, rel=0.05)
     said = "known friction is presliding: it changes direction over 0.000"
@@ -66,7 +66,7 @@ def test_a_planted_width_is_found_with_known_curves(log: Log) -> None:
 
 def test_known_curves_are_the_columns_that_were_identified(log: Log) -> None:
     recipe = replace(EXACT, breakaway=0.0005)
-    moved = turned(log, measured_direction(log.q @ C.T, 0.0005))
+    moved = turned(log, measured_direction(log.q @ C.T, 0.0005, log.dq @ C.T / log.rate))
     together, known = found(TASK, moved, recipe=recipe), found(TASK, moved, recipe=recipe, friction=CURVES)
     np.testing.assert_allclose(together.estimate.values[:7], known.estimate.values, rtol=1e-7)
     predicted = []

@@ -106,7 +106,9 @@ def test_widths_and_distances_of_each_drive_are_taken(tmp_path) -> None:
         assert result.training_error < 1e-8
         result.save(tmp_path, replace=True)
         assert load_result(tmp_path).recipe.sign_width == WIDTHS
-    hysteretic = turned(measured_direction(played(three_joints(), 3).q @ C.T, np.array(DISTANCES)))
+    log = played(three_joints(), 3)
+    pace = log.dq @ C.T / log.rate
+    hysteretic = turned(measured_direction(log.q @ C.T, np.array(DISTANCES), pace))
     result = found(TASK, hysteretic, recipe=replace(EXACT, breakaway=DISTANCES))
     np.testing.assert_allclose(result.estimate.values, described(result), rtol=1e-8, atol=1e-8)
     energy = Task("irp6", model="energy")
@@ -132,6 +134,17 @@ def written_out(z: Array, distance: float) -> Array:
             u = float(np.sign(way))
             s[k, j] = u + (s[k - 1, j] - u) * math.exp(-abs(way) / distance)
     return s
+
+
+def test_a_drive_turns_between_its_samples() -> None:
+    """Over a vanishing distance the direction is the sign of the velocity, from the first row after a reversal on."""
+    t = np.arange(0.0, 3.0, 0.01)[:, None]
+    z, dz = np.sin(5.0 * t + [0.0, 1.0]), 5.0 * np.cos(5.0 * t + [0.0, 1.0])
+    np.testing.assert_allclose(measured_direction(z, 1e-9, 0.01 * dz), np.sign(dz), atol=1e-9)
+    late = np.flatnonzero(measured_direction(z, 1e-9)[:, 0] != np.sign(dz[:, 0]))
+    assert late.size  # without the velocities
+    slow = measured_direction(z, 0.2)  # and changes nothing over distances that are long against a row
+    np.testing.assert_allclose(measured_direction(z, 0.2, 0.01 * dz), slow, atol=0.01)
 
 
 @pytest.mark.parametrize("distance", [1e-6, 1e-3, 0.1, 1e3])

@@ -59,7 +59,7 @@ CASES = {
     "one channel late": (
         torques(lambda y: np.column_stack([y[:, 0], late(y)[:, 1], y[:, 2]])),
         "the torques of q2 are 20 ms later than those of the other joints",
-        "shift its column in time",
+        "use `delay=(",
     ),
     "magnitudes": (torques(np.abs), "never negative", "record torques with their signs"),
 }

@@ -128,15 +128,21 @@ def delayed_by(delay: float, noise: float, seed: int):
     def scored(tried: float) -> LeftOut:
         return left_out(BlockStatistics.of([columns(TIME - tried)], [torque], blocks))
 
-    return scored
+    def residuals(tried: float) -> list[np.ndarray]:
+        W = columns(TIME - tried)
+        fit = np.linalg.lstsq(W.reshape(-1, 3), torque.ravel(), rcond=None)[0]
+        return list((torque - W @ fit).T)
+
+    return scored, residuals
 
 
 @pytest.mark.parametrize("delay", [0.004, -0.006, 0.0015, 0.018, 0.031, -0.044])
 def test_planted_delays_are_found_within_their_intervals(delay: float) -> None:
-    found, choice = choose_delay(delayed_by(delay, 0.1, 1), 0.008)
+    found, choice = choose_delay(*delayed_by(delay, 0.1, 1), 0.008)
     low, high = choice.interval
     assert low <= delay <= high
-    assert 2 * 0.0008 < high - low < 2 * 0.0012  # a tenth of the sample time is the resolution
+    assert low < found < high
+    assert 2 * 0.0008 < high - low < 2 * 0.0015  # a tenth of the sample time is the resolution
     assert (choice.value, choice.unit) == (found, "s")
     assert ("ms before them" if delay > 0 else "ms after them") in choice.reason
     assert [c.value for c in choice.candidates] == sorted(c.value for c in choice.candidates)
@@ -144,17 +150,35 @@ def test_planted_delays_are_found_within_their_intervals(delay: float) -> None:
 
 
 def test_intervals_cover() -> None:
-    """99 % intervals from five blocks: of 20 experiments, at most 1 may miss."""
-    choices = [choose_delay(delayed_by(0.003, 0.3, seed), 0.008)[1] for seed in range(20)]
+    """99 % intervals: of 20 experiments, at most 1 may miss."""
+    choices = [choose_delay(*delayed_by(0.003, 0.3, seed), 0.008)[1] for seed in range(20)]
     assert sum(not choice.interval[0] <= 0.003 <= choice.interval[1] for choice in choices) <= 1
-    found, choice = choose_delay(delayed_by(0.08, 0.1, 1), 0.008)  # beyond the longest
+    found, choice = choose_delay(*delayed_by(0.08, 0.1, 1), 0.008)  # beyond the longest
     assert (found, choice.interval) == (0.0, None)
+    assert choose_delay(*delayed_by(0.05, 0.1, 1), 0.008)[0] == pytest.approx(0.05, abs=2e-4)
+
+
+def test_a_row_on_the_wrong_side_of_a_reversal_moves_no_delay() -> None:
+    """Noise alone, but for one row of a hundred deviations that only a delay of 3 ms explains."""
+    scored, residuals = delayed_by(0.0, 0.1, 1)
+    reversal = np.arange(TIME.size) == 400
+
+    def with_reversal(tried: float) -> list[np.ndarray]:
+        return [row + 10.0 * reversal * (abs(tried - 0.003) > 0.001) for row in residuals(tried)]
+
+    found, choice = choose_delay(scored, with_reversal, 0.008)
+    low, high = choice.interval
+    assert found == 0.0
+    assert low < 0.0 < high
+    assert high - low < 2 * 0.0015
 
 
 def test_no_delay_is_exactly_none() -> None:
     for noise, seed in ((0.0, 0), (0.01, 0), (0.01, 1), (1.0, 0), (1.0, 1), (1.0, 2)):
-        found, choice = choose_delay(delayed_by(0.0, noise, seed), 0.008)
-        assert (found, choice.value, choice.interval) == (0.0, 0.0, None)
+        found, choice = choose_delay(*delayed_by(0.0, noise, seed), 0.008)
+        low, high = choice.interval
+        assert (found, choice.value) == (0.0, 0.0)
+        assert low < 0.0 < high
         assert "no delay" in choice.reason
 
 

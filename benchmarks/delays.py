@@ -1,0 +1,255 @@
+"""Delays of the torques that ``identify`` finds with plain defaults, beside those that simulated logs have.
+
+``python benchmarks/delays.py`` simulates logs of three robots at four rates whose torques are late by a fraction of a
+sample to 50 ms. The motion is a Fourier series, so that the torque that is recorded at t is computed at ``t - delay``
+itself; nothing is shifted, interpolated or filtered. ``--robots`` runs fewer, ``--seed`` others. A run that was stopped
+goes on where it was, but with ``--again``. Seeds are fixed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+os.environ |= {"OPENBLAS_NUM_THREADS": "1"}
+sys.path.insert(0, str(Path(__file__).resolve().parent / "spoilt_logs"))
+sys.path.insert(0, str(Path(__file__).resolve().parent / "coverage"))
+
+import numpy as np
+import record
+from noise import NOISES
+from spoilt import true_robot
+from threadpoolctl import threadpool_limits
+
+import excite
+from excite.design.formulation import formulate
+from excite.design.initial_guesses import random_motion
+from excite.identification.equations import measured_regressor
+from excite.identification.recipe import Recipe
+from excite.information.target import IdentificationTarget, target_of
+from excite.logs.log import Log
+from excite.registry import CHOSEN
+from excite.tasks.task import Task
+from excite.trajectories import Trajectory
+from regressors.models.nominal import parameter_values, standard_values
+from regressors.readers.library import load_robot
+from regressors.samples import Array
+
+HERE = Path(__file__).resolve().parent
+RATES = {"irp6": (100.0, 125.0, 200.0, 500.0), "panda": (100.0,), "ur10e": (100.0, 125.0)}
+FASTEST = "irp6"
+SHARES = (0.0, 0.3, 1.25)  # delays, of a sample
+TIMES = (0.005, -0.005, 0.010, -0.020, 0.020, 0.040)  # delays [s]
+LEVEL, ENCODER = 0.02, 1e-5  # noise, of each joint's root mean square; step of the positions [rad]
+NOISE_KINDS = ("white", "autoregressive")
+PRESLIDING, FINE = 2e-3, 10  # distance [rad], and instants per sample that it is followed on
+LEAD = 1.0  # time that is not recorded then, since friction is to have a direction at the first row [s]
+PERIOD, HARMONICS = 10.0, 5
+UNSEEN = 1000  # added to the seed of a log's motion
+
+
+@dataclass(frozen=True)
+class Case:
+    """A log, or several, of a robot, and by how much torques are late in each [s], for all joints or for each."""
+
+    robot: str
+    rate: float
+    noise: str
+    delays: tuple[float | tuple[float, ...], ...]
+    seed: int
+    breakaway: float = 0.0  # distance over which friction changes its direction; 0 for the sign of the velocity [rad]
+
+    @property
+    def name(self) -> str:
+        """Key of its result."""
+        late = "; ".join(", ".join(f"{1e3 * d:.4g}" for d in np.atleast_1d(delay)) for delay in self.delays)
+        kind = f"{self.noise}, presliding" if self.breakaway else self.noise
+        return f"{self.robot}, {self.rate:g} Hz, {kind}, {late} ms, {self.seed}"
+
+
+def common_cases(robots: Sequence[str], first: int) -> list[Case]:
+    """Logs all of whose torques are late: every delay of the fastest robot, every other one of the others, and none."""
+    cases = []
+    for robot, (k, rate) in [(name, each) for name in robots for each in enumerate(RATES[name])]:
+        delays = [*(share / rate for share in SHARES), *TIMES]
+        used = delays if robot == FASTEST else sorted({0.0, *delays[k % 2 :: 2]})
+        cases += [
+            Case(robot, rate, noise, (delay,), first + j % 3)
+            for j, delay in enumerate(used)
+            for noise in (NOISE_KINDS if not delay else NOISE_KINDS[(j + k) % 2 :][:1])
+        ]
+        if robot == FASTEST:
+            cases += [
+                Case(robot, rate, NOISE_KINDS[0], (delay,), first + 3 + j, PRESLIDING)
+                for j in range(2)
+                for delay in (0.0, 0.01)
+            ]
+    return cases
+
+
+@cache
+def _target(robot: str, seed: int) -> IdentificationTarget:
+    """The robot itself, with the friction and rotors of its drives."""
+    described = true_robot(robot, seed)
+    return target_of(described, Task(robot).changed(robot=described))
+
+
+@cache
+def _motion(robot: str, seed: int) -> Trajectory:
+    problem = formulate(load_robot(robot), Task(robot, harmonics=HARMONICS, period=PERIOD)).problem
+    return Trajectory(problem.family, random_motion(problem, np.random.default_rng(seed)))
+
+
+def simulated(case: Case, number: int, *, unseen: bool = False) -> tuple[Log, Array]:
+    """One log of a case, and its torques without noise, shape (N, n)."""
+    seed = case.seed + 10 * number + (UNSEEN if unseen else 0)
+    target, motion = _target(case.robot, case.seed), _motion(case.robot, seed)
+    every, skipped = (FINE, round(LEAD * case.rate)) if case.breakaway else (1, 0)
+    path = np.arange(round(PERIOD * case.rate) * every + 1) / case.rate / every
+    instants = path[skipped * every :: every]
+    beta = parameter_values(target.model, target.base, standard_values(target.robot))
+    late = np.broadcast_to(case.delays[number], target.robot.n)
+    exact = np.empty((instants.size, target.robot.n))
+    for delay in np.unique(late):
+        torques = measured_regressor(target, motion.samples(path - delay), case.breakaway) @ beta
+        exact[:, late == delay] = torques.reshape(path.size, -1)[skipped * every :: every, late == delay]
+    rng = np.random.default_rng([seed, round(case.rate), len(case.noise)])
+    noise = NOISES[case.noise](rng, (1, *exact.shape), case.rate)[0]
+    effort = exact + LEVEL * np.sqrt(np.mean(exact**2, axis=0)) * noise
+    q = ENCODER * np.round(motion.samples(instants).q / ENCODER)
+    label = f"{case.name}, log {number + 1}{', unseen' if unseen else ''}"
+    return Log(label, label, target.robot.joint_names, instants, q, None, effort), exact
+
+
+def run(case: Case) -> dict[str, Any]:
+    """What plain defaults find, and the errors of unseen torques, with what is found and with the true delay."""
+    logs = [simulated(case, number)[0] for number in range(len(case.delays))]
+    began = time.process_time()
+    found = excite.identify(case.robot, logs)
+    cpu = time.process_time() - began
+    choice = next((one for one in found.choices if one.name == "delay"), None)
+    known = excite.identify(case.robot, logs, recipe=Recipe(delay=case.delays[0]), choose=_BUT_DELAY)
+    return {
+        "true": case.delays,
+        "found": found.recipe.delay,
+        "interval": None if choice is None else choice.interval,
+        "errors": [unseen_error(case, one) for one in (found, known)],
+        "cpu": round(cpu, 1),
+    }
+
+
+_BUT_DELAY = tuple(name for name in CHOSEN if name != "delay")
+
+
+def unseen_error(case: Case, result: excite.Identification) -> float:
+    """Relative error of torques of another motion, which have no noise."""
+    log, exact = simulated(case, 0, unseen=True)
+    judged = excite.verify(result, log)
+    true = np.column_stack([np.interp(judged.time, log.time, column) for column in exact.T])
+    return float(np.linalg.norm(judged.predicted - true) / np.linalg.norm(true))
+
+
+def text_of(results: dict[str, dict[str, Any]]) -> str:
+    """One line per delay, and one per robot and rate."""
+    by_delay: dict[str, list[dict[str, Any]]] = {}
+    by_robot: dict[str, list[dict[str, Any]]] = {}
+    for name, one in results.items():
+        robot, rate, *_ = name.split(", ")
+        share = one["true"][0] * float(rate.split()[0])
+        shares = [s for s in SHARES if abs(share - s) < 1e-9]
+        words = f"{shares[0]:g} samples" if shares else f"{1e3 * one['true'][0]:g} ms"
+        words = "none" if shares == [0.0] else words
+        by_delay.setdefault(f"{words}, presliding" if "presliding" in name else words, []).append(one)
+        by_robot.setdefault(f"{robot}, {rate}", []).append(one)
+    return (
+        f"{_counted('Coulomb friction', [one for name, one in results.items() if 'presliding' not in name])}"
+        f"{_counted('presliding friction', [one for name, one in results.items() if 'presliding' in name])}\n"
+        f"{_lines('true delay', by_delay)}\n\n{_lines('robot, rate', by_robot)}"
+    )
+
+
+def _counted(friction: str, logs: list[dict[str, Any]]) -> str:
+    late, none = ([one for one in logs if bool(one["true"][0]) == is_late] for is_late in (True, False))
+    found = [one for one in late if one["found"]]
+    false = sum(one["found"] != 0.0 for one in none)
+    return (
+        f"With {friction}, {len(found)} of {len(late)} delays are found, of which {sum(map(_holds, found))} are in the "
+        f"stated interval; {false} of {len(none)} logs without delay are given one.\n"
+    )
+
+
+def _holds(one: dict[str, Any]) -> bool:
+    low, high = one["interval"]
+    return bool(low <= one["true"][0] <= high)
+
+
+def _lines(what: str, groups: dict[str, list[dict[str, Any]]]) -> str:
+    rows = []
+    for name, own in groups.items():
+        error = np.abs([one["found"] - one["true"][0] for one in own])
+        stated = [one for one in own if one["interval"] and one["found"]]
+        half = [np.ptp(one["interval"]) / 2 for one in stated]
+        ratio = [one["errors"][0] / one["errors"][1] for one in own]
+        rows.append(
+            [
+                name,
+                len(own),
+                sum(one["found"] != 0.0 for one in own),
+                f"{1e3 * np.median(error):.2g}, {1e3 * error.max():.2g}",
+                f"{sum(map(_holds, stated))} of {len(stated)}",
+                f"{1e3 * np.median(half):.2g}" if half else "",
+                f"{np.median(ratio):.2f}, {max(ratio):.2f}",
+                f"{sum(one['cpu'] for one in own) / len(own):.1f}",
+            ]
+        )
+    head = [
+        what, "logs", "delay found", "error of the delay, median and largest [ms]", "in the stated interval",
+        "half width, median [ms]", "unseen error over that with the true delay, median and largest", "CPU s",
+    ]  # fmt: skip
+    return record.table(head, rows)
+
+
+LIMITATIONS = (
+    "The positions have no delay of their own and the robots are rigid; Coulomb friction has the exact sign of the "
+    f"velocity, or presliding over {PRESLIDING:g} rad where it is said, and bodies differ from the description by up "
+    "to 15 %.",
+    f"Noise is {100 * LEVEL:g} % of each joint's rms, white or autoregressive (0.9 from sample to sample); positions "
+    f"have steps of {ENCODER:g} rad; one Fourier motion of {PERIOD:g} s each.",
+    "Presliding friction and a delay explain each other: both can be found wrong, outside the interval.",
+    "The unseen error is that of torques without noise, of another motion with the same delay.",
+)
+
+
+def main() -> None:
+    """Run what is not stored, and write the tables."""
+    before = record.load()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--robots", default=",".join(RATES))
+    parser.add_argument("--seed", type=int, default=0, help="of the first log; others than 0 are printed only")
+    parser.add_argument("--again", action="store_true", help="run again what is stored")
+    a = parser.parse_args()
+    file = HERE / "results" / ("delays_lines.json" if not a.seed else f"delays_{a.seed}.part")
+    lines: dict[str, Any] = json.loads(file.read_text(encoding="utf-8")) if file.exists() and not a.again else {}
+    with threadpool_limits(1):
+        for case in common_cases(a.robots.split(","), a.seed):
+            if case.name not in lines:
+                lines[case.name] = run(case)
+                print(case.name, lines[case.name], flush=True)
+                file.write_text(json.dumps(lines) + "\n", encoding="utf-8")
+    if a.seed:
+        print(text_of(lines))
+    else:
+        file.unlink()
+        record.save("delays", before, {"logs": lines}, text_of(lines), LIMITATIONS)
+
+
+if __name__ == "__main__":
+    main()
