@@ -13,6 +13,7 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
@@ -20,6 +21,8 @@ from excite.logs.event import within
 from regressors.errors import percent
 from regressors.models.load import PayloadModel
 from regressors.samples import Array, Index, Samples
+
+Flags = NDArray[np.bool_]
 
 LEAST_ERROR = 2e-3  # of the torques: a smaller one is no further evidence
 ODD_GAIN = 1.25  # a gain nearer to one is not a fault
@@ -34,6 +37,7 @@ class Fault:
     what: str  # the sentence
     cure: str
     torques: Array | None = None  # (n, n): right-hand sides ``torques @ y``
+    freedom: float = 0.0  # what fitting several values gains by itself, in the logarithm of the errors
     late: Index | None = None  # (n,) steps
     longest: float = 0.0  # of them [s]
     positions: tuple[Array, Array] | None = None  # ``A (n, n), b (n,)``: true positions ``A q + b``
@@ -47,7 +51,7 @@ class Fault:
     @property
     def size(self) -> float:
         """Sum of the logarithms of the errors, which is the likelihood with the noise of each equation unknown."""
-        return float(np.sum(np.log(np.maximum(self.errors, LEAST_ERROR))))
+        return float(np.sum(np.log(np.maximum(self.errors, LEAST_ERROR)))) + self.freedom
 
     @property
     def error(self) -> float:
@@ -153,6 +157,46 @@ def gain_fault(names: tuple[str, ...], j: int, gain: float) -> Fault:
         f"check its torque constant and ratio, or use `{_each('gain', n, j, f'{gain:.3g}')}` for the torques in "
         "the mapping, or that factor of the gain that is there",
         torques,
+    )
+
+
+_FREEDOM = 0.15  # of each value that is fitted
+
+
+def gains_fault(names: tuple[str, ...], gains: Array, shown: Flags, *, known: bool) -> Fault:
+    """True torques of every joint are its own factor times those in the log, which it does not show of some."""
+    odd = [j for j in np.flatnonzero(shown) if not 1 / ODD_GAIN < gains[j] < ODD_GAIN]
+    values = ", ".join(f"{1 / gains[j]:.2g}" for j in odd)
+    scale = "which is as right as the masses of the description" if known else "up to one factor for all joints"
+    hidden = ", ".join(name for name, seen in zip(names, shown, strict=True) if not seen)
+    return Fault(
+        "gains",
+        tuple(names[j] for j in odd),
+        f"the torques of {', '.join(names[j] for j in odd)} are {values} times what "
+        f"{'the described robot' if known else 'all together'} would need, as currents or drive units are",
+        f"use `gain: [{', '.join(f'{g:.3g}' if seen else '1' for g, seen in zip(gains, shown, strict=True))}]` for the "
+        f"torques in the mapping, {scale}{f'; the log does not show that of {hidden}' if hidden else ''}",
+        np.diag(gains),
+        freedom=_FREEDOM * (len(names) - 1),
+    )
+
+
+_LEVEL = 5.0  # degrees: a smaller tilt is not a fault
+
+
+def gravity_fault(described: Array, gravity: Array) -> Fault | None:
+    """Gravity acts in another direction than described, unless it is nearly the same."""
+    cosine = described @ gravity / np.linalg.norm(described) / np.linalg.norm(gravity)
+    angle = float(np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    if angle < _LEVEL:
+        return None
+    vector = ", ".join(f"{x + 0.0:.2f}" for x in gravity)
+    return Fault(
+        "gravity",
+        (),
+        f"the base is tilted by {angle:.0f} degrees: gravity is ({vector}) in its axes, and not as described",
+        f"use `gravity={vector.replace(' ', '')}`, or write `gravity: [{vector}]` in the robot's file",
+        freedom=_FREEDOM,
     )
 
 

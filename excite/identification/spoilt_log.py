@@ -9,13 +9,13 @@ robot is believed a little, so that a fault that the parameters of one joint cou
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from itertools import product
 
 import numpy as np
 import scipy.optimize
-from numpy.typing import NDArray
 
 from excite.identification.choices.cutoff_and_timing import LONGEST
 from excite.identification.impossible_parameters import inertial_columns, signs_of_bodies
@@ -26,10 +26,13 @@ from excite.identification.log_faults import (
     ODD_GAIN,
     UNTOLD_LOAD,
     Fault,
+    Flags,
     column_faults,
     delay_fault,
     every_joint_moves,
     gain_fault,
+    gains_fault,
+    gravity_fault,
     obvious_faults,
     zero_fault,
 )
@@ -37,6 +40,7 @@ from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
 from excite.logs.event import within
 from regressors.errors import percent
+from regressors.models.base import base_parameters, few_states, random_states
 from regressors.models.load import PayloadModel
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.robot.columns import BODY_KINDS, COULOMB, OFFSET, ROTOR
@@ -45,8 +49,6 @@ from regressors.robot.friction.load_and_temperature import drives_with_friction,
 from regressors.robot.plausibility import implausible_inertias
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
-
-Flags = NDArray[np.bool_]
 
 INSTANTS = 600  # more name no other fault
 _BELIEF = 0.01  # weight of the described torques beside the measured ones: off by 100 % counts as an error of 10 %
@@ -62,6 +64,9 @@ _NOISY, _SMALL = 1.5, 0.01  # an error of one joint of more than so many times t
 _DELAYS = np.array([-0.03, -0.01, 0.01, 0.03, 0.06, 0.1])  # [s]
 _IN_MOTION = 0.1  # of the root mean square speed of each drive
 _OF_LOG = 0.1  # of the shortest log: longer delays are not searched
+_LOG_GAIN, _GAIN_STEP, _SHOWN = (-14.0, 14.0), 1.5, 0.1  # a factor shows where so many times it explains so much less
+_ODD_SCALE = 3.0  # masses of descriptions are off by less
+_OBLIQUE, _ASIDE = np.array([3.0, 4.0, -5.0]), 0.3  # gravity along no axis; first steps of its direction
 _ZEROS = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0])
 _GAINS = np.log([1e-3, 1e-2, 0.05, 0.1, 0.2, 0.35, 0.6, 0.8, 1.25, 1.6, 2.8, 5.0, 10.0, 20.0, 100.0, 1e3])
 
@@ -175,7 +180,7 @@ class FaultSearch:
         fits = [self._fit(fault) for fault in column_faults(names)]
         fits += [fit for j in range(len(names)) if (fit := self._with_gain(j)) is not None]
         fits.append(self._delayed(np.ones(len(names), dtype=int)))
-        return [*fits, *map(self._with_zero, range(len(names)))]
+        return [*fits, *map(self._with_zero, range(len(names))), *self._with_gains(), *self._tilted()]
 
     def late_joints(self, none: Fault) -> list[Fault]:
         """The torques of one joint late, in motion (friction that reverses late looks like them), beside ``none``."""
@@ -210,6 +215,53 @@ class FaultSearch:
 
         best = _best(lambda log_gain: fit(log_gain).size, _GAINS, 0.6, xatol=0.01)
         return None if 1 / ODD_GAIN < np.exp(best) < ODD_GAIN else fit(best)
+
+    def _with_gains(self) -> Iterator[Fault]:
+        """The best gains of all joints, from those with which the described torques are the measured ones."""
+        n, known = self.samples.q.shape[1], self.described is not None
+
+        def size(log_gains: Array) -> float:
+            return self.plain.fit(replace(NO_FAULT, torques=np.diag(np.exp(log_gains)))).size
+
+        dd, dy = self.plain.products[:, -1, -1], np.abs(np.diagonal(self.plain.products[:, -1, -1 - n : -1]))
+        start = np.log(dd / dy) if known and np.all(dd > 0) else np.zeros(n)
+        best = scipy.optimize.minimize(size, start, method="L-BFGS-B", bounds=[_LOG_GAIN] * n, options={"eps": 1e-4})
+        gains = np.exp(best.x if known else best.x - np.median(best.x))
+        steps = np.log(_GAIN_STEP) * np.array([np.eye(n), -np.eye(n)])
+        shown = np.array([[size(best.x + step) for step in one] for one in steps]).min(axis=0) - best.fun > _SHOWN
+        common = bool(shown.any()) and np.ptp(np.log(gains[shown])) < 2 * np.log(ODD_GAIN)
+        if shown.any() and not (common and np.all(np.abs(np.log(gains[shown])) < np.log(_ODD_SCALE))):
+            yield self.plain.fit(gains_fault(self.target.robot.joint_names, gains, shown, known=known))
+
+    def _tilted(self) -> Iterator[Fault]:
+        """The best direction of gravity, of which the rows are affine; all base parameters show where it is oblique."""
+        down, robot = self.target.robot.gravity, self.target.robot
+        length = float(np.linalg.norm(down))
+        if length == 0:
+            return
+        oblique, *models = (self.target.model.on(robot.replace(gravity=g)) for g in (_OBLIQUE, np.zeros(3), *np.eye(3)))
+        base = base_parameters(oblique, states=random_states(robot, few_states(oblique)))
+        target = replace(self.target, base=base)
+        described = None if self.described is None else _described(target)
+        search = replace(self, target=target, described=described, signs=signs_of_bodies(base))
+        still, *along = (replace(search, target=replace(target, model=m)).columns_of(self.samples) for m in models)
+        change, measured = np.array(along) - still, self.torques(np.zeros(robot.n, dtype=int))
+
+        def fit(direction: Array) -> Fault:
+            g = length / float(np.linalg.norm(direction)) * direction
+            W = still + np.tensordot(g, change, 1)
+            return Equations.of(search, self.samples, W, measured).fit(gravity_fault(down, g) or NO_FAULT)
+
+        grid = [np.array(g) / np.linalg.norm(g) for g in product((-1.0, 0.0, 1.0), repeat=3) if any(g)]
+        start = min(grid, key=lambda g: fit(g).size)
+        options = {
+            "initial_simplex": start + _ASIDE * np.vstack([np.zeros(3), np.eye(3)]),
+            "xatol": 2e-3,
+            "fatol": 1e-3,
+        }
+        best = fit(scipy.optimize.minimize(lambda g: fit(g).size, start, method="Nelder-Mead", options=options).x)
+        if best.kind != NO_FAULT.kind:
+            yield best
 
     def _with_zero(self, j: int) -> Fault:
         """The best zero of one joint."""
