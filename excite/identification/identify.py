@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from excite.identification.prediction import instantaneous_target
 from excite.identification.procedure import LogLike, calibrated, check_given, estimate_parameters, read_logs
 from excite.identification.recipe import Recipe
 from excite.identification.result import check_played, played_design, provenance_of
+from excite.identification.spoilt_log import SPOILT
 from excite.identification.streamed_rows import HELD
 from excite.information.target import friction_of_moving
 from excite.logs.log import Log
@@ -33,12 +35,12 @@ from excite.tasks.installation import Installation
 from excite.tasks.robot_of_task import moving_robot, robot_and_task
 from excite.tasks.task import Task
 from regressors.arguments import checked
-from regressors.errors import InputError
+from regressors.errors import ExciteError, InputError
 from regressors.models.model import RegressorModel
 from regressors.numerical import numerical_work
 from regressors.quantities import check
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.robot import Robot
+from regressors.robot.robot import Limits, Robot
 from regressors.robot.symbolic.vectorised import interpreted_note
 from regressors.samples import Samples
 
@@ -153,7 +155,8 @@ def identify(
     if design is not None or not task.model.friction:
         free -= TERM_SETTINGS
     announce("the identification", identification_seconds(read, chosen=bool(free)))
-    with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
+    # on matrices of this size more threads only wait for each other
+    with threadpool_limits(1), _refusals_explained(robot, task, read, recipe, curves):
         chosen = choose_settings(robot, task, read, recipe, free, friction=curves, progress=progress)
         known = {"commanded": commanded, "friction": curves, "progress": progress}
         chosen, result = _estimated(robot, chosen, read, known, may_fall_back="estimator" in free)
@@ -171,6 +174,23 @@ def identify(
         design=None if design is None else played_design(design),
         provenance=provenance_of(spent, mapping, tuple(drop), seed),
     )
+
+
+@contextmanager
+def _refusals_explained(
+    robot: Robot, task: Task, logs: Sequence[Log], recipe: Recipe, friction: FrictionCurves | None
+) -> Iterator[None]:
+    """Add to what refuses logs in the block the fault that explains it, found without the limits of the robot."""
+    try:
+        yield
+    except InputError as error:
+        unlimited = robot.replace(limits=Limits.none(robot.n))
+        try:
+            doubts = estimate_parameters(unlimited, task, logs, recipe, friction=friction).doubts
+        except ExciteError:
+            raise error from None
+        faults = [f"; {doubt.what}; {doubt.cure}" for doubt in doubts if doubt.what.startswith(SPOILT)]
+        raise InputError("".join([str(error), *faults])) from error
 
 
 def _estimated(

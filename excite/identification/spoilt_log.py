@@ -59,7 +59,7 @@ _GAIN_EACH = 0.15  # that it concerns: what a model lacks of friction gains up t
 MARGIN = 0.25  # and on the next fault
 _ONE_JOINT = 1.2  # factor by which the error of one joint at least must fall
 _EXPLAINED = 0.5  # a larger error of the joints explains nothing, as where noise hides the accelerations
-_SPOILT = "the log is spoilt:"
+SPOILT = "the log is spoilt:"
 _NOISY, _SMALL = 1.5, 0.01  # an error of one joint of more than so many times the noise, and of the torque, is searched
 _DELAYS = np.array([-0.03, -0.01, 0.01, 0.03, 0.06, 0.1])  # [s]
 _IN_MOTION = 0.1  # of the root mean square speed of each drive
@@ -86,7 +86,7 @@ def spoilt_log(
     if not every_joint_moves(target):
         return None
     for fault in obvious_faults(target.robot.joint_names, parts):
-        return Doubt(f"{_SPOILT} {fault.what}", "no robot measures such torques", fault.cure, about="torques")
+        return Doubt(f"{SPOILT} {fault.what}", "no robot measures such torques", fault.cure, about="torques")
     search = FaultSearch.of(target, parts, friction)
     none = search.plain.fit(NO_FAULT)
     if not doubtful and not np.any(none.errors > np.maximum(_NOISY * search.noise, _SMALL)):
@@ -111,7 +111,7 @@ def named(none: Fault, fits: list[Fault]) -> Doubt | None:
     if not len(close) < len(alike) <= 2:
         return None
     return Doubt(
-        f"{_SPOILT} {', or '.join(fault.what for fault in alike)}",
+        f"{SPOILT} {', or '.join(fault.what for fault in alike)}",
         f"without this fault the error of the joints is {percent(best.error)} instead of {percent(none.error)}",
         ", or ".join(fault.cure for fault in alike),
         about="torques",
