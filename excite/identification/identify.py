@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -185,12 +185,11 @@ def _refusals_explained(
         yield
     except InputError as error:
         unlimited = robot.replace(limits=Limits.none(robot.n))
-        try:
-            doubts = estimate_parameters(unlimited, task, logs, recipe, friction=friction).doubts
-        except ExciteError:
-            raise error from None
-        faults = [f"; {doubt.what}; {doubt.cure}" for doubt in doubts if doubt.what.startswith(SPOILT)]
-        raise InputError("".join([str(error), *faults])) from error
+        with suppress(ExciteError):  # then the limits are not all that refuses them
+            for doubt in estimate_parameters(unlimited, task, logs, recipe, friction=friction).doubts:
+                if doubt.what.startswith(SPOILT):
+                    error.args = ("; ".join([str(error).split("; ")[0], doubt.what, doubt.cure]),)
+        raise
 
 
 def _estimated(

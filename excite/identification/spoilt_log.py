@@ -9,21 +9,20 @@ robot is believed a little, so that a fault that the parameters of one joint cou
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from itertools import product
 
 import numpy as np
 import scipy.optimize
 
 from excite.identification.choices.cutoff_and_timing import LONGEST
-from excite.identification.impossible_parameters import inertial_columns, signs_of_bodies
+from excite.identification.impossible_parameters import described_coefficients, inertial_columns, signs_of_bodies
 from excite.identification.large_residual import Doubt
 from excite.identification.log_faults import (
     LEAST_ERROR,
     NO_FAULT,
-    ODD_GAIN,
     UNTOLD_LOAD,
     Fault,
     Flags,
@@ -42,11 +41,9 @@ from excite.logs.event import within
 from regressors.errors import percent
 from regressors.models.base import base_parameters, few_states, random_states
 from regressors.models.load import PayloadModel
-from regressors.models.nominal import parameter_values, standard_values
-from regressors.robot.columns import BODY_KINDS, COULOMB, OFFSET, ROTOR
+from regressors.robot.columns import COULOMB, OFFSET, ROTOR
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import drives_with_friction, friction_rows, moving_drive_numbers
-from regressors.robot.plausibility import implausible_inertias
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
 
@@ -64,8 +61,7 @@ _NOISY, _SMALL = 1.5, 0.01  # an error of one joint of more than so many times t
 _DELAYS = np.array([-0.03, -0.01, 0.01, 0.03, 0.06, 0.1])  # [s]
 _IN_MOTION = 0.1  # of the root mean square speed of each drive
 _OF_LOG = 0.1  # of the shortest log: longer delays are not searched
-_LOG_GAIN, _GAIN_STEP, _SHOWN = (-14.0, 14.0), 1.5, 0.1  # a factor shows where so many times it explains so much less
-_ODD_SCALE = 3.0  # masses of descriptions are off by less
+_LOG_GAIN, _OFF, _SHOWN = (-14.0, 14.0), 1.5, 0.1  # a factor shows where so many times it explains so much less
 _OBLIQUE, _ASIDE = np.array([3.0, 4.0, -5.0]), 0.3  # gravity along no axis; first steps of its direction
 _ZEROS = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0])
 _GAINS = np.log([1e-3, 1e-2, 0.05, 0.1, 0.2, 0.35, 0.6, 0.8, 1.25, 1.6, 2.8, 5.0, 10.0, 20.0, 100.0, 1e3])
@@ -151,7 +147,7 @@ class FaultSearch:
             pairs = zip(uniform, chosen, strict=True)
             return np.concatenate([_later(y, rows, late) for y, rows in pairs])
 
-        described = None if implausible_inertias(target.robot) else _described(target)
+        described = described_coefficients(target)
         step = float(np.median(np.diff(parts[0].samples.time)))
         signs = signs_of_bodies(target.base)
         longest = _OF_LOG * min(float(np.ptp(part.samples.time)) for part in parts)
@@ -176,11 +172,12 @@ class FaultSearch:
 
     def fits(self) -> list[Fault]:
         """Fits with each fault undone."""
-        names = self.target.robot.joint_names
-        fits = [self._fit(fault) for fault in column_faults(names)]
-        fits += [fit for j in range(len(names)) if (fit := self._with_gain(j)) is not None]
-        fits.append(self._delayed(np.ones(len(names), dtype=int)))
-        return [*fits, *map(self._with_zero, range(len(names))), *self._with_gains(), *self._tilted()]
+        names, n = self.target.robot.joint_names, self.samples.q.shape[1]
+        fits = [*map(self._fit, column_faults(names)), self._with_gains(), self._tilted()]
+        fits.append(self._delayed(np.ones(n, dtype=int)))
+        fits += [self._at_best(partial(zero_fault, names, j), _ZEROS, 0.14, maxiter=7) for j in range(n)]
+        fits += [self._at_best(partial(gain_fault, names, j), _GAINS, 0.6, xatol=0.01) for j in range(n)]
+        return [fit for fit in fits if fit.kind != NO_FAULT.kind]
 
     def late_joints(self, none: Fault) -> list[Fault]:
         """The torques of one joint late, in motion (friction that reverses late looks like them), beside ``none``."""
@@ -207,69 +204,55 @@ class FaultSearch:
         samples = replace(s, q=s.q @ A.T + b, dq=s.dq @ A.T, ddq=s.ddq @ A.T)
         return Equations.of(self, samples, self.columns_of(samples), self.torques(late)).fit(fault)
 
-    def _with_gain(self, j: int) -> Fault | None:
-        """The best gain of one joint."""
+    def _at_best(self, fault: Callable[[float], Fault], grid: Array, reach: float, **options: float) -> Fault:
+        """Fit with the fault of the best value undone: the best on a grid, refined within reach of it."""
 
-        def fit(log_gain: float) -> Fault:
-            return self.plain.fit(gain_fault(self.target.robot.joint_names, j, float(np.exp(log_gain))))
+        def size(value: float) -> float:
+            return self._fit(fault(value)).size
 
-        best = _best(lambda log_gain: fit(log_gain).size, _GAINS, 0.6, xatol=0.01)
-        return None if 1 / ODD_GAIN < np.exp(best) < ODD_GAIN else fit(best)
+        best = grid[int(np.argmin([size(value) for value in grid.tolist()]))]
+        bounds = (best - reach, best + reach)
+        refined = scipy.optimize.minimize_scalar(size, bounds=bounds, method="bounded", options=options)
+        return self._fit(fault(float(refined.x)))
 
-    def _with_gains(self) -> Iterator[Fault]:
+    def _with_gains(self) -> Fault:
         """The best gains of all joints, from those with which the described torques are the measured ones."""
         n, known = self.samples.q.shape[1], self.described is not None
 
         def size(log_gains: Array) -> float:
             return self.plain.fit(replace(NO_FAULT, torques=np.diag(np.exp(log_gains)))).size
 
-        dd, dy = self.plain.products[:, -1, -1], np.abs(np.diagonal(self.plain.products[:, -1, -1 - n : -1]))
-        start = np.log(dd / dy) if known and np.all(dd > 0) else np.zeros(n)
+        dd, dy = self.plain.products[:, -1, -1], np.diagonal(self.plain.products[:, -1, -1 - n : -1])
+        start = np.log(dd / np.abs(dy)) if np.all(dd * dy != 0) else np.zeros(n)
         best = scipy.optimize.minimize(size, start, method="L-BFGS-B", bounds=[_LOG_GAIN] * n, options={"eps": 1e-4})
         gains = np.exp(best.x if known else best.x - np.median(best.x))
-        steps = np.log(_GAIN_STEP) * np.array([np.eye(n), -np.eye(n)])
-        shown = np.array([[size(best.x + step) for step in one] for one in steps]).min(axis=0) - best.fun > _SHOWN
-        common = bool(shown.any()) and np.ptp(np.log(gains[shown])) < 2 * np.log(ODD_GAIN)
-        if shown.any() and not (common and np.all(np.abs(np.log(gains[shown])) < np.log(_ODD_SCALE))):
-            yield self.plain.fit(gains_fault(self.target.robot.joint_names, gains, shown, known=known))
+        off = np.log(_OFF) * np.eye(n)
+        shown = np.array([min(size(best.x + step), size(best.x - step)) - best.fun > _SHOWN for step in off])
+        return self.plain.fit(gains_fault(self.target.robot.joint_names, gains, shown, known=known))
 
-    def _tilted(self) -> Iterator[Fault]:
-        """The best direction of gravity, of which the rows are affine; all base parameters show where it is oblique."""
+    def _tilted(self) -> Fault:
+        """The best direction of gravity, in which rows are affine; all base parameters show where it is oblique."""
         down, robot = self.target.robot.gravity, self.target.robot
         length = float(np.linalg.norm(down))
         if length == 0:
-            return
+            return NO_FAULT
         oblique, *models = (self.target.model.on(robot.replace(gravity=g)) for g in (_OBLIQUE, np.zeros(3), *np.eye(3)))
         base = base_parameters(oblique, states=random_states(robot, few_states(oblique)))
-        target = replace(self.target, base=base)
-        described = None if self.described is None else _described(target)
-        search = replace(self, target=target, described=described, signs=signs_of_bodies(base))
-        still, *along = (replace(search, target=replace(target, model=m)).columns_of(self.samples) for m in models)
-        change, measured = np.array(along) - still, self.torques(np.zeros(robot.n, dtype=int))
+        still, *along = (replace(self.target, model=model, base=base) for model in models)
+        search = replace(self, target=still, described=described_coefficients(still), signs=signs_of_bodies(base))
+        W0 = search.columns
+        changes = np.array([replace(search, target=target).columns_of(self.samples) - W0 for target in along])
+        measured = self.torques(np.zeros(robot.n, dtype=int))
 
         def fit(direction: Array) -> Fault:
             g = length / float(np.linalg.norm(direction)) * direction
-            W = still + np.tensordot(g, change, 1)
-            return Equations.of(search, self.samples, W, measured).fit(gravity_fault(down, g) or NO_FAULT)
+            rows = Equations.of(search, self.samples, W0 + np.tensordot(g, changes, 1), measured)
+            return rows.fit(gravity_fault(down, g))
 
         grid = [np.array(g) / np.linalg.norm(g) for g in product((-1.0, 0.0, 1.0), repeat=3) if any(g)]
         start = min(grid, key=lambda g: fit(g).size)
-        options = {
-            "initial_simplex": start + _ASIDE * np.vstack([np.zeros(3), np.eye(3)]),
-            "xatol": 2e-3,
-            "fatol": 1e-3,
-        }
-        best = fit(scipy.optimize.minimize(lambda g: fit(g).size, start, method="Nelder-Mead", options=options).x)
-        if best.kind != NO_FAULT.kind:
-            yield best
-
-    def _with_zero(self, j: int) -> Fault:
-        """The best zero of one joint."""
-
-        def fit(zero: float) -> Fault:
-            return self._fit(zero_fault(self.target.robot.joint_names, j, zero))
-
-        return fit(_best(lambda zero: fit(zero).size, _ZEROS, 0.14, maxiter=7))
+        options = {"initial_simplex": start + _ASIDE * np.eye(4, 3), "xatol": 2e-3, "fatol": 1e-3}
+        return fit(scipy.optimize.minimize(lambda g: fit(g).size, start, method="Nelder-Mead", options=options).x)
 
     def _delayed(self, which: Index) -> Fault:
         """The torques of some joints late by the best delay."""
@@ -289,13 +272,6 @@ class FaultSearch:
         return self._fit(delay_fault(names, best * which, self.step))
 
 
-def _best(size: Callable[[float], float], grid: Array, reach: float, **options: float) -> float:
-    """Argument of the least size: the best on a grid, refined within reach of it."""
-    best = grid[int(np.argmin([size(x) for x in grid.tolist()]))]
-    bounds = (best - reach, best + reach)
-    return float(scipy.optimize.minimize_scalar(size, bounds=bounds, method="bounded", options=options).x)
-
-
 def _chosen(part: PreparedLog, robot: Robot, most: int, least_speed: float) -> Index:
     """Rows of some instants that make equations, while all drives move where there are such."""
     rows = ~within(part.samples.time, part.left_out)
@@ -310,13 +286,6 @@ def _on_grid(part: PreparedLog) -> Array:
     """Torques as recorded, at the instants of the motion, shape (N, n)."""
     assert part.log.effort is not None
     return np.column_stack([np.interp(part.samples.time, part.log.time, y) for y in part.log.effort.T])
-
-
-def _described(target: IdentificationTarget) -> Array | None:
-    """Base parameters of the described robot, unknown friction and rotors as zero; None where a body is unknown."""
-    drives = {c.name: 0.0 for c in target.model.standard_columns if c.kind not in BODY_KINDS}
-    values = parameter_values(target.model, target.base, drives | standard_values(target.robot))
-    return values if np.isfinite(values).all() else None
 
 
 def _noise(logs: list[Array]) -> Array:

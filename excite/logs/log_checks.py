@@ -186,10 +186,8 @@ def _torques(case: _Case) -> Findings:
         unit = "Nm" if case.revolute[k] else "N"
         far = bool(largest[k] > _TIMES_LIMIT * limit[k])
         text = f"{case.log.joints[k]}.effort reaches {largest[k]:.4g} {unit}, but its limit is {limit[k]:.4g}"
-        thousandths = _LEAST_USED * limit[k] < largest[k] / 1e3 < limit[k]
-        check = (
-            f"check its unit, gain and ratio{f'; m{unit} would be within (`unit` in a mapping)' if thousandths else ''}"
-        )
+        thousandths = bool(_LEAST_USED * limit[k] < largest[k] / 1e3 < limit[k])
+        check = "check its unit, gain and ratio" + f"; m{unit} would be within (`unit` in a mapping)" * thousandths
         yield far, f"{text}; {check}" if far else text
     for k in np.flatnonzero(np.ptp(case.log.effort, axis=0) > 0):
         tau = case.log.effort[:, k]
