@@ -1,6 +1,6 @@
 """How often the fault of a spoilt log is named right, and how often a sound log is accused.
 
-.venv/bin/python benchmarks/spoilt_logs/study.py [--seeds 2-8] [--sound 2-60] [--robots NAMES] [--kinds NAMES]
+.venv/bin/python benchmarks/spoilt_logs/study.py [--seeds 10-11] [--sound 12-31] [--robots NAMES] [--kinds NAMES]
     [--real FOLDER] [--choose] [--processes 2] [--name simulated]
 """
 
@@ -57,6 +57,7 @@ class Outcome:
     seed: int
     kind: str
     joints: tuple[str, ...]
+    truth: tuple[float, ...]  # factors of the joints, or gravity
     outcome: str  # named, one of two, wrong, not named, refused
     shows: bool
     said: str
@@ -107,12 +108,12 @@ def _relative(true: dict[str, float], names: list[str], how: str) -> np.ndarray:
 
 
 def gravity_right(case: Spoilt, sentences: str) -> bool:
-    """Whether gravity is the true one within 5 degrees."""
+    """Whether gravity is the true one within 15 degrees, about what masses that are off by 15 % leave open."""
     said = re.search(r"gravity is \(([^)]*)\)", sentences)
     if said is None:
         return False
     g, true = np.array([float(x) for x in said[1].split(",")]), np.array(case.truth)
-    return bool(g @ true > np.cos(np.deg2rad(5.0)) * np.linalg.norm(g) * np.linalg.norm(true))
+    return bool(g @ true > np.cos(np.deg2rad(15.0)) * np.linalg.norm(g) * np.linalg.norm(true))
 
 
 def case_of(robot: str, seed: int, log: Log, kind: str, real: bool) -> tuple[Spoilt, dict[str, object]]:
@@ -143,7 +144,7 @@ def run(
         said, e = " | ".join(doubt.text for doubt in result.doubts), errors(result)
         shows = sound is None or bool(np.any(e > SHOWS * sound)) or kind in ("magnitudes", "clipped")
     seconds = time.process_time() - began
-    return Outcome(robot, seed, kind, case.joints, judged(case, said), shows, said, seconds), e
+    return Outcome(robot, seed, kind, case.joints, case.truth, judged(case, said), shows, said, seconds), e
 
 
 def runs(given: tuple[str, int, Log | None, list[str], bool]) -> list[Outcome]:
@@ -187,13 +188,13 @@ LIMITATIONS = (
     "about a vertical axis, one that the parameters of the last body take up, a gain of a joint that friction alone "
     "moves, and what noise hides.",
     "Right are factors within 30 % (one joint's relative to the others, where these agree) and a direction of gravity "
-    "within 5 degrees. Currents have factors of 1/20 to 1/2 a joint; drive units some 100 at the largest torque.",
+    "within 15 degrees. Currents have factors of 1/20 to 1/2 a joint; drive units some 100 at the largest torque.",
     "A robot that refuses its log (exit status 2) and says why counts as named.",
 )
 
 
 def seeds_of(text: str) -> range:
-    """The seeds of ``2-8`` or ``8``, which is 0 to 7."""
+    """The seeds of ``2-7`` or ``8``, which is 0 to 7."""
     first, _, last = text.rpartition("-")
     return range(int(first), int(last) + 1) if first else range(int(last))
 
@@ -202,7 +203,7 @@ def main() -> None:
     """Run all cases and write them."""
     before = record.load()
     parser = argparse.ArgumentParser()
-    parser.add_argument("--seeds", type=seeds_of, default=range(2, 8))
+    parser.add_argument("--seeds", type=seeds_of, default=range(10, 12))
     parser.add_argument("--sound", type=seeds_of, default=range(0), help="seeds of further logs that are not spoilt")
     parser.add_argument("--robots", default=",".join(ROBOTS))
     parser.add_argument("--kinds", default=";".join(KINDS))

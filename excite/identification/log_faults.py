@@ -44,11 +44,6 @@ class Fault:
     errors: Array = field(default_factory=lambda: np.zeros(0))  # (n,) of each equation, over its torque, without it
 
     @property
-    def label(self) -> tuple[str, tuple[str, ...]]:
-        """What tells it from other faults."""
-        return self.kind, self.joints
-
-    @property
     def size(self) -> float:
         """Sum of the logarithms of the errors, which is the likelihood with the noise of each equation unknown."""
         return float(np.sum(np.log(np.maximum(self.errors, LEAST_ERROR)))) + self.freedom
@@ -152,7 +147,7 @@ def gain_fault(names: tuple[str, ...], j: int, log_gain: float) -> Fault:
     return Fault(kind, (names[j],), what, cure, torques)
 
 
-_FREEDOM = 0.15  # of each value that is fitted
+_FREEDOM = 0.1  # of each value that is fitted
 _ODD_SCALE = 3.0  # masses of descriptions are off by less
 _LEVEL = np.deg2rad(5.0)  # a smaller tilt is not a fault
 

@@ -97,7 +97,7 @@ def named(none: Fault, fits: list[Fault]) -> Doubt | None:
     best = ranked[0]
     if best.kind == UNTOLD_LOAD.kind:  # no fault of the log
         return None
-    close = [fit for fit in ranked if fit.size - best.size <= MARGIN and fit.label != best.label]
+    close = [fit for fit in ranked[1:] if fit.size - best.size <= MARGIN]
     alike = [best, *(fit for fit in close if fit.joints == best.joints)]
     alike += [fit for fit in close if fit.kind == best.kind == "torque gain"]  # only a ratio shows
     falls = float(np.max(none.errors / np.maximum(best.errors, LEAST_ERROR)))
@@ -173,7 +173,7 @@ class FaultSearch:
     def fits(self) -> list[Fault]:
         """Fits with each fault undone."""
         names, n = self.target.robot.joint_names, self.samples.q.shape[1]
-        fits = [*map(self._fit, column_faults(names)), self._with_gains(), self._tilted()]
+        fits = [*map(self._fit, column_faults(names)), self._with_gains(), *self._tilted()]
         fits.append(self._delayed(np.ones(n, dtype=int)))
         fits += [self._at_best(partial(zero_fault, names, j), _ZEROS, 0.14, maxiter=7) for j in range(n)]
         fits += [self._at_best(partial(gain_fault, names, j), _GAINS, 0.6, xatol=0.01) for j in range(n)]
@@ -230,12 +230,12 @@ class FaultSearch:
         shown = np.array([min(size(best.x + step), size(best.x - step)) - best.fun > _SHOWN for step in off])
         return self.plain.fit(gains_fault(self.target.robot.joint_names, gains, shown, known=known))
 
-    def _tilted(self) -> Fault:
-        """The best direction of gravity, in which rows are affine; all base parameters show where it is oblique."""
+    def _tilted(self) -> list[Fault]:
+        """The best directions of gravity, in which rows are affine; where it is oblique, all base parameters show."""
         down, robot = self.target.robot.gravity, self.target.robot
         length = float(np.linalg.norm(down))
         if length == 0:
-            return NO_FAULT
+            return []
         oblique, *models = (self.target.model.on(robot.replace(gravity=g)) for g in (_OBLIQUE, np.zeros(3), *np.eye(3)))
         base = base_parameters(oblique, states=random_states(robot, few_states(oblique)))
         still, *along = (replace(self.target, model=model, base=base) for model in models)
@@ -250,9 +250,13 @@ class FaultSearch:
             return rows.fit(gravity_fault(down, g))
 
         grid = [np.array(g) / np.linalg.norm(g) for g in product((-1.0, 0.0, 1.0), repeat=3) if any(g)]
-        start = min(grid, key=lambda g: fit(g).size)
-        options = {"initial_simplex": start + _ASIDE * np.eye(4, 3), "xatol": 2e-3, "fatol": 1e-3}
-        return fit(scipy.optimize.minimize(lambda g: fit(g).size, start, method="Nelder-Mead", options=options).x)
+        found: list[Array] = []
+        for half in (down, -down):
+            start = min((g for g in grid if g @ half > 0), key=lambda g: fit(g).size)
+            options = {"initial_simplex": start + _ASIDE * np.eye(4, 3), "xatol": 2e-3, "fatol": 1e-3}
+            found.append(scipy.optimize.minimize(lambda g: fit(g).size, start, method="Nelder-Mead", options=options).x)
+        best, other = sorted(found, key=lambda g: fit(g).size)
+        return [fit(best), *([fit(other)] if gravity_fault(best, other).kind != NO_FAULT.kind else [])]
 
     def _delayed(self, which: Index) -> Fault:
         """The torques of some joints late by the best delay."""
