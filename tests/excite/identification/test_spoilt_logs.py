@@ -57,7 +57,7 @@ CASES = {
     "currents": (
         torques(lambda y: y * np.array([0.3, 0.05, 0.15])),
         "the torques of q2, q3 are 0.05, 0.15 times what the described robot would need, as currents or drive units",
-        "use `gain: [1, 20, 6.67]` for the torques in the mapping",
+        "use `gain: [1, 20, 6.6",
     ),
     "position sign": (
         positions(lambda q: q * np.array([1, -1, 1])),
