@@ -185,7 +185,7 @@ def _refusals_explained(
         yield
     except InputError as error:
         unlimited = robot.replace(limits=Limits.none(robot.n))
-        with suppress(ExciteError):  # then the limits are not all that refuses them
+        with suppress(ExciteError, ArithmeticError, np.linalg.LinAlgError):  # of what limits alone do not refuse
             for doubt in estimate_parameters(unlimited, task, logs, recipe, friction=friction).doubts:
                 if doubt.what.startswith(SPOILT):
                     error.args = ("; ".join([str(error).split("; ")[0], doubt.what, doubt.cure]),)

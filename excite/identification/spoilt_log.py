@@ -3,8 +3,9 @@
 Every fault of `excite.identification.log_faults` is undone and the model fitted again, by weighted least squares at
 some instants of the log. With ``X_j = [W_j, Y]``, the rows of equation j beside all torque columns, a fault of the
 torques changes only which combination of columns of Y is the right-hand side, so that the fit needs ``X_j' X_j``
-alone; a fault of the positions changes W. Friction, rotors and other parameters of one sign keep it, and the described
-robot is believed a little, so that a fault that the parameters of one joint could take up shows all the same.
+alone; a fault of the positions changes W, and so does gravity, in which W is affine. Friction, rotors and other
+parameters of one sign keep it, and the described robot is believed a little, so that a fault that the parameters of
+one joint could take up shows all the same.
 """
 
 from __future__ import annotations
