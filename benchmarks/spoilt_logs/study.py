@@ -215,13 +215,21 @@ def main() -> None:
     else:
         given = [(r, s, None, kinds, a.choose) for s in a.seeds for r in robots]
         given += [(r, s, None, [], a.choose) for s in a.sound if s not in a.seeds for r in robots]
+    outcomes: list[Outcome] = []
+    done = 0
     with ProcessPoolExecutor(a.processes) as pool:
-        outcomes = [outcome for one in pool.map(runs, given) for outcome in one]
+        try:
+            for one in pool.map(runs, given):
+                outcomes += one
+                done += 1
+        except KeyboardInterrupt:  # what is finished counts
+            pool.shutdown(cancel_futures=True)
     name = "real" if a.real else a.name
     sys.argv = ["FOLDER" if a.real and Path(text) == a.real else text for text in sys.argv]  # no path of this machine
     settings = "With the choice of settings." if a.choose else "Without the choice of settings (`choose=False`)."
     cases = {"cases": [asdict(o) for o in outcomes]}
-    record.save(name, before, cases, text_of(outcomes), (*LIMITATIONS, settings), HERE)
+    stopped = (f"Stopped after {done} of {len(given)} logs.",) if done < len(given) else ()
+    record.save(name, before, cases, text_of(outcomes), (*LIMITATIONS, settings, *stopped), HERE)
 
 
 if __name__ == "__main__":

@@ -101,7 +101,7 @@ def _positions(case: _Case) -> Findings:
     over = np.maximum(lower - low, high - upper)
     far = over > _FAR * np.where(np.isfinite(upper - lower), upper - lower, np.inf)
     within = (low / _DEGREES > lower) & (high / _DEGREES < upper)
-    turn = float(np.maximum(-low, high)[case.revolute].max(initial=0.0)) > 2 * np.pi  # else a zero may be off
+    turn = float(np.maximum(-low, high)[case.revolute].max(initial=0.0)) > 4 * np.pi  # else a zero may be off
     if turn and np.any(far & case.revolute) and np.all(within[case.revolute]):
         worst = int(np.argmax(np.where(case.revolute & far, np.maximum(-low, high), 0.0)))
         looks = f"looks like degrees (limits {lower[worst]:.4g} to {upper[worst]:.4g} rad); {_HINT}"
