@@ -157,6 +157,16 @@ def runs(given: tuple[str, int, Log | None, list[str], bool]) -> list[Outcome]:
     return outcomes
 
 
+def printed(files: list[Path]) -> list[Outcome]:
+    """The outcomes that runs printed before they were stopped."""
+    line = re.compile(r"(\S+) (\d+) (.+?) (not named|one of two|named|wrong|refused) (True|False) ([\d.]+) s (.*)")
+    found = [match for file in files for text in file.read_text().splitlines() if (match := line.fullmatch(text))]
+    return [
+        Outcome(robot, int(seed), kind, (), (), outcome, shows == "True", said, float(seconds))
+        for robot, seed, kind, outcome, shows, seconds, said in (match.groups() for match in found)
+    ]
+
+
 def text_of(outcomes: list[Outcome]) -> str:
     """How many logs of each kind are named right."""
     kinds = ("named", "one of two", "wrong", "not named", "refused")
@@ -208,6 +218,7 @@ def main() -> None:
     parser.add_argument("--choose", action="store_true", help="choose the settings, as by default")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--name", default="simulated", help="of the results")
+    parser.add_argument("--printed", type=Path, nargs="*", default=[], help="what stopped runs printed, to be counted")
     a = parser.parse_args()
     kinds, robots = a.kinds.split(";"), a.robots.split(",")
     if a.real:
@@ -215,21 +226,17 @@ def main() -> None:
     else:
         given = [(r, s, None, kinds, a.choose) for s in a.seeds for r in robots]
         given += [(r, s, None, [], a.choose) for s in a.sound if s not in a.seeds for r in robots]
-    outcomes: list[Outcome] = []
-    done = 0
-    with ProcessPoolExecutor(a.processes) as pool:
-        try:
-            for one in pool.map(runs, given):
-                outcomes += one
-                done += 1
-        except KeyboardInterrupt:  # what is finished counts
-            pool.shutdown(cancel_futures=True)
+    if a.printed:
+        outcomes = printed(a.printed)
+    else:
+        with ProcessPoolExecutor(a.processes) as pool:
+            outcomes = [outcome for one in pool.map(runs, given) for outcome in one]
+    files = [a.real, *a.printed]
+    sys.argv = ["FILE" if Path(text) in files else text for text in sys.argv]  # no path of this machine
     name = "real" if a.real else a.name
-    sys.argv = ["FOLDER" if a.real and Path(text) == a.real else text for text in sys.argv]  # no path of this machine
     settings = "With the choice of settings." if a.choose else "Without the choice of settings (`choose=False`)."
     cases = {"cases": [asdict(o) for o in outcomes]}
-    stopped = (f"Stopped after {done} of {len(given)} logs.",) if done < len(given) else ()
-    record.save(name, before, cases, text_of(outcomes), (*LIMITATIONS, settings, *stopped), HERE)
+    record.save(name, before, cases, text_of(outcomes), (*LIMITATIONS, settings), HERE)
 
 
 if __name__ == "__main__":
