@@ -91,12 +91,13 @@ def judged(case: Spoilt, said: str) -> str:
 def factors_right(case: Spoilt, sentences: str) -> bool:
     """Whether the factors of the joints that are named are the true ones within 40 %.
 
-    One joint's is relative to another joint's, and all are relative to their median where no masses are described.
+    All are relative to their median where no masses are described. Of three joints, one's may be relative to another's;
+    of more joints, to blame a single one is wrong.
     """
     true = dict(zip(case.log.joints, case.truth, strict=True))
     for joints, values, how in re.findall(r"torques of ([\w, ]+) are ([\d.e+, -]+) times what ([\w ]+)", sentences):
         names, said = joints.split(", "), [float(x) for x in values.split(", ")]
-        others = [factor for name, factor in true.items() if name not in names]
+        others = [factor for name, factor in true.items() if name not in names and len(true) == 3]
         references = [1.0] if "described" in how else [np.median(case.truth)] if "together" in how else others
         ratios = [[true[name] / reference / x for name, x in zip(names, said, strict=True)] for reference in references]
         if any(np.abs(np.log(ratio)).max() < np.log(1.4) for ratio in ratios):
@@ -194,7 +195,7 @@ LIMITATIONS = (
     "is 1.2 times that of the sound log, or the torques or a limit show it by themselves. What does not show is a zero "
     "about a vertical axis, one that the parameters of the last body take up, a gain of a joint that friction alone "
     "moves, and what noise hides.",
-    "Right are factors within 40 % (one joint's relative to another's) and a direction of gravity "
+    "Right are factors within 40 % (of three joints, one's relative to another's) and a direction of gravity "
     "within 15 degrees. Currents have factors of 1/20 to 1/2 a joint; drive units some 100 at the largest torque.",
     "A robot that refuses its log (exit status 2) and says why counts as named.",
 )

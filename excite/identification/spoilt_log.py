@@ -103,9 +103,8 @@ def named(none: Fault, fits: list[Fault]) -> Doubt | None:
     alike += [fit for fit in close if fit.kind == best.kind == "torque gain"]  # only a ratio shows
     falls = float(np.max(none.errors / np.maximum(best.errors, LEAST_ERROR)))
     needed = max(GAIN, _GAIN_EACH * len(best.joints))
-    if not (none.size - best.size > needed and falls > _ONE_JOINT and best.error < _EXPLAINED):
-        return None
-    if not len(close) < len(alike) <= 2:
+    clear = none.size - best.size > needed and falls > _ONE_JOINT and best.error < _EXPLAINED
+    if not (clear and len(close) < len(alike) <= 2):
         return None
     return Doubt(
         f"{SPOILT} {', or '.join(fault.what for fault in alike)}",
@@ -225,10 +224,12 @@ class FaultSearch:
 
         dd, dy = self.plain.products[:, -1, -1], np.diagonal(self.plain.products[:, -1, -1 - n : -1])
         start = np.log(dd / np.abs(dy)) if np.all(dd * dy != 0) else np.zeros(n)
+        for unit in np.eye(n):  # where friction hides the described torque, the start may be far off
+            start = min((start + step * unit for step in (0.0, *_GAINS)), key=size)
         best = scipy.optimize.minimize(size, start, method="L-BFGS-B", bounds=[_LOG_GAIN] * n, options={"eps": 1e-4})
         gains = np.exp(best.x if known else best.x - np.median(best.x))
-        off = np.log(_OFF) * np.eye(n)
-        shown = np.array([min(size(best.x + step), size(best.x - step)) - best.fun > _SHOWN for step in off])
+        off = (min(size(best.x + step), size(best.x - step)) for step in np.log(_OFF) * np.eye(n))
+        shown = np.array([least - best.fun > _SHOWN for least in off])
         return self.plain.fit(gains_fault(self.target.robot.joint_names, gains, shown, known=known))
 
     def _tilted(self) -> list[Fault]:
