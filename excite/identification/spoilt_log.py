@@ -96,15 +96,14 @@ def named(none: Fault, fits: list[Fault]) -> Doubt | None:
     """Doubt of the best fault, or of the best two if they concern the same joint and explain the same."""
     ranked = sorted(fits, key=lambda fit: fit.size)
     best = ranked[0]
-    if best.kind == UNTOLD_LOAD.kind:  # no fault of the log
-        return None
     close = [fit for fit in ranked[1:] if fit.size - best.size <= MARGIN]
     alike = [best, *(fit for fit in close if fit.joints == best.joints)]
-    alike += [fit for fit in close if fit.kind == best.kind == "torque gain"]  # only a ratio shows
+    ratios = [fit for fit in close if fit.kind == best.kind == "torque gain"]  # only a ratio shows, in every joint
+    alike += [fit for fit in ratios if np.all(fit.errors < _ONE_JOINT * np.maximum(best.errors, LEAST_ERROR))]
     falls = float(np.max(none.errors / np.maximum(best.errors, LEAST_ERROR)))
     needed = max(GAIN, _GAIN_EACH * len(best.joints))
     clear = none.size - best.size > needed and falls > _ONE_JOINT and best.error < _EXPLAINED
-    if not (clear and len(close) < len(alike) <= 2):
+    if not (clear and len(close) < len(alike) <= 2) or best.kind == UNTOLD_LOAD.kind:  # which is no fault of the log
         return None
     return Doubt(
         f"{SPOILT} {', or '.join(fault.what for fault in alike)}",
