@@ -12,6 +12,8 @@ from excite.design.initial_guesses import random_motion
 from excite.logs.log import Log
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion
+from excite.tasks.installation import Installation
+from excite.tasks.payload import installed
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.readers.library import load_robot
@@ -26,6 +28,7 @@ KINDS = (
     "torques swapped", "torques shifted", "torque sign", "positions swapped", "position sign",
     "torque gain, 0.6 or 1.6",
     "torque gain, 1000", "magnitudes", "late", "channel late", "zero, 90 degrees", "zero, 5 degrees", "clipped",
+    "currents", "drive units", "gravity, tilted", "gravity, wall or ceiling",
 )  # fmt: skip
 
 
@@ -36,6 +39,7 @@ class Spoilt:
     log: Log
     kind: str
     joints: tuple[str, ...]
+    truth: tuple[float, ...] = ()  # factors on the torques; gravity in the axes of the base [m/s^2]
 
 
 def true_robot(name: str, seed: int) -> Robot:
@@ -64,10 +68,18 @@ def _body(rng: np.random.Generator) -> np.ndarray:
     return np.array([m, *(m * c), *inertia[np.triu_indices(3)]])
 
 
+def mount(kind: str, rng: np.random.Generator) -> tuple[float, float, float]:
+    """Roll, pitch and yaw of a base that is mounted otherwise than described."""
+    if kind == "gravity, tilted":
+        tilt, towards = np.deg2rad(rng.uniform(15.0, 60.0)), rng.uniform(0.0, 2 * np.pi)
+        return float(tilt * np.cos(towards)), float(tilt * np.sin(towards)), 0.0
+    return [(0.0, np.pi / 2, 0.0), (-np.pi / 2, 0.0, 0.0), (np.pi, 0.0, 0.0)][int(rng.integers(3))]
+
+
 @cache
-def clean_log(name: str, seed: int) -> Log:
+def clean_log(name: str, seed: int, mounted: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Log:
     """A random Fourier motion of 10 s within the limits, at 200 Hz, with noise of 2 % of each torque."""
-    robot, task = true_robot(name, seed), Task(name, harmonics=5, period=10.0)
+    robot, task = installed(true_robot(name, seed), Installation(mount=mounted)), Task(name, harmonics=5, period=10.0)
     problem = formulate(load_robot(name), task).problem
     x = random_motion(problem, np.random.default_rng(seed))
     settings = SimulationSettings(rate=200.0, seed=seed, position_step=(1e-5,))
@@ -96,7 +108,7 @@ def spoilt(log: Log, kind: str, rng: np.random.Generator, joint: int | None = No
     swap = list(range(n))
     swap[a], swap[b] = b, a
     pair = (log.joints[min(a, b)], log.joints[max(a, b)])
-    step = log.duration / (log.count - 1)
+    step, factors = log.duration / (log.count - 1), np.ones(n)
     match kind:
         case "torques swapped":
             y, names = _columns(y, swap), pair
@@ -129,7 +141,14 @@ def spoilt(log: Log, kind: str, rng: np.random.Generator, joint: int | None = No
         case "clipped":
             level = 0.6 * np.abs(y[:, a]).max()
             y[:, a] = np.clip(y[:, a], -level, level)
+        case "currents":
+            factors = np.exp(rng.uniform(np.log(0.05), np.log(0.5), n))
+            y, names = y * factors, log.joints
+        case "drive units":  # about 100 at the largest torque
+            factors = 100.0 / np.abs(y).max(axis=0) * np.exp(rng.uniform(-0.5, 0.5, n))
+            y, names = y * factors, log.joints
         case "clean":
             names = ()
     label = f"{log.source} {kind} {a}"
-    return Spoilt(replace(log, q=q, dq=dq, effort=y, source=label, sha256=label), kind.split(",")[0], names)
+    log = replace(log, q=q, dq=dq, effort=y, source=label, sha256=label)
+    return Spoilt(log, kind.split(",")[0], names, tuple(factors.tolist()))

@@ -13,7 +13,6 @@ from excite.identification.impossible_parameters import (
     POSES,
     allowed_poses,
     described_coefficients,
-    heavier_than_described,
     impossible_parameters,
     inertial_columns,
     mass_matrix_check,
@@ -37,7 +36,6 @@ from excite.information.target import IdentificationTarget
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from regressors.errors import percent
 from regressors.robot.friction.load_and_temperature import drives_with_friction
-from regressors.robot.plausibility import implausible_inertias
 from regressors.samples import Array, Samples
 
 if TYPE_CHECKING:
@@ -59,7 +57,6 @@ def doubts_of(result: Identification) -> tuple[Doubt, ...]:
         if target.base.names == result.names:
             poses = allowed_poses(target.robot, _motions(result).q)
             checks.append(mass_matrix_check(target, result.estimate, poses, _tried(result), noisy))
-            checks.append(_gravity(result, target, poses))
         checks.append(
             impossible_parameters(result.estimate, result.target.base, _shares(result), noisy, _tried(result))
         )
@@ -84,7 +81,7 @@ def warnings_of(result: Identification) -> tuple[Doubt, ...]:
 
 def _untold_load(result: Identification, target: IdentificationTarget) -> Doubt | None:
     """Warning where the bodies depart from the described ones as with a load at the last link."""
-    known = _believed_bodies(target)
+    known = described_coefficients(target)
     if known is None or not every_joint_moves(target):
         return None
     motion = _motions(result)
@@ -168,25 +165,6 @@ def _shares(result: Identification) -> Array:
 
 def _residual_size(result: Identification) -> float:
     return relative_error(result.observations.y, result.estimate.predicted(result.observations))
-
-
-def _gravity(result: Identification, target: IdentificationTarget, poses: Array) -> Doubt | None:
-    """Torques of gravity in some poses, against those of the description where that is to be believed."""
-    known = _believed_bodies(target)
-    if known is None:
-        return None
-    still = np.zeros_like(poses)
-    states = Samples(np.arange(len(poses), dtype=float), poses, still, still, still)
-    inertial = inertial_columns(target.base)
-    Y = target.model.instants(states)[:, target.base.index][:, inertial]
-    return heavier_than_described(Y @ result.coefficients[inertial], Y @ known[inertial])
-
-
-def _believed_bodies(target: IdentificationTarget) -> Array | None:
-    """Base parameters of the described bodies, shape (b,); None where one is unknown or hardly right."""
-    if target.model.torque_equations() is None or implausible_inertias(target.robot):
-        return None
-    return described_coefficients(target)
 
 
 def _residual(

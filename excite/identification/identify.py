@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from excite.identification.prediction import instantaneous_target
 from excite.identification.procedure import LogLike, calibrated, check_given, estimate_parameters, read_logs
 from excite.identification.recipe import Recipe
 from excite.identification.result import check_played, played_design, provenance_of
+from excite.identification.spoilt_log import SPOILT
 from excite.identification.streamed_rows import HELD
 from excite.information.target import friction_of_moving
 from excite.logs.log import Log
@@ -34,12 +36,12 @@ from excite.tasks.installation import Installation
 from excite.tasks.robot_of_task import moving_robot, robot_and_task
 from excite.tasks.task import Task
 from regressors.arguments import checked
-from regressors.errors import InputError
+from regressors.errors import ExciteError, InputError
 from regressors.models.model import RegressorModel
 from regressors.numerical import numerical_work
 from regressors.quantities import check
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.robot import Robot
+from regressors.robot.robot import Limits, Robot
 from regressors.robot.symbolic.vectorised import interpreted_note
 from regressors.samples import Samples
 
@@ -154,7 +156,8 @@ def identify(
     if design is not None or not task.model.friction:
         free -= TERM_SETTINGS
     announce("the identification", identification_seconds(read, chosen=bool(free)))
-    with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
+    # on matrices of this size more threads only wait for each other
+    with threadpool_limits(1), _refusals_explained(robot, task, read, recipe, curves):
         target = instantaneous_target(robot, task, recipe)
         read = [with_external_forces(robot, target, log, recipe) for log in read]
         chosen = choose_settings(robot, task, read, recipe, free, friction=curves, progress=progress)
@@ -174,6 +177,22 @@ def identify(
         design=None if design is None else played_design(design),
         provenance=provenance_of(spent, mapping, tuple(drop), seed),
     )
+
+
+@contextmanager
+def _refusals_explained(
+    robot: Robot, task: Task, logs: Sequence[Log], recipe: Recipe, friction: FrictionCurves | None
+) -> Iterator[None]:
+    """Add to what refuses logs in the block the fault that explains it, found without the limits of the robot."""
+    try:
+        yield
+    except InputError as error:
+        unlimited = robot.replace(limits=Limits.none(robot.n))
+        with suppress(ExciteError, ArithmeticError, np.linalg.LinAlgError):  # of what limits alone do not refuse
+            for doubt in estimate_parameters(unlimited, task, logs, recipe, friction=friction).doubts:
+                if doubt.what.startswith(SPOILT):
+                    error.args = ("; ".join([str(error).split("; ")[0], doubt.what, doubt.cure]),)
+        raise
 
 
 def _estimated(

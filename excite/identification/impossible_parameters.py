@@ -16,6 +16,7 @@ from regressors.models.base import Base
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.robot.columns import BODY_KINDS, COULOMB, ROTOR, VISCOUS
 from regressors.robot.inertia import pseudo_inertia
+from regressors.robot.plausibility import implausible_inertias
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -93,22 +94,13 @@ def _cause(kinds: set[str]) -> str:
     return "the model lacks something that the torques have, or signs or units are wrong"
 
 
-def heavier_than_described(identified: Array, described: Array, most: float = 100.0) -> Doubt | None:
-    """Doubt where the torques of gravity are those of masses over 100 times the described ones."""
-    # identified, described (N, r)
-    size = float(np.linalg.norm(described))
-    ratio = float(np.linalg.norm(identified)) / size if size > 0 else 0.0
-    if not ratio > most:
-        return None
-    return Doubt(
-        f"the bodies are {ratio:.3g} times as heavy as the robot's description states",
-        "torques in another unit, or those of a motor taken for those of its joint, look like that",
-        "check the unit, gain and ratio of the torques in the mapping",
-    )
-
-
 def described_coefficients(target: IdentificationTarget) -> Array | None:
-    """Base parameters of the described bodies, unknown friction and rotors as zero; None where a body is unknown."""
+    """Base parameters of the described bodies, unknown friction and rotors as zero.
+
+    None where a body is unknown or hardly right, or the equations are no joint torques.
+    """
+    if target.model.torque_equations() is None or implausible_inertias(target.robot):
+        return None
     known, (definition, names) = standard_values(target.robot), target.model.definition()
     if any(column.name not in known for column in target.model.standard_columns if column.kind in BODY_KINDS):
         return None

@@ -13,6 +13,7 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
@@ -20,6 +21,8 @@ from excite.logs.event import within
 from regressors.errors import percent
 from regressors.models.load import PayloadModel
 from regressors.samples import Array, Index, Samples
+
+Flags = NDArray[np.bool_]
 
 LEAST_ERROR = 2e-3  # of the torques: a smaller one is no further evidence
 ODD_GAIN = 1.25  # a gain nearer to one is not a fault
@@ -34,20 +37,16 @@ class Fault:
     what: str  # the sentence
     cure: str
     torques: Array | None = None  # (n, n): right-hand sides ``torques @ y``
+    freedom: float = 0.0  # what fitting several values gains by itself, in the logarithm of the errors
     late: Index | None = None  # (n,) steps
     longest: float = 0.0  # of them [s]
     positions: tuple[Array, Array] | None = None  # ``A (n, n), b (n,)``: true positions ``A q + b``
     errors: Array = field(default_factory=lambda: np.zeros(0))  # (n,) of each equation, over its torque, without it
 
     @property
-    def label(self) -> tuple[str, tuple[str, ...]]:
-        """What tells it from other faults."""
-        return self.kind, self.joints
-
-    @property
     def size(self) -> float:
         """Sum of the logarithms of the errors, which is the likelihood with the noise of each equation unknown."""
-        return float(np.sum(np.log(np.maximum(self.errors, LEAST_ERROR))))
+        return float(np.sum(np.log(np.maximum(self.errors, LEAST_ERROR)))) + self.freedom
 
     @property
     def error(self) -> float:
@@ -86,13 +85,9 @@ def _clipped(names: tuple[str, ...], y: Array) -> Iterator[Fault]:
             at = np.flatnonzero(column == level)
             longest = max((run.size for run in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)), default=0)
             if longest >= _CLIPPED and at.size > 0.01 * column.size and np.unique(column).size > 0.2 * column.size:
-                yield Fault(
-                    "clipped",
-                    (name,),
-                    f"the torques of {name} are cut off at {level:.4g} in {at.size} rows, {longest} of them in "
-                    "succession",
-                    "record them over their whole range, or leave these rows out (`rows`)",
-                )
+                rows = f"{at.size} rows, {longest} of them in succession"
+                cure = "record them over their whole range, or leave these rows out (`rows`)"
+                yield Fault("clipped", (name,), f"the torques of {name} are cut off at {level:.4g} in {rows}", cure)
                 break
 
 
@@ -137,23 +132,53 @@ def _undone(what: str, A: Array) -> dict[str, Any]:
 _UNITS = {1e3: ("kNm", "Nm"), 1e-3: ("mNm", "Nm")}  # of factors: what was recorded, and taken for
 
 
-def gain_fault(names: tuple[str, ...], j: int, gain: float) -> Fault:
-    """True torques of a joint are ``gain`` times those in the log."""
-    n = len(names)
-    torques = np.diag(np.where(np.arange(n) == j, gain, 1.0))
+def gain_fault(names: tuple[str, ...], j: int, log_gain: float) -> Fault:
+    """True torques of a joint are some times those in the log, unless that is nearly once."""
+    n, gain = len(names), float(np.exp(log_gain))
+    what = f"the torques of {names[j]} are {1 / gain:.2g} times what the other joints say of it"
+    line = f"use `{_each('gain', n, j, f'{gain:.3g}')}` for the torques in the mapping"
+    cure = f"check its torque constant and ratio, or {line}, or that factor of the gain that is there"
     for factor, (unit, taken) in _UNITS.items():
         if abs(np.log(gain / factor)) < np.log(ODD_GAIN):
             what = f"the torques of {names[j]} are in {unit}, not in {taken}"
             cure = f"use `{_each('unit', n, j, unit, taken)}` for the torques in the mapping"
-            return Fault("torque gain", (names[j],), what, cure, torques)
+    torques = np.diag(np.where(np.arange(n) == j, gain, 1.0))
+    kind = "torque gain" if abs(log_gain) > np.log(ODD_GAIN) else NO_FAULT.kind
+    return Fault(kind, (names[j],), what, cure, torques)
+
+
+_FREEDOM = 0.1  # of each value that is fitted
+_ODD_SCALE = 3.0  # masses of descriptions are off by less
+_LEVEL = np.deg2rad(5.0)  # a smaller tilt is not a fault
+
+
+def gains_fault(names: tuple[str, ...], gains: Array, shown: Flags, *, known: bool) -> Fault:
+    """True torques of every joint are a factor of its own times those in the log, as far as it shows them."""
+    size = np.where(shown, np.abs(np.log(gains)), 0.0)
+    odd = np.flatnonzero(size > np.log(ODD_GAIN))
+    if odd.size < 2 or (np.ptp(np.log(gains[shown])) < 2 * np.log(ODD_GAIN) and size.max() < np.log(_ODD_SCALE)):
+        return NO_FAULT
+    joints, values = (", ".join(x) for x in (np.array(names)[odd], [f"{1 / g:.2g}" for g in gains[odd]]))
+    whose, scale = ("the described robot", "as right as its masses") if known else ("all together", "up to one factor")
+    hidden = "".join(f"; that of {name} does not show" for name in np.array(names)[~shown])
     return Fault(
-        "torque gain",
-        (names[j],),
-        f"the torques of {names[j]} are {1 / gain:.2g} times what the other joints say of it",
-        f"check its torque constant and ratio, or use `{_each('gain', n, j, f'{gain:.3g}')}` for the torques in "
-        "the mapping, or that factor of the gain that is there",
-        torques,
+        "gains",
+        tuple(np.array(names)[odd].tolist()),
+        f"the torques of {joints} are {values} times what {whose} would need, as currents or drive units are",
+        f"use `gain: [{', '.join(f'{g:.3g}' for g in np.where(shown, gains, 1.0))}]` for the torques in the mapping, "
+        f"{scale}, or the torque constants of the motors{hidden}",
+        np.diag(gains),
+        freedom=_FREEDOM * (len(names) - 1),
     )
+
+
+def gravity_fault(described: Array, gravity: Array) -> Fault:
+    """Gravity acts in another direction than described, unless it is nearly the same."""
+    angle = np.arccos(np.clip(described @ gravity / np.linalg.norm(described) / np.linalg.norm(gravity), -1.0, 1.0))
+    x = ",".join(f"{x:.2f}" for x in gravity)
+    what = f"the base is tilted by {np.rad2deg(angle):.0f} degrees: gravity is ({x}) in its axes, and not as described"
+    cure = f"use `gravity={x}`, or `gravity: [{x}]` in the robot's file"
+    return Fault("gravity" if angle > _LEVEL else NO_FAULT.kind, (), what, cure, freedom=_FREEDOM)
 
 
 def delay_fault(names: tuple[str, ...], late: Index, step: float) -> Fault:

@@ -3,33 +3,36 @@
 Every fault of `excite.identification.log_faults` is undone and the model fitted again, by weighted least squares at
 some instants of the log. With ``X_j = [W_j, Y]``, the rows of equation j beside all torque columns, a fault of the
 torques changes only which combination of columns of Y is the right-hand side, so that the fit needs ``X_j' X_j``
-alone; a fault of the positions changes W. Friction, rotors and other parameters of one sign keep it, and the described
-robot is believed a little, so that a fault that the parameters of one joint could take up shows all the same.
+alone; a fault of the positions changes W, and so does gravity, in which W is affine. Friction, rotors and other
+parameters of one sign keep it, and the described robot is believed a little, so that a fault that the parameters of
+one joint could take up shows all the same.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
+from itertools import product
 
 import numpy as np
 import scipy.optimize
-from numpy.typing import NDArray
 
 from excite.identification.choices.cutoff_and_timing import LONGEST
-from excite.identification.impossible_parameters import inertial_columns, signs_of_bodies
+from excite.identification.impossible_parameters import described_coefficients, inertial_columns, signs_of_bodies
 from excite.identification.large_residual import Doubt
 from excite.identification.log_faults import (
     LEAST_ERROR,
     NO_FAULT,
-    ODD_GAIN,
     UNTOLD_LOAD,
     Fault,
+    Flags,
     column_faults,
     delay_fault,
     every_joint_moves,
     gain_fault,
+    gains_fault,
+    gravity_fault,
     obvious_faults,
     zero_fault,
 )
@@ -37,16 +40,13 @@ from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
 from excite.logs.event import within
 from regressors.errors import percent
+from regressors.models.base import base_parameters, few_states, random_states
 from regressors.models.load import PayloadModel
-from regressors.models.nominal import parameter_values, standard_values
-from regressors.robot.columns import BODY_KINDS, COULOMB, OFFSET, ROTOR
+from regressors.robot.columns import COULOMB, OFFSET, ROTOR
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import drives_with_friction, friction_rows, moving_drive_numbers
-from regressors.robot.plausibility import implausible_inertias
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
-
-Flags = NDArray[np.bool_]
 
 INSTANTS = 600  # more name no other fault
 _BELIEF = 0.01  # weight of the described torques beside the measured ones: off by 100 % counts as an error of 10 %
@@ -57,11 +57,13 @@ _GAIN_EACH = 0.15  # that it concerns: what a model lacks of friction gains up t
 MARGIN = 0.25  # and on the next fault
 _ONE_JOINT = 1.2  # factor by which the error of one joint at least must fall
 _EXPLAINED = 0.5  # a larger error of the joints explains nothing, as where noise hides the accelerations
-_SPOILT = "the log is spoilt:"
+SPOILT = "the log is spoilt:"
 _NOISY, _SMALL = 1.5, 0.01  # an error of one joint of more than so many times the noise, and of the torque, is searched
 _DELAYS = np.array([-0.03, -0.01, 0.01, 0.03, 0.06, 0.1])  # [s]
 _IN_MOTION = 0.1  # of the root mean square speed of each drive
 _OF_LOG = 0.1  # of the shortest log: longer delays are not searched
+_LOG_GAIN, _OFF, _SHOWN = (-14.0, 14.0), 1.5, 0.1  # a factor shows where so many times it explains so much less
+_OBLIQUE, _ASIDE = np.array([3.0, 4.0, -5.0]), 0.3  # gravity along no axis; first steps of its direction
 _ZEROS = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0])
 _GAINS = np.log([1e-3, 1e-2, 0.05, 0.1, 0.2, 0.35, 0.6, 0.8, 1.25, 1.6, 2.8, 5.0, 10.0, 20.0, 100.0, 1e3])
 
@@ -81,7 +83,7 @@ def spoilt_log(
     if not every_joint_moves(target):
         return None
     for fault in obvious_faults(target.robot.joint_names, parts):
-        return Doubt(f"{_SPOILT} {fault.what}", "no robot measures such torques", fault.cure, about="torques")
+        return Doubt(f"{SPOILT} {fault.what}", "no robot measures such torques", fault.cure, about="torques")
     search = FaultSearch.of(target, parts, friction)
     none = search.plain.fit(NO_FAULT)
     if not doubtful and not np.any(none.errors > np.maximum(_NOISY * search.noise, _SMALL)):
@@ -94,19 +96,17 @@ def named(none: Fault, fits: list[Fault]) -> Doubt | None:
     """Doubt of the best fault, or of the best two if they concern the same joint and explain the same."""
     ranked = sorted(fits, key=lambda fit: fit.size)
     best = ranked[0]
-    if best.kind == UNTOLD_LOAD.kind:  # no fault of the log
-        return None
-    close = [fit for fit in ranked if fit.size - best.size <= MARGIN and fit.label != best.label]
+    close = [fit for fit in ranked[1:] if fit.size - best.size <= MARGIN]
     alike = [best, *(fit for fit in close if fit.joints == best.joints)]
-    alike += [fit for fit in close if fit.kind == best.kind == "torque gain"]  # only a ratio shows
+    ratios = [fit for fit in close if fit.kind == best.kind == "torque gain"]  # only a ratio shows, in every joint
+    alike += [fit for fit in ratios if np.all(fit.errors < _ONE_JOINT * np.maximum(best.errors, LEAST_ERROR))]
     falls = float(np.max(none.errors / np.maximum(best.errors, LEAST_ERROR)))
     needed = max(GAIN, _GAIN_EACH * len(best.joints))
-    if not (none.size - best.size > needed and falls > _ONE_JOINT and best.error < _EXPLAINED):
-        return None
-    if not len(close) < len(alike) <= 2:
+    clear = none.size - best.size > needed and falls > _ONE_JOINT and best.error < _EXPLAINED
+    if not (clear and len(close) < len(alike) <= 2) or best.kind == UNTOLD_LOAD.kind:  # which is no fault of the log
         return None
     return Doubt(
-        f"{_SPOILT} {', or '.join(fault.what for fault in alike)}",
+        f"{SPOILT} {', or '.join(fault.what for fault in alike)}",
         f"without this fault the error of the joints is {percent(best.error)} instead of {percent(none.error)}",
         ", or ".join(fault.cure for fault in alike),
         about="torques",
@@ -146,7 +146,7 @@ class FaultSearch:
             pairs = zip(uniform, chosen, strict=True)
             return np.concatenate([_later(y, rows, late) for y, rows in pairs])
 
-        described = None if implausible_inertias(target.robot) else _described(target)
+        described = described_coefficients(target)
         step = float(np.median(np.diff(parts[0].samples.time)))
         signs = signs_of_bodies(target.base)
         longest = _OF_LOG * min(float(np.ptp(part.samples.time)) for part in parts)
@@ -171,11 +171,12 @@ class FaultSearch:
 
     def fits(self) -> list[Fault]:
         """Fits with each fault undone."""
-        names = self.target.robot.joint_names
-        fits = [self._fit(fault) for fault in column_faults(names)]
-        fits += [fit for j in range(len(names)) if (fit := self._with_gain(j)) is not None]
-        fits.append(self._delayed(np.ones(len(names), dtype=int)))
-        return [*fits, *map(self._with_zero, range(len(names)))]
+        names, n = self.target.robot.joint_names, self.samples.q.shape[1]
+        fits = [*map(self._fit, column_faults(names)), self._with_gains(), *self._tilted()]
+        fits.append(self._delayed(np.ones(n, dtype=int)))
+        fits += [self._at_best(partial(zero_fault, names, j), _ZEROS, 0.14, maxiter=7) for j in range(n)]
+        fits += [self._at_best(partial(gain_fault, names, j), _GAINS, 0.6, xatol=0.01) for j in range(n)]
+        return [fit for fit in fits if fit.kind != NO_FAULT.kind]
 
     def late_joints(self, none: Fault) -> list[Fault]:
         """The torques of one joint late, in motion (friction that reverses late looks like them), beside ``none``."""
@@ -202,22 +203,61 @@ class FaultSearch:
         samples = replace(s, q=s.q @ A.T + b, dq=s.dq @ A.T, ddq=s.ddq @ A.T)
         return Equations.of(self, samples, self.columns_of(samples), self.torques(late)).fit(fault)
 
-    def _with_gain(self, j: int) -> Fault | None:
-        """The best gain of one joint."""
+    def _at_best(self, fault: Callable[[float], Fault], grid: Array, reach: float, **options: float) -> Fault:
+        """Fit with the fault of the best value undone: the best on a grid, refined within reach of it."""
 
-        def fit(log_gain: float) -> Fault:
-            return self.plain.fit(gain_fault(self.target.robot.joint_names, j, float(np.exp(log_gain))))
+        def size(value: float) -> float:
+            return self._fit(fault(value)).size
 
-        best = _best(lambda log_gain: fit(log_gain).size, _GAINS, 0.6, xatol=0.01)
-        return None if 1 / ODD_GAIN < np.exp(best) < ODD_GAIN else fit(best)
+        best = grid[int(np.argmin([size(value) for value in grid.tolist()]))]
+        bounds = (best - reach, best + reach)
+        refined = scipy.optimize.minimize_scalar(size, bounds=bounds, method="bounded", options=options)
+        return self._fit(fault(float(refined.x)))
 
-    def _with_zero(self, j: int) -> Fault:
-        """The best zero of one joint."""
+    def _with_gains(self) -> Fault:
+        """The best gains of all joints, from those with which the described torques are the measured ones."""
+        n, known = self.samples.q.shape[1], self.described is not None
 
-        def fit(zero: float) -> Fault:
-            return self._fit(zero_fault(self.target.robot.joint_names, j, zero))
+        def size(log_gains: Array) -> float:
+            return self.plain.fit(replace(NO_FAULT, torques=np.diag(np.exp(log_gains)))).size
 
-        return fit(_best(lambda zero: fit(zero).size, _ZEROS, 0.14, maxiter=7))
+        dd, dy = self.plain.products[:, -1, -1], np.diagonal(self.plain.products[:, -1, -1 - n : -1])
+        start = np.log(dd / np.abs(dy)) if np.all(dd * dy != 0) else np.zeros(n)
+        for unit in np.eye(n):  # where friction hides the described torque, the start may be far off
+            start = min((start + step * unit for step in (0.0, *_GAINS)), key=size)
+        best = scipy.optimize.minimize(size, start, method="L-BFGS-B", bounds=[_LOG_GAIN] * n, options={"eps": 1e-4})
+        gains = np.exp(best.x if known else best.x - np.median(best.x))
+        off = (min(size(best.x + step), size(best.x - step)) for step in np.log(_OFF) * np.eye(n))
+        shown = np.array([least - best.fun > _SHOWN for least in off])
+        return self.plain.fit(gains_fault(self.target.robot.joint_names, gains, shown, known=known))
+
+    def _tilted(self) -> list[Fault]:
+        """The best directions of gravity, in which rows are affine; where it is oblique, all base parameters show."""
+        down, robot = self.target.robot.gravity, self.target.robot
+        length = float(np.linalg.norm(down))
+        if length == 0:
+            return []
+        oblique, *models = (self.target.model.on(robot.replace(gravity=g)) for g in (_OBLIQUE, np.zeros(3), *np.eye(3)))
+        base = base_parameters(oblique, states=random_states(robot, few_states(oblique)))
+        still, *along = (replace(self.target, model=model, base=base) for model in models)
+        search = replace(self, target=still, described=described_coefficients(still), signs=signs_of_bodies(base))
+        W0 = search.columns
+        changes = np.array([replace(search, target=target).columns_of(self.samples) - W0 for target in along])
+        measured = self.torques(np.zeros(robot.n, dtype=int))
+
+        def fit(direction: Array) -> Fault:
+            g = length / float(np.linalg.norm(direction)) * direction
+            rows = Equations.of(search, self.samples, W0 + np.tensordot(g, changes, 1), measured)
+            return rows.fit(gravity_fault(down, g))
+
+        grid = [np.array(g) / np.linalg.norm(g) for g in product((-1.0, 0.0, 1.0), repeat=3) if any(g)]
+        found: list[Array] = []
+        for half in (down, -down):
+            start = min((g for g in grid if g @ half > 0), key=lambda g: fit(g).size)
+            options = {"initial_simplex": start + _ASIDE * np.eye(4, 3), "xatol": 2e-3, "fatol": 1e-3}
+            found.append(scipy.optimize.minimize(lambda g: fit(g).size, start, method="Nelder-Mead", options=options).x)
+        best, other = sorted(found, key=lambda g: fit(g).size)
+        return [fit(best), *([fit(other)] if gravity_fault(best, other).kind != NO_FAULT.kind else [])]
 
     def _delayed(self, which: Index) -> Fault:
         """The torques of some joints late by the best delay."""
@@ -237,13 +277,6 @@ class FaultSearch:
         return self._fit(delay_fault(names, best * which, self.step))
 
 
-def _best(size: Callable[[float], float], grid: Array, reach: float, **options: float) -> float:
-    """Argument of the least size: the best on a grid, refined within reach of it."""
-    best = grid[int(np.argmin([size(x) for x in grid.tolist()]))]
-    bounds = (best - reach, best + reach)
-    return float(scipy.optimize.minimize_scalar(size, bounds=bounds, method="bounded", options=options).x)
-
-
 def _chosen(part: PreparedLog, robot: Robot, most: int, least_speed: float) -> Index:
     """Rows of some instants that make equations, while all drives move where there are such."""
     rows = ~within(part.samples.time, part.left_out)
@@ -258,13 +291,6 @@ def _on_grid(part: PreparedLog) -> Array:
     """Torques as recorded, at the instants of the motion, shape (N, n)."""
     assert part.log.effort is not None
     return np.column_stack([np.interp(part.samples.time, part.log.time, y) for y in part.log.effort.T])
-
-
-def _described(target: IdentificationTarget) -> Array | None:
-    """Base parameters of the described robot, unknown friction and rotors as zero; None where a body is unknown."""
-    drives = {c.name: 0.0 for c in target.model.standard_columns if c.kind not in BODY_KINDS}
-    values = parameter_values(target.model, target.base, drives | standard_values(target.robot))
-    return values if np.isfinite(values).all() else None
 
 
 def _noise(logs: list[Array]) -> Array:

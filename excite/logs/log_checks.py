@@ -25,6 +25,7 @@ _ALIKE = 0.8  # correlation
 _FAR = 0.1  # of the range of a joint
 _MOST_TURNS = 20 * np.pi
 _TIMES_LIMIT = 3.0  # of a speed or a torque
+_LEAST_USED = 0.05  # of a torque limit, by a log in thousandths of its unit
 _HINT = "give a mapping with unit: deg, which converts it"
 
 
@@ -100,7 +101,8 @@ def _positions(case: _Case) -> Findings:
     over = np.maximum(lower - low, high - upper)
     far = over > _FAR * np.where(np.isfinite(upper - lower), upper - lower, np.inf)
     within = (low / _DEGREES > lower) & (high / _DEGREES < upper)
-    if np.any(far & case.revolute) and np.all(within[case.revolute]):
+    turn = float(np.maximum(-low, high)[case.revolute].max(initial=0.0)) > 4 * np.pi  # else a zero may be off
+    if turn and np.any(far & case.revolute) and np.all(within[case.revolute]):
         worst = int(np.argmax(np.where(case.revolute & far, np.maximum(-low, high), 0.0)))
         looks = f"looks like degrees (limits {lower[worst]:.4g} to {upper[worst]:.4g} rad); {_HINT}"
         yield True, f"{case.log.joints[worst]}.position from {low[worst]:.4g} to {high[worst]:.4g} rad {looks}"
@@ -184,7 +186,9 @@ def _torques(case: _Case) -> Findings:
         unit = "Nm" if case.revolute[k] else "N"
         far = bool(largest[k] > _TIMES_LIMIT * limit[k])
         text = f"{case.log.joints[k]}.effort reaches {largest[k]:.4g} {unit}, but its limit is {limit[k]:.4g}"
-        yield far, f"{text}; check its unit, gain and ratio" if far else text
+        thousandths = bool(_LEAST_USED * limit[k] < largest[k] / 1e3 < limit[k])
+        check = "check its unit, gain and ratio" + f"; m{unit} would be within (`unit` in a mapping)" * thousandths
+        yield far, f"{text}; {check}" if far else text
     for k in np.flatnonzero(np.ptp(case.log.effort, axis=0) > 0):
         tau = case.log.effort[:, k]
         for extreme in (tau.min(), tau.max()):

@@ -122,7 +122,7 @@ def choose_delay(scored: Scored, residuals: Residuals, step: float) -> tuple[flo
             tried[delay] = scored(delay)
         return tried[delay].score
 
-    near = _descent(score, 0.0, _GRID, step / 2)
+    score(near := _descent(score, 0.0, _GRID, step / 2))
     likelihood = DelayLikelihood.of(residuals, near, tried[near])
     near = _descent(likelihood.misfit, near, step / 2, _PRECISION * step)
     low, high = (likelihood.edge(near, side, step) for side in (-1.0, 1.0))

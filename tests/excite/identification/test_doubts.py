@@ -21,7 +21,6 @@ from excite.identification.impossible_parameters import (
     allowed_poses,
     beyond_plausible,
     cause_of_negative_inertia,
-    heavier_than_described,
     impossible_parameters,
     mass_matrix_regressor,
     signs_of_bodies,
@@ -191,15 +190,6 @@ def test_a_wrong_sign_of_friction_is_doubted() -> None:
     assert "no body and no drive has" in doubt.what
     assert "F1c" in doubt.what
     assert "wrong sign" in doubt.cause
-
-
-def test_bodies_a_hundred_times_too_heavy_are_doubted() -> None:
-    described = np.ones((10, 2))
-    assert heavier_than_described(99.0 * described, described) is None
-    assert heavier_than_described(described, 0.0 * described) is None
-    doubt = heavier_than_described(250.0 * described, described)
-    assert "250 times as heavy" in doubt.what
-    assert "ratio of the torques in the mapping" in doubt.cure
 
 
 # ---------------------------------------------------------------- rows

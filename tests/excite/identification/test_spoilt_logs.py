@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from played import EXACT, TASK, found, noisy, played, three_joints
+from played import EXACT, TASK, found, irp6, noisy, played, three_joints
 
-from excite.identification.log_faults import NO_FAULT
-from excite.identification.spoilt_log import GAIN, FaultSearch, named
+from excite.identification.identify import identify
+from excite.identification.log_faults import NO_FAULT, gains_fault
+from excite.identification.procedure import estimate_parameters
+from excite.identification.spoilt_log import GAIN, SPOILT, FaultSearch, named
 from excite.logs.log import Log
+from regressors.errors import InputError
 from regressors.samples import Array
 
 
@@ -50,6 +54,11 @@ CASES = {
         "the torques of q2 are in mNm, not in Nm",
         "`unit: [Nm, mNm, Nm]`",
     ),
+    "currents": (
+        torques(lambda y: y * np.array([0.3, 0.05, 0.15])),
+        "the torques of q2, q3 are 0.05, 0.15 times what the described robot would need, as currents or drive units",
+        "use `gain: [1, 20, 6.6",
+    ),
     "position sign": (
         positions(lambda q: q * np.array([1, -1, 1])),
         "the positions of q2 have the opposite sign",
@@ -71,6 +80,31 @@ def test_a_fault_is_named_with_what_mends_it(case: str) -> None:
     (doubt,) = found(TASK, log, recipe=EXACT).doubts
     assert what in doubt.what
     assert cure in doubt.cure
+
+
+@pytest.mark.parametrize("gravity", [(9.81, 0.0, 0.0), (5.0, 5.0, -6.8)])
+def test_a_base_that_is_mounted_otherwise_is_named_with_its_gravity(gravity: tuple[float, float, float]) -> None:
+    (doubt,) = estimate_parameters(irp6().replace(gravity=np.array(gravity)), TASK, (sound(),), EXACT).doubts
+    found = re.search(r"gravity=([-.\d]+),([-.\d]+),([-.\d]+)`", doubt.cure)
+    assert found is not None
+    np.testing.assert_allclose([float(x) for x in found.groups()], irp6().gravity, atol=0.3)
+
+
+def test_a_refusal_says_which_fault_explains_it_and_else_stays_as_it_is() -> None:
+    off = positions(lambda q: q + np.array([0.0, np.pi / 2, 0.0]))
+    with pytest.raises(InputError, match=r"is far beyond the limits .*; the log is spoilt: the zero of q2 is off by -"):
+        identify(irp6(), off, recipe=EXACT, choose=False)
+    with pytest.raises(InputError, match="samples per second; check that time is in seconds") as error:
+        identify(irp6(), replace(off, time=1e4 * off.time), recipe=EXACT, choose=False)
+    assert SPOILT not in str(error.value)
+
+
+def test_factors_that_a_log_does_not_show_or_that_masses_may_explain_are_not_stated() -> None:
+    names, shown = ("a", "b", "c"), np.array([True, True, False])
+    assert "`gain: [2, 4, 1]`" in gains_fault(names, np.array([2.0, 4.0, 30.0]), shown, known=True).cure
+    assert "that of c does not show" in gains_fault(names, np.array([2.0, 4.0, 30.0]), shown, known=True).cure
+    assert gains_fault(names, np.array([2.0, 2.1, 30.0]), shown, known=True) is NO_FAULT
+    assert gains_fault(names, np.array([5.0, 5.1, 5.0]), np.ones(3, dtype=bool), known=True).kind == "gains"
 
 
 @pytest.mark.parametrize("seed", range(3))
