@@ -24,7 +24,6 @@ from excite.identification.choices.left_out import (
 from excite.identification.equations import DirectedFriction, drive_directions, friction_drives, nearest
 from excite.identification.estimators.physical import possible_fit
 from excite.identification.estimators.possible_set import near_described
-from excite.identification.observations import Observations
 from excite.identification.prediction import without_friction
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import Recipe
@@ -203,32 +202,17 @@ def _possible_fit(
     deviation: float | None,
 ) -> Array:
     pull = None if deviation is None else near_described(target.model, described, deviation)
-    rows = equivalent_rows(target, products, weights)
-    return possible_fit(rows, target.model, target.base, pull=pull, reference=described)
+    factor = factor_of_products(products, weights)
+    return possible_fit(factor, target.model, target.base, pull=pull, reference=described)
 
 
-def equivalent_rows(target: IdentificationTarget, products: Array, weights: Array) -> Observations:
-    """As few rows as have the given sums of products."""  # products (r, p + 1, p + 1); weights (r,)
-    r, width = products.shape[:2]
-    factors = []
-    for block in products:
-        length = np.sqrt(np.diag(block))
-        length = np.where(length > 0, length, 1.0)
-        values, vectors = np.linalg.eigh(block / np.outer(length, length))
-        factors.append(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * length)
-    both = np.concatenate(factors)
-    return Observations(
-        W=both[:, :-1],
-        y=both[:, -1],
-        names=target.base.names,
-        units=target.base.units,
-        equation=np.repeat(np.arange(r), width),
-        equations=target.model.row_labels,
-        log=np.zeros(r * width, dtype=np.intp),
-        logs=("",),
-        time=np.tile(np.arange(float(width)), r),
-        noise=1.0 / np.sqrt(weights)[None, :],
-    )
+def factor_of_products(products: Array, weights: Array) -> Array:
+    """F of the weighted sum of ``[W y]' [W y] = F' F``, shape (p + 1, p + 1)."""
+    both = np.tensordot(weights, products, axes=1)  # products (r, p + 1, p + 1); weights (r,)
+    length = np.sqrt(np.diag(both))
+    length = np.where(length > 0, length, 1.0)
+    values, vectors = np.linalg.eigh(both / np.outer(length, length))
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * length)
 
 
 def of_base_columns(target: IdentificationTarget, columns: Sequence[int]) -> IdentificationTarget:
