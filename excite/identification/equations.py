@@ -183,7 +183,11 @@ class DirectedFriction:
 
     def put(self, W: Array, direction: Array) -> None:
         """Write directions of the moving drives, shape (N, m), into their columns of W, shape (N, r, b), in place."""
-        put_friction(W, self.columns, direction[:, list(self.drives)] * self.magnitudes, self.rows)
+        put_friction(W, self.columns, self.torque(direction), self.rows)
+
+    def torque(self, direction: Array) -> Array:
+        """Friction torques per unit parameter, shape (N, k), for directions of the moving drives, shape (N, m)."""
+        return np.asarray(direction[:, list(self.drives)] * self.magnitudes)
 
 
 def friction_drives(target: IdentificationTarget, samples: Samples) -> DirectedFriction:

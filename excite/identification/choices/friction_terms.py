@@ -280,13 +280,15 @@ def _beside(scoring: Scoring, recipe: Recipe, signals: Callable[[PreparedLog], A
     """Statistics with k signals like the measured one, (k, N, n) along each log, as the last columns."""
     trial, target, parts = scoring.trial, scoring.target, scoring.parts(recipe)
     equations = trial.equations(target, parts, recipe)
-    W = []
+    W, width = [], target.base.rank
     for part, time, (regressor, _) in zip(parts, trial.instants, equations, strict=True):
         rows = nearest(part.samples.time, time)
         samples = part.samples.rows(rows)
-        columns = [target.model.right_side(samples, y[rows]).reshape(rows.size, -1) for y in signals(part)]
-        W.append(np.concatenate([regressor, *(column[:, :, None] for column in columns)], axis=2))
-    return BlockStatistics.of(W, [right for _, right in equations], trial.blocks)
+        added = np.array([target.model.right_side(samples, y[rows]).reshape(rows.size, -1).T for y in signals(part)])
+        more, width = target.base.rank + np.arange(len(added)), target.base.rank + len(added)
+        beside = zip(regressor, added.transpose(1, 0, 2), strict=True)
+        W.append([(np.append(place, more), np.concatenate([entries, own])) for (place, entries), own in beside])
+    return BlockStatistics.of_sparse(W, [right for _, right in equations], trial.blocks, width)
 
 
 def _factors(scoring: Scoring, statistics: BlockStatistics, errors: LeftOut, count: int) -> Array | None:

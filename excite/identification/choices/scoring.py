@@ -36,6 +36,7 @@ from regressors.models.nominal import standard_values
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import friction_rows
 from regressors.robot.robot import Robot
+from regressors.robot.symbolic.vectorised import SparseRow
 from regressors.samples import Array, Index, Samples
 
 
@@ -246,7 +247,7 @@ def pieces_of(part: PreparedLog) -> list[LogPiece]:
     return [(log.rows(slice(first, first + length)), part.left_out) for first in starts]
 
 
-_MOST = 128_000_000  # [bytes]
+_MOST = 64_000_000  # [bytes]
 _LOGS = 8  # whose motion is kept as splines
 
 
@@ -260,22 +261,33 @@ class TrialRows:
     time: Array  # (N,) trial instants [s]
     rows: Index  # (N,) of the part at these instants
     motion: Samples  # the whole delayed motion
-    W: Array  # (N, r, b) fast along N. Its columns of directed friction are written by `regressor`
+    W: list[SparseRow]  # of each equation. Its entries of directed friction are written by `regressor`
     directed: DirectedFriction | None  # None where the model has no friction torque at every instant
 
-    def regressor(self, recipe: Recipe) -> Array:
-        """W with friction that has the recipe's directions, shape (N, r, b); valid until the next call."""
+    def regressor(self, recipe: Recipe) -> list[SparseRow]:
+        """W with friction that has the recipe's directions; valid until the next call."""
         if self.directed is not None and self.directed.columns:
             remembers = np.any(recipe.breakaway or 0.0)
             motion = self.motion if remembers else self.motion.rows(self.rows)
             direction = drive_directions(self.target.robot, motion, recipe.sign_width, recipe.breakaway)
             if direction is None:
                 direction = np.sign(motion.dq @ friction_rows(self.target.robot).T)
-            self.directed.put(self.W, direction[self.rows] if remembers else direction)
+            torque = self.directed.torque(direction[self.rows] if remembers else direction)
+            column, rows = np.array(self.directed.columns), self.directed.rows
+            for (place, entries), row in zip(self.W, rows.T, strict=True):
+                for k in np.flatnonzero(np.isin(place, column)):
+                    used = column == place[k]
+                    entries[k] = torque[:, used] @ row[used]
         return self.W
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the entries [bytes]."""
+        return sum(entries.nbytes for _, entries in self.W)
 
 
 Mask = NDArray[np.bool_]
+TrialEquations = tuple[list[SparseRow], Array]
 _INSTANTS = 6000  # of all logs together
 
 
@@ -290,7 +302,7 @@ class Trial:
     friction: FrictionCurves | None = None  # known friction, which is subtracted
     rows: tuple[Mask, ...] | None = None  # (M, r) rows of each log's instants that count; all if not given
 
-    _recent: deque[TrialRows] = field(default_factory=deque, repr=False)  # as many as 128 MB hold
+    _recent: deque[TrialRows] = field(default_factory=deque, repr=False)  # as many as 64 MB hold
     _motions: deque[DelayedMotion] = field(default_factory=lambda: deque(maxlen=_LOGS), repr=False)
 
     def prepared(self, target: IdentificationTarget, recipe: Recipe) -> list[PreparedLog]:
@@ -312,12 +324,13 @@ class Trial:
             equations = _masked(equations, [mask[nearest(part.samples.time, time)] for mask, part, time in logs])
         if self.rows is not None:
             equations = _masked(equations, self.rows)
-        return BlockStatistics.of([W for W, _ in equations], [y for _, y in equations], self.blocks)
+        W, y = zip(*equations, strict=True)
+        return BlockStatistics.of_sparse(W, y, self.blocks, target.base.rank)
 
     def equations(
         self, target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe, delay: float = 0.0
-    ) -> list[tuple[Array, Array]]:
-        """W, shape (N, r, b), and y, shape (N, r), of each log at its trial instants; valid until the next call."""
+    ) -> list[TrialEquations]:
+        """W, of each equation, and y, shape (N, r), of each log at its trial instants; valid until the next call."""
         equations = []
         for part, time in zip(parts, self.instants, strict=True):
             trial, measured = self._rows(target, part, delay, time), part.measured
@@ -334,11 +347,11 @@ class Trial:
                 return known
         rows, motion = nearest(part.samples.time, time), self._motion(part).by(delay)
         samples = motion.rows(rows)
-        W = target.model.entries(samples, target.base.index).transpose(2, 0, 1)
+        W = target.model.entries(samples, target.base.index)
         directed = None if target.model.coulomb_friction() is None else friction_drives(target, samples)
         new = TrialRows(target, part, delay, time, rows, motion, W, directed)
         self._recent.append(new)
-        while len(self._recent) > 1 and sum(known.W.nbytes for known in self._recent) > _MOST:
+        while len(self._recent) > 1 and sum(known.nbytes for known in self._recent) > _MOST:
             self._recent.popleft()
         return new
 
@@ -350,8 +363,11 @@ class Trial:
         return known
 
 
-def _masked(equations: Sequence[tuple[Array, Array]], masks: Sequence[Mask]) -> list[tuple[Array, Array]]:
-    return [(W * m[:, :, None], y * m) for (W, y), m in zip(equations, masks, strict=True)]
+def _masked(equations: Sequence[TrialEquations], masks: Sequence[Mask]) -> list[TrialEquations]:
+    pairs = zip(equations, masks, strict=True)
+    return [
+        ([(place, W * m) for (place, W), m in zip(rows, mask.T, strict=True)], y * mask) for (rows, y), mask in pairs
+    ]
 
 
 def trial_of(

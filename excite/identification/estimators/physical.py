@@ -109,7 +109,7 @@ def _needed(standard: StandardProblem) -> NDArray[np.bool_]:
     kept = (standard.prior != 0.0) | np.any(standard.A != 0.0, axis=0)
     for body in standard.bodies:
         kept[body.index] = True
-    return np.any(standard.S[kept] != 0.0, axis=0)
+    return np.asarray(np.any(standard.S[kept] != 0.0, axis=0))
 
 
 def _free(S: Array, theta: Array) -> Array:
