@@ -19,7 +19,6 @@ from excite.identification.choices.friction_terms import TERM_SETTINGS, added_co
 from excite.identification.estimator import Estimator, hide_parameters
 from excite.identification.identification import Identification
 from excite.identification.impossible_parameters import beyond_plausible
-from excite.identification.prediction import instantaneous_target
 from excite.identification.procedure import LogLike, calibrated, check_given, estimate_parameters, read_logs
 from excite.identification.recipe import Recipe
 from excite.identification.result import check_played, played_design, provenance_of
@@ -204,7 +203,7 @@ def _allowing_for_terms(result: Identification, chosen: Chosen) -> Identificatio
 
 def _without_implausible(result: Identification) -> Identification:
     """No value of parameters of which the logs show nothing plausible; windows do not tell, and are not judged."""
-    target, observations = instantaneous_target(result.robot, result.task, result.recipe), result.observations
+    target, observations = result.target_of_instants, result.observations
     if target.base.names != result.names or observations.equations != target.model.row_labels:
         return result
     count, square = (

@@ -7,7 +7,7 @@ smoothly then explains the torques better, as long as it does not blur real fric
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,6 @@ from excite.identification.equations import (
     friction_drives,
     listed,
     measured_direction,
-    put_friction,
     streamed_equations,
 )
 from excite.identification.observations import Observations
@@ -31,7 +30,7 @@ from regressors.models.base import triangular_factor
 from regressors.robot.columns import COULOMB
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import friction_rows
-from regressors.samples import Array, Samples
+from regressors.samples import Array, Index, Samples
 
 WIDTHS = 10.0 ** np.arange(-3.5, -0.4, 0.5)  # of the drives' typical speed
 DISTANCES = 10.0 ** np.arange(-5.0, -1.9, 0.5)  # of the drives' typical travel
@@ -108,19 +107,23 @@ def _score(
     rows = [(np.arange(0, len(one.y), every * r)[:, None] + np.arange(r)).ravel() for one in equations]
     W, y = (np.concatenate([getattr(o, name)[k] for o, k in zip(equations, rows, strict=True)]) for name in "Wy")
     W, y = W.reshape(-1, r, W.shape[1]), y.reshape(-1, r)
+    columns, coupling = np.array(drives[0].columns, dtype=np.intp), drives[0].rows
+    partial = [_Factored.of(W[:, j], columns[coupling[:, j] != 0.0]) for j in range(r)]
     thinned = [] if friction is None else [_every(part, target, every) for part in parts]
 
     def score(directions: Sequence[Array]) -> float:
-        """Of the directions of every log's drives, whose friction is written into its columns of W."""
-        torque = [s[::every, list(d.drives)] * d.magnitudes[::every] for d, s in zip(drives, directions, strict=True)]
-        put_friction(W, drives[0].columns, np.concatenate(torque), drives[0].rows)
-        if friction is None:
-            return _misfit(W, y)
-        carried = [
-            model.right_side(m, friction.carried_torque(target.robot, m.q, m.dq, tau, s[::every], T)).reshape(-1, r)
-            for (m, tau, T), s in zip(thinned, directions, strict=True)
-        ]
-        return _misfit(W, np.concatenate(carried))
+        """Of the directions of every log's drives, which are those of the friction columns."""
+        moved = [s[::every, list(d.drives)] * d.magnitudes[::every] for d, s in zip(drives, directions, strict=True)]
+        torque, right = np.concatenate(moved), y
+        if friction is not None:
+            carried = [
+                model.right_side(m, friction.carried_torque(target.robot, m.q, m.dq, tau, s[::every], T)).reshape(-1, r)
+                for (m, tau, T), s in zip(thinned, directions, strict=True)
+            ]
+            right = np.concatenate(carried)
+        # drives that share a column add up in it
+        own = [torque @ (coupling[:, j, None] * (columns[:, None] == one.directed)) for j, one in enumerate(partial)]
+        return _misfit([one.factor(*pair) for one, *pair in zip(partial, own, right.T, strict=True)], right)
 
     return score
 
@@ -131,9 +134,8 @@ def _every(part: PreparedLog, target: IdentificationTarget, every: int) -> tuple
     return part.samples.rows(slice(None, None, every)), part.measured[::every], temperature
 
 
-def _misfit(W: Array, y: Array) -> float:
+def _misfit(factors: Sequence[Array], y: Array) -> float:
     """Mean over the equations of the logarithm of the residuals' size, after a fit weighted by these sizes."""
-    factors = [_factor(W[:, j], y[:, j]) for j in range(y.shape[1])]
     sizes = np.ones(len(factors))
     for _ in range(4):
         stacked = np.concatenate([R / s for R, s in zip(factors, sizes, strict=True)])
@@ -143,13 +145,33 @@ def _misfit(W: Array, y: Array) -> float:
     return float(np.mean(np.log(sizes)))
 
 
-def _factor(W: Array, y: Array) -> Array:
-    """Factor R of ``[W y] = QR``, in which columns of zeros stay so."""
-    used = np.append(np.flatnonzero(np.einsum("np,np->p", W, W)), W.shape[1])
-    R = triangular_factor(np.column_stack([W, y])[:, used])
-    whole = np.zeros((len(R), W.shape[1] + 1))
-    whole[:, used] = R
-    return whole
+@dataclass(frozen=True, eq=False)
+class _Factored:
+    """QR of the columns of one equation that no direction of friction changes."""
+
+    Q: Array  # (N, k)
+    R: Array  # (k, k)
+    fixed: Index  # (k,) columns that are not zero
+    directed: Index  # (m,) columns of friction
+    count: int  # of all columns
+
+    @classmethod
+    def of(cls, W: Array, directed: Index) -> _Factored:
+        """Of an equation's columns W, shape (N, p)."""
+        directed = np.unique(directed)
+        fixed = np.setdiff1d(np.flatnonzero(np.einsum("np,np->p", W, W)), directed)
+        return cls(*np.linalg.qr(W[:, fixed]), fixed, directed, W.shape[1])
+
+    def factor(self, torque: Array, y: Array) -> Array:
+        """Factor R of ``[W y] = QR``, shape (k + m + 1, p + 1); columns of zeros stay so."""
+        # torque (N, m); y (N,)
+        both = np.column_stack([torque, y])
+        along = self.Q.T @ both
+        beside = triangular_factor(both - self.Q @ along)
+        whole = np.zeros((len(along) + len(beside), self.count + 1))
+        whole[: len(along), self.fixed] = self.R
+        whole[:, [*self.directed, self.count]] = np.concatenate([along, beside])
+        return whole
 
 
 def with_whole_window(task: Task, target: IdentificationTarget, part: PreparedLog) -> Task:

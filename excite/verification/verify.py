@@ -16,7 +16,6 @@ from excite.identification.identify import rows_prediction
 from excite.identification.log_faults import load_that_explains
 from excite.identification.prediction import (
     LogPrediction,
-    instantaneous_target,
     known_temperatures,
     mean_friction,
     prediction,
@@ -231,7 +230,7 @@ def _event_remarks(part: PreparedLog, predicted: LogPrediction, event_free: floa
 
 def judging_target(result: Identification) -> IdentificationTarget:
     """Identification target that predicts the measurements at every instant, in the result's parameters."""
-    target = instantaneous_target(result.robot, result.task, result.recipe)
+    target = result.target_of_instants
     if target.base.names != result.names:
         raise InputError(
             f"{result.name}: its model has the parameters {', '.join(target.base.names)}, "

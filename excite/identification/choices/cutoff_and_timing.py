@@ -172,6 +172,7 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     parts = scoring.parts(recipe)
     softened = cache(scoring.softened)
 
+    @cache
     def scored(recipe: Recipe, delay: float) -> LeftOut:
         return softened(recipe).of(softened(recipe).statistics(recipe, parts, delay))
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -82,7 +83,7 @@ def _with_delay_of(
         soft = fast.softened(recipe)
         parts = soft.parts(recipe)
         step = min(1 / part.log.rate for part in parts)
-        delay, choice = choose_delay(lambda d: soft.of(soft.statistics(recipe, parts, d)), step)
+        delay, choice = choose_delay(cache(lambda d: soft.of(soft.statistics(recipe, parts, d))), step)
         if delay:
             recipe, choices = choose_cutoff_and_timing(scoring, replace(plain, delay=delay), cutoffs, settled)
         choices = (*choices, choice)
