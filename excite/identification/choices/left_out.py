@@ -236,9 +236,10 @@ def differ(one: BlockStatistics, other: BlockStatistics, weights: Array) -> bool
     return bool(np.count_nonzero(np.abs(found) > most * deviation) > found.size / 2)
 
 
-def least_squares_of_products(products: Array, weights: Array) -> Array:
-    """Weighted least squares from sums of products."""  # products (r, p + 1, p + 1); weights (r,)
-    return _solutions(np.tensordot(weights, products, axes=1))
+def least_squares_of_products(products: Array, weights: Array, prior: Array | float = 0.0) -> Array:
+    """Weighted least squares from sums of products, beside those of prior knowledge."""
+    # products (r, p + 1, p + 1); weights (r,); prior (p + 1, p + 1)
+    return _solutions(np.tensordot(weights, products, axes=1) + prior)
 
 
 def _estimates(statistics: BlockStatistics, estimate: Estimate | None, weights: Array) -> Array:

@@ -122,14 +122,10 @@ def pulled_least_squares(
     inverse = np.linalg.pinv((spread[known] / length[:, None]).T)
     information = inverse @ inverse.T / np.outer(length, length) if known.size else np.zeros((0, 0))
 
-    def estimate(products: Array, weights: Array) -> Array:
-        p = products.shape[-1] - 1
-        prior = np.zeros((p + 1, p + 1))
-        prior[np.ix_(known, known)] = information
-        prior[known, -1] = prior[-1, known] = information @ center[known]
-        return least_squares_of_products(np.concatenate([products, prior[None]]), np.append(weights, 1.0))
-
-    return estimate
+    prior = np.zeros((len(columns) + 1,) * 2)
+    prior[np.ix_(known, known)] = information
+    prior[known, -1] = prior[-1, known] = information @ center[known]
+    return lambda products, weights: least_squares_of_products(products, weights, prior)
 
 
 _WORTH = 0.005  # of the score: what is as good
@@ -261,6 +257,7 @@ class TrialRows:
     time: Array  # (N,) trial instants [s]
     rows: Index  # (N,) of the part at these instants
     motion: Samples  # the whole delayed motion
+    samples: Samples  # of it at the trial instants
     W: list[SparseRow]  # of each equation. Its entries of directed friction are written by `regressor`
     directed: DirectedFriction | None  # None where the model has no friction torque at every instant
 
@@ -268,7 +265,7 @@ class TrialRows:
         """W with friction that has the recipe's directions; valid until the next call."""
         if self.directed is not None and self.directed.columns:
             remembers = np.any(recipe.breakaway or 0.0)
-            motion = self.motion if remembers else self.motion.rows(self.rows)
+            motion = self.motion if remembers else self.samples
             direction = drive_directions(self.target.robot, motion, recipe.sign_width, recipe.breakaway)
             if direction is None:
                 direction = np.sign(motion.dq @ friction_rows(self.target.robot).T)
@@ -336,7 +333,7 @@ class Trial:
             trial, measured = self._rows(target, part, delay, time), part.measured
             if self.friction is not None:
                 measured = without_friction(replace(part, samples=trial.motion), target, self.friction, recipe).measured
-            y = target.model.right_side(trial.motion.rows(trial.rows), measured[trial.rows])
+            y = target.model.right_side(trial.samples, measured[trial.rows])
             equations.append((trial.regressor(recipe), y.reshape(trial.rows.size, -1)))
         return equations
 
@@ -349,7 +346,7 @@ class Trial:
         samples = motion.rows(rows)
         W = target.model.entries(samples, target.base.index)
         directed = None if target.model.coulomb_friction() is None else friction_drives(target, samples)
-        new = TrialRows(target, part, delay, time, rows, motion, W, directed)
+        new = TrialRows(target, part, delay, time, rows, motion, samples, W, directed)
         self._recent.append(new)
         while len(self._recent) > 1 and sum(known.nbytes for known in self._recent) > _MOST:
             self._recent.popleft()
