@@ -7,7 +7,7 @@ smoothly then explains the torques better, as long as it does not blur real fric
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -108,7 +108,8 @@ def _score(
     W, y = (np.concatenate([getattr(o, name)[k] for o, k in zip(equations, rows, strict=True)]) for name in "Wy")
     W, y = W.reshape(-1, r, W.shape[1]), y.reshape(-1, r)
     columns, coupling = np.array(drives[0].columns, dtype=np.intp), drives[0].rows
-    partial = [_Factored.of(W[:, j], columns[coupling[:, j] != 0.0]) for j in range(r)]
+    directed = [np.unique(columns[coupling[:, j] != 0.0]) for j in range(r)]
+    factors = [_factored(W[:, j], own) for j, own in enumerate(directed)]
     thinned = [] if friction is None else [_every(part, target, every) for part in parts]
 
     def score(directions: Sequence[Array]) -> float:
@@ -122,8 +123,8 @@ def _score(
             ]
             right = np.concatenate(carried)
         # drives that share a column add up in it
-        own = [torque @ (coupling[:, j, None] * (columns[:, None] == one.directed)) for j, one in enumerate(partial)]
-        return _misfit([one.factor(*pair) for one, *pair in zip(partial, own, right.T, strict=True)], right)
+        own = [torque @ (coupling[:, j, None] * (columns[:, None] == used)) for j, used in enumerate(directed)]
+        return _misfit([factor(*pair) for factor, *pair in zip(factors, own, right.T, strict=True)], right)
 
     return score
 
@@ -145,33 +146,22 @@ def _misfit(factors: Sequence[Array], y: Array) -> float:
     return float(np.mean(np.log(sizes)))
 
 
-@dataclass(frozen=True, eq=False)
-class _Factored:
-    """QR of the columns of one equation that no direction of friction changes."""
+def _factored(W: Array, directed: Index) -> Callable[[Array, Array], Array]:
+    """Factor R of ``[W y] = QR`` of one equation for any friction, shape (N, m), and y; columns of zeros stay so."""
+    # W (N, p); directed (m,) columns of friction. The others are factored once
+    fixed = np.setdiff1d(np.flatnonzero(np.einsum("np,np->p", W, W)), directed)
+    Q, R = np.linalg.qr(W[:, fixed])
 
-    Q: Array  # (N, k)
-    R: Array  # (k, k)
-    fixed: Index  # (k,) columns that are not zero
-    directed: Index  # (m,) columns of friction
-    count: int  # of all columns
-
-    @classmethod
-    def of(cls, W: Array, directed: Index) -> _Factored:
-        """Of an equation's columns W, shape (N, p)."""
-        directed = np.unique(directed)
-        fixed = np.setdiff1d(np.flatnonzero(np.einsum("np,np->p", W, W)), directed)
-        return cls(*np.linalg.qr(W[:, fixed]), fixed, directed, W.shape[1])
-
-    def factor(self, torque: Array, y: Array) -> Array:
-        """Factor R of ``[W y] = QR``, shape (k + m + 1, p + 1); columns of zeros stay so."""
-        # torque (N, m); y (N,)
+    def factor(torque: Array, y: Array) -> Array:
         both = np.column_stack([torque, y])
-        along = self.Q.T @ both
-        beside = triangular_factor(both - self.Q @ along)
-        whole = np.zeros((len(along) + len(beside), self.count + 1))
-        whole[: len(along), self.fixed] = self.R
-        whole[:, [*self.directed, self.count]] = np.concatenate([along, beside])
+        along = Q.T @ both
+        beside = triangular_factor(both - Q @ along)
+        whole = np.zeros((len(along) + len(beside), W.shape[1] + 1))
+        whole[: len(along), fixed] = R
+        whole[:, [*directed, -1]] = np.concatenate([along, beside])
         return whole
+
+    return factor
 
 
 def with_whole_window(task: Task, target: IdentificationTarget, part: PreparedLog) -> Task:
