@@ -258,7 +258,7 @@ COMMAND_LIMITATIONS = (
     f"median of {COMMAND_RUNS} runs (lowest-highest) of `excite identify ROBOT LOG --figures none`, choices by the "
     "tool, and of `excite verify RESULT OTHER_LOG --figures none`; user and system time of the whole process, one BLAS "
     "thread, modules compiled before, one run after the other of each code",
-    "unseen: error of the predicted torques of the other log. The simulated Panda is verified on 30 s of the same motion",
+    "unseen: error of the predicted torques of the other log; the simulated Panda is verified on 30 s of its motion",
     "wanted: 2000 to 5000 rows of six axes in 5 s, and 2.5 s to verify 2000 rows or 5 s for 20,000",
     "processor time on a shared machine varies by some ten per cent, and grows by up to a half under other load",
 )
@@ -297,7 +297,7 @@ def commands(data: Path, checkouts: dict[str, Path]) -> None:
             runs: dict[str, list[dict[str, dict[str, float]]]] = {code: [] for code in checkouts}
             errors = {}
             for code in [*checkouts] * COMMAND_RUNS:
-                out = Path(folder) / code
+                out = Path(folder) / f"{code} {len(cases)}"
                 quiet = (*options, "--figures", "none")
                 identify = ("identify", model, str(path), *quiet, "--out", str(out), "--force")
                 at = checkouts[code], Path(folder) / "compiled"
