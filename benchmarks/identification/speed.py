@@ -242,7 +242,7 @@ COMMANDS = (  # name, robot, log, log to verify on, options
     ("KR300, A", "kr300/kr300.urdf", "kr300/A.csv", "kr300/B.csv", KR300),
     ("Panda, 15 s, simulated", "panda", "15.csv", "30.csv", ()),
 )
-COMMAND_RUNS = 2
+COMMAND_RUNS = 1
 COMMAND_HEAD = (
     "log",
     "rows",
@@ -273,7 +273,8 @@ def command_run(checkout: Path, cache: Path, arguments: tuple[str, ...]) -> dict
         [sys.executable, "-m", "excite", *arguments],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
-        env={**environment, "PYTHONPATH": str(checkout), "PYTHONPYCACHEPREFIX": str(cache)},
+        cwd=checkout,  # first among the places of modules
+        env={**environment, "PYTHONPATH": str(checkout), "PYTHONPYCACHEPREFIX": str(cache / checkout.name)},
     )
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
@@ -295,6 +296,8 @@ def commands(data: Path, checkouts: dict[str, Path]) -> None:
             )
             model = str(data / robot) if robot.endswith(".urdf") else robot
             runs: dict[str, list[dict[str, dict[str, float]]]] = {code: [] for code in checkouts}
+            for checkout in checkouts.values():
+                command_run(checkout, Path(folder) / "compiled", ("robots", "panda"))
             errors = {}
             for code in [*checkouts] * COMMAND_RUNS:
                 out = Path(folder) / f"{code} {len(cases)}"
