@@ -264,13 +264,13 @@ COMMAND_LIMITATIONS = (
 )
 
 
-def command_run(checkout: Path, cache: Path, arguments: tuple[str, ...]) -> dict[str, float]:
+def command_run(checkout: Path, cache: Path, arguments: tuple[str, ...], module: str = "excite") -> dict[str, float]:
     """Times and peak memory of one command of a checkout [s, MB]."""
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
     environment |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
     began = time.monotonic()
     process = subprocess.Popen(
-        [sys.executable, "-m", "excite", *arguments],
+        [sys.executable, "-m", module, *arguments],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         cwd=checkout,  # first among the places of modules
@@ -290,14 +290,16 @@ def commands(data: Path, checkouts: dict[str, Path]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         for seconds in (15, 30):
             in_own_process("log", path=str(Path(folder) / f"{seconds}.csv"), seconds=seconds, width=TURNS)
+        for checkout in checkouts.values():
+            command_run(
+                checkout, Path(folder) / "compiled", ("-q", "excite", "regressors", "constraints"), "compileall"
+            )
         for name, robot, log, other, options in COMMANDS:
             path, unseen = (
                 next(at / file for at in (data, Path(folder)) if (at / file).exists()) for file in (log, other)
             )
             model = str(data / robot) if robot.endswith(".urdf") else robot
             runs: dict[str, list[dict[str, dict[str, float]]]] = {code: [] for code in checkouts}
-            for checkout in checkouts.values():
-                command_run(checkout, Path(folder) / "compiled", ("robots", "panda"))
             errors = {}
             for code in [*checkouts] * COMMAND_RUNS:
                 out = Path(folder) / f"{code} {len(cases)}"
