@@ -10,7 +10,6 @@ True
 
 from __future__ import annotations
 
-import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -196,25 +195,6 @@ _NAMES = {
     "regressors.samples": "Samples",
 }
 _PLACES = {name: module for module, names in _NAMES.items() for name in names.split()}
-# deprecated names, with what they are called now; docs/development.md says when they go
-_RENAMED = {
-    **dict.fromkeys(("BrokenLimitError", "ConicSolverError", "LostMotionError"), "in excite.errors"),
-    **dict.fromkeys(("LostWorkersError", "NoFeasibleMotionError", "TooLargeError"), "in excite.errors"),
-    "CampaignTable": "SweepTable",
-    "Exported": "in excite.export.exported",
-    "load_campaign": "load",
-    "load_posterior": "load",
-    "load_sweep": "load",
-    "run_campaign": "run_sweep",
-    "LimitOverrides": "LimitChoice",
-    "identified": "identify",
-    "read_design": "load_design",
-    "read_result": "load_result",
-    "LogGuess": "in excite.logs.guess.log_guess",
-    "Terms": "in regressors.robot.columns",
-    "Window": "in regressors.models.windows",
-    "verified": "verify",
-}
 
 __all__ = sorted(_PLACES)
 
@@ -242,10 +222,6 @@ def __getattr__(name: str) -> Any:
         return import_module("excite.errors")
     if name in _PLACES:
         return _explained(getattr(import_module(_PLACES[name]), name))
-    if name in (*_RENAMED, "save_design"):
-        now = _RENAMED.get(name, "the method save of a design")
-        warnings.warn(f"excite.{name} is now {now}", DeprecationWarning, stacklevel=2)
-        return getattr(import_module("excite.renamed"), name)
     parts = {} if name.startswith("_") else _built_in_parts()
     if name in parts:
         return getattr(import_module(parts[name]), name)

@@ -76,7 +76,6 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "least-squares": "excite.identification.estimators.least_squares:LeastSquares",
         "physical": "excite.identification.estimators.physical:Physical",
         "recursive": "excite.identification.estimators.least_squares:Recursive",
-        "ridge": "excite.identification.estimators.least_squares:Ridge",
         "weighted": "excite.identification.estimators.least_squares:Weighted",
     },
     "model format": {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import importlib
 import os
 import re
 import subprocess
@@ -11,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+import excite
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -91,3 +95,16 @@ def test_links_lead_to_files() -> None:
     assert [link for link in links if not (DOCS / link).is_file()] == []
     own = {path.name for path in (DOCS / "examples").glob("own_*.py")}
     assert own <= {Path(link).name for link in links if link.startswith("examples/")}
+
+
+def test_what_scripts_import_is_there() -> None:
+    """Scripts of the documentation and most benchmarks run seldom; a name that has moved would show only then."""
+    missing = []
+    for path in (*DOCS.rglob("*.py"), *(ROOT / "benchmarks").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] in PACKAGES:
+                module = importlib.import_module(node.module)
+                missing += [f"{path}: {node.module}.{n.name}" for n in node.names if not hasattr(module, n.name)]
+            elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "excite":
+                missing += [] if hasattr(excite, node.attr) else [f"{path}: excite.{node.attr}"]
+    assert missing == []

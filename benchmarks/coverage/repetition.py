@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -62,6 +63,8 @@ class Outcome:
     names : tuple of str
     truth : ndarray, shape (p,)
     values, half_widths, deviations : ndarray, shape (k, p)
+    warned : ndarray of bool, shape (k, p)
+        Whether a warning or a doubt names the parameter.
     notes : tuple of str
         Of the last repetition.
     added : tuple of bool
@@ -75,6 +78,7 @@ class Outcome:
     values: Array
     half_widths: Array
     deviations: Array
+    warned: Array
     notes: tuple[str, ...]
     added: tuple[bool, ...]
     wall: float
@@ -86,7 +90,7 @@ def repeat(case: Case, count: int, seed: int) -> Outcome:
     experiment = case.experiment
     log = experiment.log
     began, cpu = time.monotonic(), time.process_time()
-    values, halves, deviations, notes = [], [], [], ()
+    values, halves, deviations, warned, notes = [], [], [], [], ()
     added: list[bool] = []
     names = experiment.target.base.names
     for k in range(count):
@@ -102,10 +106,12 @@ def repeat(case: Case, count: int, seed: int) -> Outcome:
         values.append(of_truth(error) + experiment.truth)
         halves.append(of_truth(e.half_width))
         deviations.append(of_truth(e.deviation))
+        said = " ".join(doubt.what for doubt in (*result.doubts, *result.warnings))
+        warned.append([re.search(rf"\b{name}\b", said) is not None for name in names])
         added += [bool(abs(error[j]) <= e.half_width[j]) for name, j in place.items() if name not in names]
         notes = e.notes
     spent = time.monotonic() - began, time.process_time() - cpu
-    estimates = np.array(values), np.array(halves), np.array(deviations)
+    estimates = np.array(values), np.array(halves), np.array(deviations), np.array(warned)
     return Outcome(names, experiment.truth, *estimates, notes, tuple(added), *spent)
 
 

@@ -16,6 +16,7 @@ from excite.cli.options import check_not_typed, chosen_of, robot_file_of
 from excite.cli.progress import interrupted_status, progress_of_samples, stoppable
 from excite.cli.streams import in_options, tell
 from excite.cli.summary import show
+from excite.export.exported import Exported
 from excite.logs.guess.log_guess import LogGuess, check_mapping_free, write_mapping_file
 from excite.registry import MODEL_FORMATS, MOTION_FORMATS, built_in
 from excite.tasks.further_settings import EnsembleSettings
@@ -77,7 +78,7 @@ def _model(folder: Path, form: str, out: Path, given: Mapping[str, Any]) -> Any:
         return built_in("exporter", "ensemble")(result, form, out, progress=report, **shared, **asked)
 
 
-def _show(exported: excite.Exported) -> None:
+def _show(exported: Exported) -> None:
     def content() -> dict[str, Any]:
         notes = [in_options(note) for note in exported.notes]
         files = [str(file) for file in exported.files]
@@ -96,7 +97,7 @@ def _show(exported: excite.Exported) -> None:
     show(view, exported.files, content=content)
 
 
-def _verdict(exported: excite.Exported) -> str:
+def _verdict(exported: Exported) -> str:
     """What was written, and, of a motion, how near it comes to its limits."""
     facts = exported.facts
     if "robots" in facts:
@@ -114,7 +115,7 @@ def _verdict(exported: excite.Exported) -> str:
     )
 
 
-def _played(exported: excite.Exported) -> str:
+def _played(exported: Exported) -> str:
     """Rate and duration of a motion, in one line."""
     samples, rate, duration, joints = (exported.facts[name] for name in ("samples", "rate", "duration", "joints"))
     return f"{samples} samples at {rate:g} Hz over {duration:g} s; {', '.join(joints)}"

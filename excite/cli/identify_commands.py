@@ -64,7 +64,6 @@ Estimators:
   least-squares  the same without weights            huber          outliers count less
   recursive      sample by sample, with its history  instrumental   unbiased if the motion is noisy; needs --design
   physical       only parameters that are physically possible
-  ridge          shrinks towards the described values; cross-validation chooses the weight
 
 \b
 Settings that are not given are chosen (--choose): blocks of time are left out one after the other and predicted from

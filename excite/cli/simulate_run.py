@@ -27,9 +27,6 @@ from regressors.quantities import number_of
 def simulate_and_write(source: Path, out: Path, **given: Any) -> None:
     """Simulate a motion, write the logs, and end with the exit status."""
     played = chosen_of(given, MotionSettings)
-    if given["ways"] is not None:
-        remark("excite: note: --ways and --no-ways are now --approach-and-return and its --no- form")
-        played["approach_and_return"] = given["ways"]
     settings = SimulationSettings(**chosen_of(given, SimulationSettings))  # refused before files are read
     design = excite.load_design(source, given["parts"]) if given["parts"] else source
     trajectory, both = played.pop("trajectory", None), played.pop("approach_and_return")

@@ -86,7 +86,6 @@ limits.""",
 @click.argument("source", type=Folder(), metavar="DIR|FILE")
 @file_option("--out", required=True, metavar="LOG.csv", help="Log to write.")
 @settings_options(MotionSettings)
-@click.option("--ways/--no-ways", default=None, hidden=True, help="Former name of --approach-and-return.")
 @settings_options(SimulationSettings)
 @own_parts
 @click.option("--force", is_flag=True, help="Replace logs that are already there.")

@@ -13,7 +13,7 @@ from typing import Any
 from excite.information.target import Identifiability, model_of, partial_motions
 from excite.registry import name_of
 from excite.storage.work_prediction import BASE, FLOAT, MemoryPart, WorkPrediction, announce
-from excite.tasks.robot_of_task import first_argument, moving_robot, robot_and_task
+from excite.tasks.robot_of_task import moving_robot, one_model, robot_and_task
 from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError
@@ -60,7 +60,7 @@ class Campaign:
     "lengths, masses or inertias of very different sizes are the likely cause: check the description of the robot",
 )
 def plan_campaign(
-    robot_or_model: RegressorModel | Robot | Task | str | None = None, /, at_once: int | None = None, **options: Any
+    robot_or_model: RegressorModel | Robot | Task | str, /, at_once: int | None = None, **options: Any
 ) -> Campaign:
     """Shortest campaign: fewest motions, then fewest moving drives, of at most ``at_once`` drives at a time.
 
@@ -79,9 +79,9 @@ def plan_campaign(
     InputError
         No drives, or motions of so few drives never identify all parameters.
     """
-    subject = first_argument(robot_or_model, options, "plan_campaign", frames=5)
-    robot, task = robot_and_task(subject)
-    if isinstance(subject, Robot | str):
+    one_model(robot_or_model, options)
+    robot, task = robot_and_task(robot_or_model)
+    if isinstance(robot_or_model, Robot | str):
         task = task.changed(model="energy")
     task = task.changed(**options)
     moving = moving_robot(robot, task)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -336,18 +335,6 @@ class Design:
     def name(self) -> str:
         """Folder of the design, or the name of its robot."""
         return str(self.folder) if self.folder is not None else self.robot.name
-
-    @property
-    def ways(self) -> ApproachAndReturn | None:
-        """``approach_and_return``, by its deprecated name."""
-        warnings.warn("Design.ways is now Design.approach_and_return", DeprecationWarning, stacklevel=2)
-        return self.approach_and_return
-
-    @property
-    def played(self) -> MotionSequence:
-        """``sequence``, by its deprecated name."""
-        warnings.warn("Design.played is now Design.sequence", DeprecationWarning, stacklevel=2)
-        return self.sequence
 
     def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
         """Write the design into a folder, which is created if it does not exist.

@@ -6,7 +6,6 @@ import os
 import platform
 import tempfile
 import time
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -47,14 +46,13 @@ from excite.storage.work_prediction import announce
 from excite.tasks.criteria import Criterion
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.objective import Objective
-from excite.tasks.robot_of_task import check_robot, first_argument, robot_and_task
+from excite.tasks.robot_of_task import one_model, robot_and_task
 from excite.tasks.search import Output, Search
 from excite.tasks.task import Task
 from excite.tasks.trajectory_choice import TrajectoryChoice
 from excite.trajectories import Trajectory
 from excite.trajectories.family import Family
 from regressors.arguments import checked
-from regressors.errors import InputError
 from regressors.models.model import RegressorModel
 from regressors.numerical import numerical_work
 from regressors.robot.robot import Robot
@@ -68,9 +66,9 @@ _NONE = "no start has a result: the process of each ended unexpectedly; try fewe
 
 @checked
 def design_trajectory(
-    robot_or_model: RegressorModel | Robot | Task | str | None = None,
+    robot_or_model: RegressorModel | Robot | Task | str,
     /,
-    trajectory: Family | TrajectoryChoice | Task | str | None = None,
+    trajectory: Family | TrajectoryChoice | str | None = None,
     *,
     criterion: Criterion | Objective | str | None = None,
     constraints: Sequence[Limit | str] = (),
@@ -128,13 +126,9 @@ def design_trajectory(
     KeyboardInterrupt
         Interrupted before any motion was found.
     """
-    subject = first_argument(robot_or_model, options, "design_trajectory")
-    parts: dict[str, Any] = {"limits": limits, "search": search, "output": output}
-    if isinstance(trajectory, Task):
-        robot, task = _robot_and_task(subject, trajectory)
-    else:
-        parts["trajectory"] = trajectory
-        robot, task = robot_and_task(subject)
+    one_model(robot_or_model, options)
+    parts: dict[str, Any] = {"trajectory": trajectory, "limits": limits, "search": search, "output": output}
+    robot, task = robot_and_task(robot_or_model)
     parts["objective" if isinstance(criterion, Objective) else "criterion"] = criterion
     given = {name: value for name, value in parts.items() if value is not None}
     task = task.changed(**given, **options)
@@ -177,15 +171,6 @@ def announce_search(formulation: Formulation, kept: KeptStarts) -> None:
 def starts_left(kept: KeptStarts) -> int:
     """Number of starts that are left, as far as it is known."""
     return max((TYPICAL_STARTS if kept.count is None else kept.count) - len(kept.done), 0)
-
-
-def _robot_and_task(robot: Any, task: Task) -> tuple[Robot, Task]:
-    """Accept the deprecated call with a robot, and a task that names it."""
-    warnings.warn("design_trajectory(robot, task) is now design_trajectory(task)", DeprecationWarning, stacklevel=4)
-    if not isinstance(robot, Robot):
-        raise InputError(f"expected a robot beside the task, given {type(robot).__name__}")
-    check_robot(robot, task)
-    return robot, task
 
 
 @numerical_work("the design", LIKELY_CAUSE)

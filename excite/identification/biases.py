@@ -22,6 +22,9 @@ fastest. With them the equations are ``y = W beta + G c``, whose solution differ
 ``d = -(W'VW)^-1 W'VG c``. Where c is more than noise explains, the error of the estimate has about the second moments
 ``d d' + (W'VW)^-1 W'VG Cov(c) G'VW (W'VW)^-1`` beside the covariance for noise [Hausman 1978, Econometrica 46, 1251],
 with the covariance of c by the residuals that the bumps leave, which are the noise's.
+
+A constant torque of one joint, the offset of a sensor, is no noise either. Where it shows, it is identified along;
+where it does not, because a parameter of gravity takes it up, only the user can know of it: see `hidden_offset`.
 """
 
 from __future__ import annotations
@@ -42,10 +45,20 @@ from excite.identification.equations import (
     instant_columns,
     nearest,
 )
-from excite.identification.estimator import CONFIDENCE, Context, Estimate, Estimator, allowing_for, largest_share, noted
+from excite.identification.estimator import (
+    CONFIDENCE,
+    Context,
+    Estimate,
+    Estimator,
+    allowing_for,
+    largest_share,
+    noted,
+    solve_triangular_system,
+)
 from excite.identification.estimators.least_squares import weighted
+from excite.identification.large_residual import Doubt
 from excite.identification.noise import autocorrelation, effective_samples
-from excite.identification.observations import Observations, row_stretches
+from excite.identification.observations import GroupFactors, Observations, row_stretches
 from excite.identification.preparation import PreparedLog, chosen_method
 from excite.identification.recipe import Recipe
 from excite.identification.streamed_rows import StreamedRows
@@ -54,6 +67,7 @@ from excite.logs.event import within
 from excite.logs.excitation import runs
 from excite.logs.signals.method import resample
 from regressors.errors import ExciteError, InputError, percent
+from regressors.robot.columns import OFFSET
 from regressors.robot.friction.load_and_temperature import friction_rows
 from regressors.samples import Array, Samples
 
@@ -315,3 +329,54 @@ def _unexplained(W: Array, G: Array, weight: Array) -> tuple[Array, Array]:
     _, s, V = np.linalg.svd(G * weight[:, None] - Q @ B, full_matrices=False)
     sums = V[s > _SHOWN].T / s[s > _SHOWN]
     return G @ sums, -np.asarray(scipy.linalg.solve_triangular(R, B @ sums))
+
+
+_OFFSET = 0.01  # of the root mean square torque: as large as the offset of a sensor may be without anyone's notice
+_ZERO = 1e-3  # of it: a log that shows less has no offset that matters
+
+
+def hidden_offset(estimate: Estimate, observations: Observations, target: IdentificationTarget) -> Doubt | None:
+    """Warning where a constant torque that the logs do not show moves parameters out of their intervals.
+
+    A torque o at joint j that the model lacks changes the estimate by ``(W'VW)^-1 W'V 1_j o``. What the logs do not
+    show is its 99 % interval as one more parameter; more than 1 % of the torque is not thought of.
+    """
+    if estimate.method not in METHODS or target.model.torque_equations() is None:
+        return None
+    offsets = [c.name for c in target.model.standard_columns if c.kind == OFFSET]
+    known = np.flatnonzero((estimate.deviation > 0) & (estimate.deviation < np.inf) & ~np.isin(estimate.names, offsets))
+    if not known.size:
+        return None
+    sums, own, torque = _sums_of_equations(observations, 1 / divisors(estimate) ** 2)
+    half = solve_triangular_system(GroupFactors.of(observations).stacked(divisors(estimate))).half
+    noise = np.median(estimate.half_width[known] / np.linalg.norm(half, axis=1)[known])
+    unexplained = np.maximum(own - np.sum((sums @ half) ** 2, axis=1), _SHOWN**2 * own)
+    size = np.minimum(noise / np.sqrt(np.where(own > 0, unexplained, np.inf)), _OFFSET * torque)
+    size = np.where(size > _ZERO * torque, size, 0.0)
+    moved = np.abs(half @ (half.T @ sums.T))[known] * size / estimate.half_width[known, None]
+    worst, j = np.unravel_index(int(np.argmax(moved)), moved.shape)
+    if not moved[worst, j] > 1:
+        return None
+    names = [estimate.names[known[k]] for k in np.flatnonzero(moved.max(axis=1) > 1)]
+    joint, unit = observations.equations[j]
+    return Doubt(
+        f"the intervals of {', '.join(names)} are right only if the torques have no offset",
+        f"a constant {size[j]:.2g} {unit} of {joint} would not show in these logs, and would move "
+        f"{estimate.names[known[worst]]} by {moved[worst, j]:.2g} times half of its interval",
+        "check the zeros of the torques, or identify an offset of each drive along (`offset=True`)",
+    )
+
+
+def _sums_of_equations(observations: Observations, weight: Array) -> tuple[Array, Array, Array]:
+    """Sums of the weighted rows of each equation, (r, p), and of their weights, (r,), and its rms torque, (r,)."""
+    equations = np.arange(len(observations.equations))  # weight (groups,)
+    sums, own = np.zeros((equations.size, len(observations.names))), np.zeros(equations.size)
+    squares, counts = own.copy(), own.copy()
+    for rows in observations.blocks():
+        which = (observations.equation[rows, None] == equations).astype(float)
+        weighted_rows = which * weight[observations.group[rows], None]
+        sums += weighted_rows.T @ observations.W[rows]
+        own += weighted_rows.sum(axis=0)
+        squares += observations.y[rows] ** 2 @ which
+        counts += which.sum(axis=0)
+    return sums, own, np.sqrt(squares / np.maximum(counts, 1.0))

@@ -19,6 +19,8 @@ from excite.identification.choices.friction_terms import TERM_SETTINGS, added_co
 from excite.identification.estimator import Estimator, hide_parameters
 from excite.identification.identification import Identification
 from excite.identification.impossible_parameters import beyond_plausible
+from excite.identification.large_residual import with_external_forces
+from excite.identification.prediction import instantaneous_target
 from excite.identification.procedure import LogLike, calibrated, check_given, estimate_parameters, read_logs
 from excite.identification.recipe import Recipe
 from excite.identification.result import check_played, played_design, provenance_of
@@ -153,6 +155,8 @@ def identify(
         free -= TERM_SETTINGS
     announce("the identification", identification_seconds(read, chosen=bool(free)))
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
+        target = instantaneous_target(robot, task, recipe)
+        read = [with_external_forces(robot, target, log, recipe) for log in read]
         chosen = choose_settings(robot, task, read, recipe, free, friction=curves, progress=progress)
         known = {"commanded": commanded, "friction": curves, "progress": progress}
         chosen, result = _estimated(robot, chosen, read, known, may_fall_back="estimator" in free)

@@ -1,16 +1,24 @@
-"""Reasons to doubt a result, and the doubt where the model does not explain what was measured, with its causes."""
+"""What a model does not explain: stretches of a log, or all of it; and reasons to doubt a result."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import scipy.ndimage
 import scipy.signal
 
 from excite.identification.observations import Observations, rows_of_groups
+from excite.identification.preparation import prepare
+from excite.identification.recipe import ALL, Recipe
+from excite.information.target import IdentificationTarget
+from excite.logs.event import within
+from excite.logs.excitation import runs
+from excite.logs.log import Log
 from regressors.errors import percent
-from regressors.samples import Array
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
 
 
 @dataclass(frozen=True)
@@ -148,3 +156,49 @@ def missing_terms(residual: Array, speed: Array, acceleration: Array) -> tuple[d
 def _explained(e: Array, columns: list[Array]) -> float:
     A = np.column_stack(columns)
     return float(np.sum((A @ np.linalg.lstsq(A, e, rcond=None)[0]) ** 2))
+
+
+_WINDOW = 0.15  # [s] that residuals are averaged over
+_INSTANTS = 2000
+_ROUNDS, _TRIMMED = 6, 3.0  # of the fit without residuals of more than so many times the usual
+_RARE, _LONG, _LARGE = 3, 0.15, 4.0  # stretches at most, share of the log, and their size over that of the next
+
+
+def with_external_forces(robot: Robot, target: IdentificationTarget, log: Log, recipe: Recipe) -> Log:
+    """The log with the stretches in which something else pushed the robot, as where it was touched, which are left out.
+
+    What friction does, a fit with all its terms explains, or leaves over again and again. So up to three stretches
+    count whose residuals, in units of their usual size, are more than four times those of any other.
+    """
+    if target.model.channel != "effort" or recipe.rows == ALL:
+        return log
+    part = prepare(log, robot, target, recipe)
+    some = np.flatnonzero(~within(part.samples.time, part.left_out))
+    if not some.size:
+        return log
+    some = some[np.unique(np.linspace(0, some.size - 1, _INSTANTS).astype(int))]
+    size, time = _unexplained(target, part.samples.rows(some), part.measured[some]), part.samples.time[some]
+    stretches = sorted(runs(size > _TRIMMED * np.median(size)), key=lambda ends: -size[slice(*ends)].max())
+    peaks = [float(size[slice(*ends)].max()) for ends in stretches] + [float(_TRIMMED * np.median(size))]
+    count = max((k for k in range(1, min(_RARE, len(stretches)) + 1) if peaks[k - 1] > _LARGE * peaks[k]), default=0)
+    spans = tuple((float(time[a]) - _WINDOW, float(time[b - 1]) + _WINDOW) for a, b in stretches[:count])
+    return replace(log, external_forces=spans) if 0 < within(log.time, spans).mean() < _LONG else log
+
+
+def _unexplained(target: IdentificationTarget, motion: Samples, measured: Array) -> Array:
+    """Residuals of all joints in units of their medians, averaged over a time, shape (N,); large ones do not count."""
+    measured = target.model.right_side(motion, measured).reshape(motion.time.size, -1)
+    W = target.model.selected(motion, target.base.index).reshape(*measured.shape, -1)
+    W /= np.maximum(np.linalg.norm(W, axis=(0, 1)), 1e-300)
+    count = max(1, round(_WINDOW / float(np.median(np.diff(motion.time)))))
+    scale, kept = np.std(measured, axis=0), np.ones(len(measured), dtype=bool)
+    for _ in range(_ROUNDS):
+        scale = np.where(scale > 0, scale, 1.0)
+        A, b = W[kept] / scale[:, None], measured[kept] / scale
+        residual = measured - W @ np.linalg.lstsq(A.reshape(-1, W.shape[2]), b.ravel(), rcond=1e-9)[0]
+        scale = np.sqrt(np.mean(residual[kept] ** 2, axis=0))
+        middle = np.median(np.abs(residual), axis=0)
+        squares = np.mean((residual / np.where(middle > 0, middle, 1.0)) ** 2, axis=1)
+        size = np.sqrt(scipy.ndimage.uniform_filter1d(squares, count, mode="nearest"))
+        kept = size < _TRIMMED * np.median(size)
+    return np.asarray(size)

@@ -21,6 +21,7 @@ from excite.logs.event import (
     Saturation,
     Spans,
     event_notes,
+    external_forces,
     joined_spans,
     measured_saturation,
     missing_rows,
@@ -126,7 +127,7 @@ def _with_motion(rows: UsableRows, target: IdentificationTarget, recipe: Recipe)
     with _errors_naming(log):
         uniform, motion, steps = _motion(rows.resampled, recipe)
     cut = float(motion.samples.time[0] - uniform.time[0])
-    events = (*rows.found, *stretches_left_out(rows.smooth, cut, rows.hits))
+    events = (*rows.found, *stretches_left_out(rows.smooth, cut, rows.hits), *external_forces(log))
     notes = [*rows.notes, *event_notes(events, 1.0 / log.rate), *rows.remarks, *steps]
     events = (*events, *rows.saturated)
     spans = spans_left_out(events)

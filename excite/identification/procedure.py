@@ -94,7 +94,7 @@ def read_logs(
 def log_of(
     given: LogLike,
     robot: Robot | None,
-    mapping: LogMapping | None = None,
+    mapping: LogMapping | str | Path | None = None,
     drop: tuple[str, ...] = (),
     only: tuple[int, int] | None = None,
 ) -> Log:
@@ -109,7 +109,11 @@ def log_of(
 
 
 def _read(
-    path: Path, robot: Robot | None, mapping: LogMapping | None, drop: tuple[str, ...], only: tuple[int, int] | None
+    path: Path,
+    robot: Robot | None,
+    mapping: LogMapping | str | Path | None,
+    drop: tuple[str, ...],
+    only: tuple[int, int] | None,
 ) -> Log:
     log = read_log(path, None, mapping, drop, only, robot)
     return log if robot is None else with_sidecar(log, robot)

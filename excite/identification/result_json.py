@@ -137,12 +137,15 @@ def _result(folder: Path, path: Path, allowed: Collection[str], own: dict[str, A
     return result
 
 
+_FORMER = ("ridge", "total")  # estimators of older versions
+
+
 def _recipe(content: dict[str, Any], estimator: Any, allowed: Collection[str]) -> Recipe:
     """Settings of a result, less those that only older versions had: its estimate is stored with it."""
     kept = {name: value for name, value in content.items() if name != "pull"}
     if estimator is None and "estimator" in kept:
         name = str(kept["estimator"])
-        estimator = stored_part("estimator", "weighted" if name == "total" else name, allowed)
+        estimator = stored_part("estimator", "weighted" if name in _FORMER else name, allowed)
     return Recipe(**kept if estimator is None else {**kept, "estimator": estimator})
 
 

@@ -92,7 +92,7 @@ class StreamedRows:
                 f"{self.shape[0]} equations for {self.shape[1]} parameters take {self.nbytes / 1e9:.1f} GB if they are "
                 f"held at once, and this method needs them so; at most {MOST / 1e9:.1f} GB are used: decimate the "
                 f"equations (`every={every}`, best with `low_pass`), or use a method that reads them in pieces "
-                "(weighted, least-squares, ridge, total, physical)"
+                "(weighted, least-squares, physical)"
             )
         rows = np.empty(self.shape)
         for block in self._blocks():

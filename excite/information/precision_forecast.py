@@ -36,6 +36,7 @@ from excite.information.half_widths import (
 from excite.information.target import IdentificationTarget, inverse_half, least_speeds, typical_speed, usual_speeds
 from excite.storage.codec import INLINE, Beside, named
 from excite.tasks.precision_target import PrecisionTarget
+from regressors.errors import InputError
 from regressors.samples import Array, Samples
 
 _MOST_RUNS = 10**9
@@ -101,6 +102,13 @@ class PrecisionForecast:
         return tuple(sorted((p for p in self.parameters if p.use > 1.0), key=lambda p: -p.use))
 
 
+_TOO_SLOW = (
+    "no precision can be promised for this motion: its rows in which all drives that act on a joint are faster than "
+    f"{2 * SLOW:g} of their typical speed do not determine all parameters, and what friction does near standstill "
+    "would decide on the others; let coupled drives move at the same time, or leave `precision` out"
+)
+
+
 @dataclass(frozen=True, eq=False)
 class RunInformation:
     """Information of one run against a precision target.
@@ -144,9 +152,11 @@ class RunInformation:
             return cls(target, precision, inverse_half(W), rows, seconds, in_hand)
         usual, typical = usual_speeds(target.robot, [samples]), typical_speed(target.robot, [samples])
         least = least_speeds(target, samples, np.minimum(usual, typical)).ravel()  # a slower drive by its own speed
-        near, far = (inverse_half(W[least >= share]) for share in (SLOW, 2.0 * SLOW))
+        near, far = (H @ H.T for H in (inverse_half(W[least >= share]) for share in (SLOW, 2.0 * SLOW)))
+        if np.any(np.diag(far) < 0.999 * np.diag(near)):  # fewer rows know more only where they are too few for all
+            raise InputError(_TOO_SLOW)
         chi2 = scipy.special.chdtri(1, 1.0 - precision.probability)
-        C = (1.0 - chi2) * near @ near.T + chi2 * far @ far.T
+        C = (1.0 - chi2) * near + chi2 * far
         size = np.sqrt(np.diag(C))
         values, vectors = np.linalg.eigh(C / np.outer(size, size))
         half = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))

@@ -18,8 +18,8 @@ from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 GARBAGE, HELD, SPIKE, MISSING, DROPPED = "garbage", "held rows", "spike", "missing rows", "dropped rows"
-CLOCK, RATE, IMPACT, SATURATION = "clock", "rate", "impact", "saturation"
-KINDS = (GARBAGE, HELD, SPIKE, MISSING, DROPPED, CLOCK, RATE, IMPACT, SATURATION)
+CLOCK, RATE, IMPACT, SATURATION, FORCE = "clock", "rate", "impact", "saturation", "external force"
+KINDS = (GARBAGE, HELD, SPIKE, MISSING, DROPPED, CLOCK, RATE, IMPACT, SATURATION, FORCE)
 _SHOWN = 5
 
 
@@ -63,6 +63,7 @@ LEFT_OUT = "left out:"  # begins the notes on what makes no equations
 _WHAT = {
     HELD: "{rows} that repeat the row before under a new time stamp while the robot moves",
     SPIKE: "{rows} in which a position jumps away and back, more than a velocity limit allows",
+    FORCE: "{rows} whose torques no parameters explain, as where something else pushes the robot",
 }
 
 
@@ -166,6 +167,14 @@ def missing_rows(log: Log) -> tuple[Event, ...]:
         begin, end = float(log.time[k]) + _INSIDE * usual, float(log.time[k + 1]) - _INSIDE * usual
         events.append(Event(kind, begin, end, rows, _TEXT[kind].format(ms=f"{1e3 * step[k]:.3g} ms")))
     return tuple(events)
+
+
+def external_forces(log: Log) -> Iterator[Event]:
+    """Stretches in which something else pushed the robot."""
+    for begin, end in log.external_forces:
+        about = log.row_numbers[within(log.time, ((begin, end),))]
+        if about.size:
+            yield Event(FORCE, begin, end, (int(about[0]), int(about[-1])), "torques that no parameters explain")
 
 
 Spans = tuple[tuple[float, float], ...]  # first and last instant of each [s]

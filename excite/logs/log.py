@@ -68,6 +68,8 @@ class Log:
         True standard parameters, of a simulated log [SI].
     saturated : tuple of Saturation
         Torques that are known to have been at their limit, and when.
+    external_forces : tuple of (float, float)
+        First and last instant of each stretch in which something else pushed the robot [s].
     numbers : ndarray of int, shape (N,), or None
         Increasing numbers of the rows in what was recorded, 1 for the first; 1 ... N if not given.
     removed : tuple of Removed
@@ -91,6 +93,7 @@ class Log:
     left_out: tuple[str, ...] = ()
     truth: Mapping[str, float] | None = None
     saturated: tuple[Saturation, ...] = ()
+    external_forces: tuple[tuple[float, float], ...] = ()
     numbers: Index | None = None
     removed: tuple[Removed, ...] = ()
 

@@ -14,7 +14,7 @@ from excite.logs.event import Saturation
 from excite.logs.guess.log_guess import certain_mapping
 from excite.logs.layout import CHANNELS, ForeignHeader, Layout, cells, header_line, house_layout, listed
 from excite.logs.log import WRENCH, Log, counted
-from excite.logs.mapping import GearedSection, LogMapping
+from excite.logs.mapping import GearedSection, LogMapping, read_mapping
 from excite.logs.recorded_log import (
     recorded_log,
     sampled_channels,
@@ -48,7 +48,7 @@ _SPARSE = 0.2
 def read_log(
     path: str | Path,
     joints: Sequence[str] | None = None,
-    mapping: LogMapping | None = None,
+    mapping: LogMapping | str | Path | None = None,
     drop: Iterable[str] = (),
     only: tuple[int, int] | None = None,
     robot: Robot | None = None,
@@ -65,7 +65,7 @@ def read_log(
     path : path
     joints : sequence of str, optional
         Joints to read, in this order; all that the file has if not given.
-    mapping : LogMapping, optional
+    mapping : LogMapping or path, optional
         How a foreign file is laid out; not needed for one that says itself what its columns are, in which units, see
         `excite.logs.guess.log_guess.guess_mapping`, which also proposes a mapping for the others.
     drop : iterable of str
@@ -90,6 +90,7 @@ def read_log(
         raise InputError("joints: expected one or more names, given none; leave it out for all joints of the file")
     settle_files(path := Path(path))
     form, notes = binary_format(path), tuple[str, ...]()
+    mapping = read_mapping(mapping) if isinstance(mapping, str | Path) else mapping
     if mapping is None:
         house: ForeignHeader | None = None
         if form is None:

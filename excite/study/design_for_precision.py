@@ -32,7 +32,7 @@ from excite.registry import name_of
 from excite.study.period_search import PeriodSearch, pareto_front, tried_period
 from excite.tasks.installation import Installation
 from excite.tasks.precision_target import PrecisionTarget
-from excite.tasks.robot_of_task import first_argument, robot_and_task
+from excite.tasks.robot_of_task import one_model, robot_and_task
 from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError
@@ -97,8 +97,8 @@ def design_for_precision(
     KeyboardInterrupt
         Interrupted before any motion was found.
     """
-    subject = first_argument(robot_or_model, options, "design_for_precision")
-    robot, task = robot_and_task(subject)
+    one_model(robot_or_model, options)
+    robot, task = robot_and_task(robot_or_model)
     task = task.changed(**options, **({} if precision is None else {"precision": precision}))
     with search_folder(folder) as place:
 

@@ -19,7 +19,7 @@ from excite.information.prior import base_sizes
 from excite.information.target import IdentificationTarget, inverse_half, target_of
 from excite.study.design_for_precision import design_for_precision, precise_task
 from excite.tasks.precision_target import PrecisionTarget
-from excite.tasks.robot_of_task import first_argument, robot_and_task
+from excite.tasks.robot_of_task import one_model, robot_and_task
 from excite.tasks.stored_files import DESIGN
 from excite.tasks.task import Task
 from regressors.arguments import checked
@@ -115,7 +115,7 @@ class NextMotion:
 
 @checked
 def next_motion(
-    robot_or_model: RegressorModel | Robot | Task | str | None = None,
+    robot_or_model: RegressorModel | Robot | Task | str,
     /,
     precision: PrecisionTarget | float | str | None = None,
     *,
@@ -161,11 +161,11 @@ def next_motion(
     InputError
         See `excite.design_trajectory`; or no precision, or one that asks nothing of this model's parameters.
     """
-    subject = first_argument(robot_or_model, options, "next_motion")
+    one_model(robot_or_model, options)
     if of not in _OF:
         raise InputError(f"`of` must be one of {', '.join(_OF)}, given {of!r}")
     given = {} if precision is None else {"precision": precision}
-    robot, task = robot_and_task(subject)
+    robot, task = robot_and_task(robot_or_model)
     task = with_information_in_hand(robot, task.changed(**given, **options))
     asked = task.objective.precision
     if not isinstance(asked, PrecisionTarget):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
+from collections.abc import Mapping
 from typing import Any
 
 from excite.tasks.installation import Installation
@@ -10,7 +10,7 @@ from excite.tasks.stored_files import StoredRobot
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel
-from regressors.readers.library import built_in_names, load_robot
+from regressors.readers.library import load_robot
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.locked_joints import with_joint_rotors, with_locked_joints
 from regressors.robot.robot import Robot
@@ -51,22 +51,10 @@ def robot_and_task(
     raise InputError(f"expected a model, a robot, the name of one, or a task; given {type(model).__name__}")
 
 
-def first_argument(
-    robot_or_model: RegressorModel | Robot | Task | str | None, options: dict[str, Any], call: str, frames: int = 4
-) -> RegressorModel | Robot | Task | str:
-    """What a call is about, where it may also have been named ``model``, as it was in the last release."""
-    if robot_or_model is None:
-        if "model" not in options:
-            raise InputError(f"`{call}` needs a robot, a model or a task as its first argument")
-        message = (
-            f"{call}(model=...) is now {call}(...): the first argument has no name, `model` is the model of a robot"
-        )
-        warnings.warn(message, DeprecationWarning, stacklevel=frames)
-        model: RegressorModel | Robot | Task | str = options.pop("model")
-        return model
+def one_model(robot_or_model: RegressorModel | Robot | Task | str, options: Mapping[str, Any]) -> None:
+    """Refuse the option ``model`` beside a model."""
     if isinstance(robot_or_model, RegressorModel) and "model" in options:
         raise InputError("`model` chooses the model of a robot, but a model is given already; give one of them")
-    return robot_or_model
 
 
 def installed_robot(task: Task) -> Robot:
@@ -79,15 +67,6 @@ def installed_robot(task: Task) -> Robot:
     if not task.installation.described:
         raise InputError(_OF_NAMED)
     return task.robot
-
-
-def check_robot(robot: Robot, task: Task) -> None:
-    """Raise `InputError` where a task is for another robot."""
-    if isinstance(task.robot, str) and task.robot not in built_in_names():
-        return  # a file, which may have been read with other ends of the chain
-    other = installed_robot(task) if isinstance(task.robot, str | StoredRobot) else task.robot
-    if other.sha256() != robot.sha256():
-        raise InputError(f"the task is for {other.name}, not for {robot.name} as given here")
 
 
 def moving_robot(robot: Robot, task: Task) -> Robot:

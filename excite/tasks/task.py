@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -144,14 +143,6 @@ class Task:
             A file of results names its file only.
         """
         return self.model.known_friction
-
-    def __getattr__(self, name: str) -> Any:
-        """Options as attributes by their own names, for compatibility."""
-        if name.startswith("_") or name not in PLACE:
-            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        place = f"task.{PLACE[name]}.{name}"
-        warnings.warn(f"task.{name} is now {place}", DeprecationWarning, stacklevel=2)
-        return getattr(getattr(self, PLACE[name]), name)
 
 
 def _parts(options: Mapping[str, Any], present: Mapping[str, Any] | None = None) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from excite.identification.choices.cutoff_and_timing import HIGHEST
 from excite.identification.doubts import answers
 from excite.identification.identification import Identification
 from excite.identification.identify import rows_prediction
+from excite.identification.large_residual import with_external_forces
 from excite.identification.log_faults import load_that_explains
 from excite.identification.prediction import (
     LogPrediction,
@@ -24,10 +25,11 @@ from excite.identification.prediction import (
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.procedure import log_of
 from excite.identification.recipe import AUTO, Recipe
+from excite.identification.result_json import load_result
 from excite.information.target import IdentificationTarget
 from excite.logs.event import LEFT_OUT
 from excite.logs.log import Log
-from excite.logs.mapping import LogMapping, read_mapping
+from excite.logs.mapping import LogMapping
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from excite.simulation.replay import Outcome, Replay, windowed_motion
 from excite.storage.work_prediction import announce
@@ -65,7 +67,7 @@ HORIZON = 0.5
     "check the units of the log and `rows`",
 )
 def verify(
-    result: Identification,
+    result: Identification | str | Path,
     log: Log | str | Path | Any,
     *,
     mapping: LogMapping | str | Path | None = None,
@@ -84,8 +86,8 @@ def verify(
 
     Parameters
     ----------
-    result : Identification
-        Just identified, or loaded.
+    result : Identification or path
+        Just identified or loaded, or its folder.
     log : Log, path or Simulation
     mapping : LogMapping or path, optional
         How a foreign file is laid out.
@@ -109,9 +111,9 @@ def verify(
         A log that the result was identified from, or that does not fit its robot; a horizon that is not positive.
     """
     check("horizon", horizon)
-    layout = read_mapping(Path(mapping)) if isinstance(mapping, str | Path) else mapping
+    result = load_result(result) if isinstance(result, str | Path) else result
     recipe = _recipe(result, rows, signals, temperature)
-    log = log_of(log, result.robot, layout, tuple(drop), recipe.row_numbers)
+    log = log_of(log, result.robot, mapping, tuple(drop), recipe.row_numbers)
     slower = recipe.cutoff is not None and recipe.cutoff > HIGHEST * log.rate
     recipe = replace(recipe, cutoff=HIGHEST * log.rate) if slower else recipe
     rows_prediction("the verification", [log]).check()
@@ -123,7 +125,7 @@ def verify(
     target = judging_target(result)
     simulated = target.model.torque_equations() is not None
     announce(f"the verification on {cut(log.source)}", verification_seconds(log, simulated=simulated))
-    part = prepare(log, result.robot, target, recipe)
+    part = prepare(with_external_forces(result.robot, target, log, recipe), result.robot, target, recipe)
     predicted = prediction(target, part, recipe, result.coefficients, result.friction)
     tolerances = tolerances if tolerances is not None else Tolerances()
     replay, length = _replayed(target, result, part, horizon)

@@ -125,17 +125,3 @@ def test_help_of_design_names_every_option_of_a_task(tmp_path: Path) -> None:
         for field, option in options_of(part):
             if not option.hidden:
                 assert re.search(rf"{flag_of(field.name, option)}\b", text), field.name
-
-
-def test_names_of_the_last_release_are_there_with_a_warning() -> None:
-    for before, now in {
-        "LimitOverrides": "LimitChoice",
-        "identified": "identify",
-        "read_design": "load_design",
-        "read_result": "load_result",
-        "save_design": "the method save of a design",
-        "verified": "verify",
-    }.items():
-        with pytest.warns(DeprecationWarning, match=f"^excite.{before} is now {now}$"):
-            renamed = getattr(excite, before)
-        assert before in ("save_design", "identified") or renamed is getattr(excite, now)

@@ -8,7 +8,7 @@ Where friction is not a function of the motion, rows may also be left out of the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -28,6 +28,7 @@ _ALL, _MOVING, _FAST_DELAY = "all", "of moving drives", "all, but for the delay"
 _FAST = 0.4  # of the typical speed: rows that what happens at reversals does not reach
 _LEAST = 0.05  # of the rows of an equation, that others can be compared with
 _WORTH = 0.01  # of the score
+_HIGHER = 2.0  # times the cutoff
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,7 @@ def choose_by_rows(scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], fr
     Where rows near standstill are predicted worse than the others, beyond a standard error, everything is chosen by the
     rows of moving drives as well, with the delay of fast ones; and where the delay predicts the rows of fast drives no
     better than none, which is what friction does near standstill, by all rows with the delay of fast ones. The best of
-    these is taken if it predicts the rows of moving drives clearly better.
+    these is taken if it predicts the rows of moving drives clearly better, or alike with a much higher cutoff.
     """
     recipe, choices = choose_cutoff_and_timing(scoring, plain, cutoffs, free)
     every = RowChoice(scoring, recipe, choices, free)
@@ -60,17 +61,34 @@ def choose_by_rows(scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], fr
     if _misled(fast, recipe, plain):
         tried[_FAST_DELAY] = _with_delay_of(fast, scoring, plain, cutoffs, free)
     errors = {name: _errors(one.scoring, one.recipe, moving) for name, one in tried.items()}
-    best = best_of(errors)
-    name = best if errors[best].is_better(errors[_ALL], _WORTH) else _ALL
-    reason = "settings are chosen by all rows: without those near standstill others are not predicted clearly better"
-    if name != _ALL:
-        reason = (
-            f"{'settings are' if name == _MOVING else 'the delay is'} chosen by the rows of moving drives, since "
-            "friction near standstill misleads the choice by all rows: left-out torques of moving drives are then "
-            f"predicted to {errors[name].percent} instead of {errors[_ALL].percent}"
-        )
+    name, reason = preferred_rows({name: one.recipe.cutoff for name, one in tried.items()}, errors)
     choice = Choice("rows", name, candidates_of(errors), reason)
     return replace(tried[name], choices=(*tried[name].choices, choice))
+
+
+def preferred_rows(cutoffs: Mapping[str, float | None], errors: Mapping[str, LeftOut]) -> tuple[str, str]:
+    """By which rows settings are chosen, and why, from the cutoff that each found and the errors it leaves.
+
+    A low cutoff blurs what friction does near standstill into rows that all parameters are then estimated from. So
+    those of moving drives are taken if they predict as well with a cutoff that is more than twice as high.
+    """
+    best, low, high = best_of(errors), cutoffs[_ALL], cutoffs.get(_MOVING)
+    if errors[best].is_better(errors[_ALL], _WORTH):
+        what, instead = ("the delay is" if best == _FAST_DELAY else "settings are"), errors[_ALL].percent
+        return best, (
+            f"{what} chosen by the rows of moving drives, since friction near standstill misleads the choice by all "
+            f"rows: left-out torques of moving drives are then predicted to {errors[best].percent} instead of {instead}"
+        )
+    if low and high and high > _HIGHER * low and not errors[_ALL].is_better(errors[_MOVING], _WORTH):
+        return _MOVING, (
+            f"settings are chosen by the rows of moving drives, which are predicted as well with a cutoff of {high:g} "
+            f"Hz ({errors[_MOVING].percent}) as with one of {low:g} Hz by all rows ({errors[_ALL].percent}), which "
+            "blurs friction near standstill into the others"
+        )
+    return (
+        _ALL,
+        "settings are chosen by all rows: without those near standstill others are predicted no better",
+    )
 
 
 def _with_delay_of(

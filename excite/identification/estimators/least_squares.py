@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
-import scipy.optimize
 
 from excite.identification.estimator import (
     Context,
@@ -22,8 +21,7 @@ from excite.identification.estimator import (
     stated_estimate,
 )
 from excite.identification.observations import GroupFactors, Observations
-from regressors.errors import InputError, UnknownName
-from regressors.models.nominal import parameter_values, standard_values
+from regressors.errors import InputError
 from regressors.samples import Array, Index
 
 _EQUAL_NOISE = "the intervals assume independent noise of equal variance in all rows"
@@ -255,89 +253,3 @@ class Recursive(Estimator):
     def estimate(self, observations: Observations, context: Context | None = None) -> Estimate:
         """See `recursive`."""
         return recursive(observations)
-
-
-TOWARDS = ("description", "zero")
-_LEAST, _MOST = 1e-14, 1e4  # weights that are tried
-_GRID = 200
-
-
-def ridge(observations: Observations, weight: float | None = None, reference: Array | None = None) -> Estimate:
-    """Minimiser of ``||Sigma^-1/2 (y - W beta)||^2 + weight ||S (beta - beta_0)||^2``.
-
-    Rows are divided by their noise, as by `excite.identification.estimators.least_squares.weighted`; S has the lengths
-    of the resulting columns, so that the weight has no unit and units of parameters do not matter. With
-    ``Sigma^-1/2 W S^-1 = U diag(s) V'`` the shrinkage factors are ``f = s^2 / (s^2 + weight)``, and the covariance, of
-    the noise alone, is ``S^-1 V diag(f^2 / s^2) V' S^-1``: the bias ``S^-1 V diag(1 - f) V' S (beta_0 - beta)`` is not
-    in it. If no weight is given, it minimises ``||e||^2 / (m - sum f)^2`` with the residuals e of the m rows [Golub,
-    Heath, Wahba 1979].
-    """  # reference (p,)
-    if weight is not None and not (np.isfinite(weight) and weight >= 0):
-        raise InputError(f"ridge: the weight must be zero or a positive number, given {weight}")
-    p = observations.W.shape[1]
-    reference = np.zeros(p) if reference is None else np.asarray(reference, dtype=float)
-    if reference.shape != (p,) or not np.all(np.isfinite(reference)):
-        raise InputError(f"ridge: the reference must be {p} finite numbers, given {reference.tolist()}")
-    problem = weighting(observations)
-    solution, A, r = problem.solution, problem.R[:, :-1], problem.R[:, -1]
-    s = solution.singular_values[: solution.rank]
-    # of the least-squares solution about the reference, along the singular directions, in standard deviations
-    coordinates = (A @ solution.half).T @ (r - A @ reference)
-    how = "as given" if weight is not None else "by generalised cross-validation"
-    weight = _best_weight(s, coordinates, solution.square, problem.factors.rows) if weight is None else weight
-    factors = s**2 / (s**2 + weight)
-    values = reference + solution.half @ (factors * coordinates)
-    notes = (
-        f"weight {weight:.3g}, {how}: {factors.sum():.4g} effective parameters of {p}",
-        "intervals are those of the noise alone: they ignore the bias that the pull causes",
-        *problem.notes,
-    )
-    return problem.stated("ridge", values, solution.half * factors, notes)
-
-
-def _best_weight(s: Array, coordinates: Array, left: float, rows: int) -> float:
-    """Minimum of the cross-validation function, on a logarithmic grid and then between its neighbours."""
-
-    def score(logarithm: float) -> float:
-        shrinkage = s**2 / (s**2 + float(np.exp(logarithm)))
-        square = left + float(np.sum(((1 - shrinkage) * coordinates) ** 2))
-        return square / (rows - float(shrinkage.sum())) ** 2
-
-    grid = np.linspace(np.log(_LEAST), np.log(_MOST), _GRID)
-    k = int(np.argmin([score(logarithm) for logarithm in grid]))
-    ends = grid[max(k - 1, 0)], grid[min(k + 1, _GRID - 1)]
-    return float(np.exp(scipy.optimize.minimize_scalar(score, bounds=ends, method="bounded").x))
-
-
-class Ridge(Estimator):
-    """Weighted least squares with a pull towards the described values, or towards zero.
-
-    Parameters
-    ----------
-    weight : float, optional
-        Of the pull, relative to the squared length of a column over the noise; by generalised cross-validation if not
-        given.
-    towards : {"description", "zero"}
-        What the parameters are pulled to: the values of the robot's description, where it states them, or zero.
-
-    Raises
-    ------
-    UnknownName
-        `towards` is neither of the two.
-    """
-
-    name = "ridge"
-    holds_rows = False
-
-    def __init__(self, weight: float | None = None, towards: str = "description") -> None:
-        if towards not in TOWARDS:
-            raise UnknownName("value to pull towards", towards, TOWARDS)
-        self.weight, self.towards = weight, towards
-
-    def estimate(self, observations: Observations, context: Context | None = None) -> Estimate:
-        """See `ridge`; the pull is towards zero without a context."""
-        if context is None or self.towards == "zero":
-            return ridge(observations, self.weight)
-        target = context.target  # its robot, whose locked links are merged into others
-        described = parameter_values(target.model, target.base, standard_values(target.robot))
-        return ridge(observations, self.weight, np.nan_to_num(described, nan=0.0))

@@ -133,13 +133,8 @@ def test_the_model_of_a_robot_or_a_task_is_an_option(call: Callable[..., Any]) -
 
     for given in ("irp6", excite.Task("irp6", harmonics=3)):
         assert model_of(call(given, model="energy", **quick)) in ("energy", excite.EnergyModel)
-    with pytest.warns(DeprecationWarning, match=rf"{call.__name__}\(model=\.\.\.\) is now {call.__name__}") as said:
-        call(model="irp6", **quick)
-    assert said[0].filename == __file__
     with pytest.raises(excite.InputError, match="a model is given already; give one of them"):
         call(excite.DifferentialModel(excite.load_robot("irp6")), model="energy")
-    with pytest.raises(excite.InputError, match="needs a robot, a model or a task as its first argument"):
-        call()
 
 
 TASK = excite.Task("irp6", harmonics=2, friction=False, starts=1, executor="serial")

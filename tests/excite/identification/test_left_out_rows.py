@@ -7,19 +7,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from played import EXACT, LOAD, TASK, described, found, noisy, periodic, played, three_joints
-from recordings import held, late, some_rows, struck, without_rows
+from played import EXACT, LOAD, TASK, described, found, irp6, noisy, periodic, played, three_joints
+from recordings import held, late, real_log, some_rows, struck, without_rows
 
 from excite.identification.identification import Identification
+from excite.identification.large_residual import with_external_forces
 from excite.identification.preparation import spans_in_mean
 from excite.identification.recipe import Recipe
 from excite.identification.result_json import save_result
-from excite.logs.event import CLOCK, HELD, IMPACT, MISSING, Saturation, Spans, saturation_of, within
+from excite.information.target import target_of
+from excite.logs.event import CLOCK, FORCE, HELD, IMPACT, MISSING, Saturation, Spans, saturation_of, within
 from excite.logs.log import Log
+from excite.tasks.robot_of_task import robot_and_task
 from excite.tasks.task import Task
 from excite.verification.verify import verify
 from regressors.errors import InputError
 
+TARGET = target_of(irp6(), TASK)
 PLAIN = Recipe(sign_width=0.01)
 RATE = 1000.0
 
@@ -179,3 +183,33 @@ def test_verification_says_what_it_leaves_out() -> None:
     assert judged.time.size == log.count - 82
     assert judged.relative_error < 1e-2
     assert any(remark.startswith("left out: 82 rows") for remark in judged.verdict.remarks)
+
+
+def pushed(log: Log, size: float, begin: float = 2.5, length: float = 0.4) -> Log:
+    """Pushed by something for a while, held in place by the controller."""
+    share = np.clip((log.time - begin) / length, 0.0, 1.0)
+    force = size * np.sin(np.pi * share)[:, None] * np.array([1.0, 2.0, 0.7])
+    assert log.effort is not None
+    return replace(log, effort=log.effort + force, sha256=f"{log.sha256} pushed {size}")
+
+
+def test_rows_in_which_something_else_pushes_are_left_out() -> None:
+    plain, hit = clean(), pushed(clean(), 20.0)
+    assert with_external_forces(irp6(), TARGET, plain, PLAIN) is plain
+    result = found(TASK, with_external_forces(irp6(), TARGET, hit, PLAIN), recipe=PLAIN)
+    (event,) = result.prepared[0].events
+    assert (event.kind, event.left_out) == (FORCE, True)
+    assert 2.2 < event.begin < 2.5 < 2.9 < event.end < 3.2
+    assert any("whose torques no parameters explain" in note for note in result.prepared[0].notes)
+    error = np.abs(result.estimate.values - described(result))
+    spoilt = np.abs(found(TASK, hit, recipe=PLAIN).estimate.values - described(result))
+    assert np.all(error < result.estimate.half_width)
+    assert np.median(spoilt / error) > 2
+    assert with_external_forces(irp6(), TARGET, hit, replace(PLAIN, rows="all")) is hit
+
+
+@pytest.mark.parametrize("name", ["ur-20_02_05-20sec_8harm", pytest.param("ur-20_01_31-load", marks=pytest.mark.slow)])
+def test_nothing_pushes_a_real_robot_that_moves_freely(name: str) -> None:
+    robot, task = robot_and_task("ur10e")
+    log = real_log(name)
+    assert with_external_forces(robot, target_of(robot, task), log, Recipe()) is log

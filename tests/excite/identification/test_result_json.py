@@ -142,7 +142,7 @@ def test_older_files_are_read_and_written_anew(sample: str, tmp_path: Path) -> N
 def test_an_older_result_says_that_it_was_identified_with_a_pull(tmp_path: Path) -> None:
     """Read, written anew and read again: the note stands once, and the estimate is as it was."""
     older = json.loads((SAMPLES / "result-1" / "result.json").read_text())
-    for changed, added in ({"pull": 0.5}, 1), ({"pull": 0}, 0):
+    for changed, added in ({"pull": 0.5, "estimator": "ridge"}, 1), ({"pull": 0}, 0):
         (tmp_path / "result.json").write_text(json.dumps({**older, "recipe": {**older["recipe"], **changed}}))
         read = load_result(tmp_path)
         read.save(tmp_path / str(added))
@@ -152,6 +152,7 @@ def test_an_older_result_says_that_it_was_identified_with_a_pull(tmp_path: Path)
             assert (len(notes), len(result.estimate.notes)) == (added, len(older["notes"]) + added)
             assert [p["value"] for p in plain(result)["parameters"]] == [p["value"] for p in older["parameters"]]
             assert "pull" not in plain(result)["recipe"]
+            assert plain(result)["recipe"]["estimator"] == ("weighted" if "estimator" in changed else "recursive")
 
 
 def test_parameters_that_are_not_shown_are_null(tmp_path: Path) -> None:

@@ -104,7 +104,7 @@ def test_a_product_holds_one_block_at_once() -> None:
 def test_methods_that_hold_all_rows_refuse_more_than_there_is_room_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(equations, "HELD", 0)
     monkeypatch.setattr(streamed_rows, "MOST", 10_000)
-    for estimator in ("weighted", "least-squares", "ridge"):
+    for estimator in ("weighted", "least-squares"):
         result = found(TASK, logs()[1], recipe=dataclasses.replace(ALL, estimator=estimator))
         assert np.all(np.isfinite(result.estimate.values))
     for estimator in ("huber", "recursive"):

@@ -19,6 +19,7 @@ from excite.information.half_widths import (
     residual_degrees_of_freedom,
     torque_precision,
 )
+from excite.information.precision_forecast import RunInformation
 from excite.information.prior import base_sizes, prior_of
 from excite.information.target import IdentificationTarget, inverse_half, target_of
 from excite.tasks.precision_target import PrecisionTarget
@@ -178,6 +179,15 @@ def test_the_forecast_allows_for_estimates_without_slow_rows(design: excite.Desi
     within = np.mean(variance <= run.deviation[:13, None] ** 2, axis=1)
     assert run.rows == near.size < 0.95 * len(W)
     assert np.all(np.abs(within - 0.95) < 0.02)
+
+
+def test_a_motion_whose_coupled_drives_take_turns_promises_no_precision(irp6: IdentificationTarget) -> None:
+    time = np.linspace(0.0, 8.0, 801)
+    turn = np.where(time[:, None] < 4.0, [1.0, 1.0, -1.0], [1.0, 0.0, 1.0])  # drive 2, then drive 3
+    q, dq, ddq = (turn * x[:, None] for x in (-np.cos(6.0 * time), 6.0 * np.sin(6.0 * time), 36.0 * np.cos(6.0 * time)))
+    samples = excite.Samples(time, q, dq, ddq, np.zeros_like(q))
+    with pytest.raises(InputError, match="coupled drives move at the same time"):
+        RunInformation.of(PrecisionTarget(0.05), irp6, samples, np.ones(3), 8.0)
 
 
 def test_a_share_is_of_the_torque_along_the_motion(torques: excite.TaskTorques) -> None:

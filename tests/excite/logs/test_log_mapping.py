@@ -27,7 +27,7 @@ def written(tmp_path):
 
 
 def read(written, content, mapping, robot=None, **more):
-    return read_log(written(content), mapping=read_mapping(written(mapping, "map.yaml")), robot=robot, **more)
+    return read_log(written(content), mapping=written(mapping, "map.yaml"), robot=robot, **more)
 
 
 def table(*columns):

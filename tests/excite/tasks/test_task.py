@@ -62,11 +62,7 @@ def test_options_and_parts_say_the_same() -> None:
     assert pickle.loads(pickle.dumps(flat)) == flat
 
 
-def test_old_names_are_read_with_a_warning() -> None:
-    with pytest.warns(DeprecationWarning, match=r"task\.period is now task\.trajectory\.period"):
-        assert Task("irp6", period=4.0).period == 4.0
-    with pytest.raises(AttributeError, match="no attribute 'wheels'"):
-        Task("irp6").wheels  # noqa: B018
+def test_options_that_no_part_has_are_refused() -> None:
     with pytest.raises(UnknownName, match="no option of a task named 'wheels'"):
         Task("irp6", wheels=3)
 
@@ -149,15 +145,6 @@ def test_objects_are_kept_and_named() -> None:
     assert task_content(task)["criterion"] == "trace"
     assert task_content(task)["trajectory"] == "fourier"
     np.testing.assert_equal(task.trajectory.family().duration, 6.0)
-
-
-def test_a_task_of_another_robot_is_refused() -> None:
-    panda = excite.load_robot("panda")
-    with (
-        pytest.warns(DeprecationWarning, match=r"design_trajectory\(robot, task\) is now design_trajectory\(task\)"),
-        pytest.raises(InputError, match="the task is for irp6, not for panda"),
-    ):
-        excite.design_trajectory(panda, Task("irp6"))
 
 
 def test_angles_as_printed_are_an_option_of_a_task(tmp_path: Path) -> None:

@@ -268,13 +268,6 @@ def test_a_design_from_home_is_not_played_without_its_approach(folder: Path, tmp
         load_design(tmp_path)
 
 
-def test_former_names_of_a_designs_approach_warn(design: Design) -> None:
-    with pytest.warns(DeprecationWarning, match=r"Design\.ways is now Design\.approach_and_return"):
-        assert design.ways is design.approach_and_return
-    with pytest.warns(DeprecationWarning, match=r"Design\.played is now Design\.sequence"):
-        assert design.played.duration == design.sequence.duration
-
-
 def test_position_velocity_and_acceleration_are_continuous(design: Design, folder: Path) -> None:
     h = 1 / RATE
     q, dq, ddq = motion_in(rows_of(folder / "trajectory.csv")[0])
@@ -539,10 +532,6 @@ def test_command_with_home_in_a_task_file(here: Here) -> None:
     refused = here.run("simulate", "out", "--rate", "100", "--out", "log.csv")
     assert refused.returncode == 2
     assert "--no-approach-and-return leaves out the approach" in refused.stderr
-    former = here.run("simulate", "out", "--rate", "100", "--no-ways", "--out", "former.csv")
-    assert former.returncode == 0, former.stderr
-    assert "--ways and --no-ways are now --approach-and-return" in former.stderr
     played = here.run("simulate", "out", "--rate", "100", "--no-approach-and-return", "--out", "log.csv")
-    assert (here.cwd / "former.csv").read_bytes() == (here.cwd / "log.csv").read_bytes()
     assert played.returncode == 0, played.stderr
     assert json.loads((here.cwd / "log.json").read_text(encoding="utf-8"))["trajectory"] is None

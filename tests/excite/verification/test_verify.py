@@ -94,7 +94,9 @@ def test_a_result_of_wrench_integrals_is_judged_by_the_wrench(tmp_path: Path) ->
 
 def test_friction_that_was_subtracted_is_added_again(tmp_path: Path, other: Log) -> None:
     identified = found(TASK, played(three_joints(), 3), friction=FrictionCurves(curves()))
-    v = verify(stored(identified, tmp_path, FRICTION), other, signals="butterworth")
+    loaded = stored(identified, tmp_path, FRICTION)
+    v = verify(tmp_path, other, signals="butterworth")  # by its folder
+    assert v.relative_error == verify(loaded, other, signals="butterworth").relative_error
     assert v.verdict.holds
     assert v.relative_error < 0.1
     assert v.training_error < 1e-9

@@ -11,6 +11,7 @@ from played import irp6, noisy, played, three_joints
 
 from excite.identification.choices.cutoff_and_timing import choose_cutoff, choose_delay, cutoff_candidates
 from excite.identification.choices.left_out import BlockStatistics, LeftOut, left_out, time_blocks
+from excite.identification.choices.moving_rows import preferred_rows
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
 from excite.logs.log import Log
@@ -85,6 +86,26 @@ def test_a_gain_within_its_standard_error_costs_no_bandwidth(growth: float, scat
     value, choice = choose_cutoff(candidates, scored)
     assert value == pytest.approx(candidates[end], rel=5e-3)
     assert ("+-" in choice.reason) == (end == -1)
+
+
+@pytest.mark.parametrize(
+    ("all_rows", "moving", "low", "chosen"),
+    [
+        (1.0, 1.005, 1.3, "of moving drives"),  # alike, with a much higher cutoff
+        (1.0, 1.005, 20.0, "all"),
+        (1.0, 1.1, 1.3, "all"),
+        (1.1, 1.0, 20.0, "of moving drives"),
+        (1.0, 1.005, None, "all"),
+    ],
+)
+def test_rows_of_moving_drives_win_by_errors_or_by_bandwidth(
+    all_rows: float, moving: float, low: float | None, chosen: str
+) -> None:
+    errors = {"all": all_rows, "of moving drives": moving}
+    left_out = {name: LeftOut(np.full((5, 1), 0.01 * e**2), 5, np.array([5.0])) for name, e in errors.items()}
+    name, reason = preferred_rows({"all": low, "of moving drives": 35.0}, left_out)
+    assert name == chosen
+    assert ("35 Hz" in reason) == (chosen != "all" and low == 1.3)
 
 
 TIME = np.arange(0.0, 8.0, 0.008)
