@@ -255,7 +255,7 @@ COMMAND_HEAD = (
     "unseen error",
 )
 COMMAND_LIMITATIONS = (
-    f"median of {COMMAND_RUNS} runs (lowest-highest) of `excite identify ROBOT LOG --figures none`, choices by the "
+    f"median of {COMMAND_RUNS} (lowest-highest) runs of `excite identify ROBOT LOG --figures none`, choices by the "
     "tool, and of `excite verify RESULT OTHER_LOG --figures none`; user and system time of the whole process, one BLAS "
     "thread, modules compiled before, one run after the other of each code",
     "unseen: error of the predicted torques of the other log; the simulated Panda is verified on 30 s of its motion",
