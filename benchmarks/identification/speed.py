@@ -1,12 +1,15 @@
 """Study 5: processor time and memory of an identification of a 7-axis arm, and time of the recursive update.
 
-Each measurement is a fresh process with one BLAS thread; the log is a CSV file, as for any user.
+Each measurement is a fresh process with one BLAS thread; the log is a CSV file, as for any user. With the folder of the
+real logs as argument, whole commands with all their choices instead, beside those of another checkout if it is given.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import resource
+import subprocess
 import sys
 import tempfile
 import time
@@ -73,7 +76,7 @@ def panda_log(path: str, seconds: int, width: float) -> dict[str, float]:
 
 def identification(path: str) -> dict[str, Any]:
     """Steps of ``excite identify`` without figures, in this process: processor time after each, and peak memory."""
-    for module in ("identify.identification", "identify.choice", "identify.weighted", "logs.reading"):
+    for module in ("identification.procedure", "logs.log_reading"):
         import_module(f"excite.{module}")
 
     from excite.identification.procedure import estimate_parameters
@@ -232,8 +235,98 @@ def main() -> None:
     record.save("speed", before, {"identification": cases, "recursion": updates}, text, LIMITATIONS, folder=HERE)
 
 
+UR10E, KR300 = ("--mapping", str(HERE / "ur10e.yaml")), ("--mapping", str(HERE.parent / "real" / "kr300.yaml"))
+COMMANDS = (  # name, robot, log, log to verify on, options
+    ("UR10e, 50 s", "ur10e", "ur10e/ur-20_02_12-50sec_12harm.csv", "ur10e/ur-20_02_05-20sec_8harm.csv", UR10E),
+    ("UR10e, 20 s", "ur10e", "ur10e/ur-20_02_05-20sec_8harm.csv", "ur10e/ur-20_02_12-40sec_12harm.csv", UR10E),
+    ("KR300, A", "kr300/kr300.urdf", "kr300/A.csv", "kr300/B.csv", KR300),
+    ("Panda, 15 s, simulated", "panda", "15.csv", "30.csv", ()),
+)
+COMMAND_RUNS = 1
+COMMAND_HEAD = (
+    "log",
+    "rows",
+    "code",
+    "identify, CPU s",
+    "wall s",
+    "peak MB",
+    "verify, CPU s",
+    "wall s",
+    "unseen error",
+)
+COMMAND_LIMITATIONS = (
+    f"median of {COMMAND_RUNS} (lowest-highest) runs of `excite identify ROBOT LOG --figures none`, choices by the "
+    "tool, and of `excite verify RESULT OTHER_LOG --figures none`; user and system time of the whole process, one BLAS "
+    "thread, modules compiled before, one run after the other of each code",
+    "unseen: error of the predicted torques of the other log; the simulated Panda is verified on 30 s of its motion",
+    "wanted: 2000 to 5000 rows of six axes in 5 s, and 2.5 s to verify 2000 rows or 5 s for 20,000",
+    "processor time on a shared machine varies by some ten per cent, and grows by up to a half under other load",
+)
+
+
+def command_run(checkout: Path, cache: Path, arguments: tuple[str, ...], module: str = "excite") -> dict[str, float]:
+    """Times and peak memory of one command of a checkout [s, MB]."""
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
+    environment |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
+    began = time.monotonic()
+    process = subprocess.Popen(
+        [sys.executable, "-m", module, *arguments],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        cwd=checkout,  # first among the places of modules
+        env={**environment, "PYTHONPATH": str(checkout), "PYTHONPYCACHEPREFIX": str(cache / checkout.name)},
+    )
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode not in (0, 1):
+        raise subprocess.CalledProcessError(process.returncode, process.args)
+    cpu = usage.ru_utime + usage.ru_stime
+    return {"cpu": cpu, "wall": time.monotonic() - began, "megabytes": usage.ru_maxrss / 1024}
+
+
+def commands(data: Path, checkouts: dict[str, Path]) -> None:
+    """Whole commands of one checkout after the other, on the real logs and on a simulated one."""
+    before, cases = record.load(), []
+    with tempfile.TemporaryDirectory() as folder:
+        for seconds in (15, 30):
+            in_own_process("log", path=str(Path(folder) / f"{seconds}.csv"), seconds=seconds, width=TURNS)
+        for checkout in checkouts.values():
+            command_run(
+                checkout, Path(folder) / "compiled", ("-q", "excite", "regressors", "constraints"), "compileall"
+            )
+        for name, robot, log, other, options in COMMANDS:
+            path, unseen = (
+                next(at / file for at in (data, Path(folder)) if (at / file).exists()) for file in (log, other)
+            )
+            model = str(data / robot) if robot.endswith(".urdf") else robot
+            runs: dict[str, list[dict[str, dict[str, float]]]] = {code: [] for code in checkouts}
+            errors = {}
+            for code in [*checkouts] * COMMAND_RUNS:
+                out = Path(folder) / f"{code} {len(cases)}"
+                quiet = (*options, "--figures", "none")
+                identify = ("identify", model, str(path), *quiet, "--out", str(out), "--force")
+                at = checkouts[code], Path(folder) / "compiled"
+                identified = command_run(*at, identify)
+                verified = command_run(*at, ("verify", str(out), str(unseen), *quiet))
+                runs[code].append({"identify": identified, "verify": verified})
+                errors[code] = json.loads(next(out.glob("verification*.json")).read_text())["relative_error"]
+            rows = sum(1 for _ in path.open()) - 1
+            cases += [{"log": name, "rows": rows, "code": c, "runs": runs[c], "error": errors[c]} for c in checkouts]
+    lines = []
+    for case in cases:
+        timed = [(what, key) for what, key in (("identify", "cpu"), ("identify", "wall"), ("identify", "megabytes"),
+                                               ("verify", "cpu"), ("verify", "wall"))]  # fmt: skip
+        each = [spread([run[what][key] for run in case["runs"]], 0 if key == "megabytes" else 2) for what, key in timed]
+        lines.append([case["log"], case["rows"], case["code"], *each, f"{100 * case['error']:.3g} %"])
+    text = record.table(COMMAND_HEAD, lines)
+    record.save("command_speed", before, {"commands": cases}, text, COMMAND_LIMITATIONS, folder=HERE)
+
+
 if __name__ == "__main__":
-    if len(sys.argv) > 1:
+    if len(sys.argv) > 1 and Path(sys.argv[1]).is_dir():
+        others = {"before": Path(sys.argv[2]).resolve()} if len(sys.argv) > 2 else {}
+        commands(Path(sys.argv[1]).resolve(), {**others, "now": HERE.parents[1]})
+    elif len(sys.argv) > 1:
         wanted = json.loads(sys.argv[1])
         print(json.dumps(MODES[wanted.pop("mode")](**wanted)))
     else:

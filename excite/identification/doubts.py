@@ -30,7 +30,7 @@ from excite.identification.large_residual import (
 from excite.identification.log_faults import every_joint_moves, load_that_explains
 from excite.identification.noise import residual_diagnostics
 from excite.identification.observations import GroupFactors, Observations
-from excite.identification.prediction import LogPrediction, instantaneous_target, prediction, relative_error
+from excite.identification.prediction import LogPrediction, prediction, relative_error
 from excite.identification.spoilt_log import spoilt_log
 from excite.information.target import IdentificationTarget
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
@@ -48,7 +48,7 @@ def doubts_of(result: Identification) -> tuple[Doubt, ...]:
         what = f"the logs show none of the {len(result.names)} parameters"
         cause = "they are too short, or what moves in them is as small as their noise"
         return (Doubt(what, cause, "record a designed motion (`design_trajectory`)", about="torques"),)
-    target = instantaneous_target(result.robot, result.task, result.recipe)
+    target = result.target_of_instants
     above = max(motion_ends(part.log.q, mean_rate(part.log.time)) for part in result.prepared)
     noisy = noisy_derivatives(result.observations, result.estimate.predicted(result.observations), above)
     residual = _residual(result, target, noisy, above)
@@ -68,7 +68,7 @@ def doubts_of(result: Identification) -> tuple[Doubt, ...]:
 
 def warnings_of(result: Identification) -> tuple[Doubt, ...]:
     """What the logs do not determine, although the result may be right; empty if there is nothing."""
-    target = instantaneous_target(result.robot, result.task, result.recipe)
+    target = result.target_of_instants
     checks = [left_out_rows(part.log.source, part.left_out_share) for part in result.prepared]
     if target.base.names == result.names and _residual_size(result) <= LARGEST:  # a larger one is no noise
         errors = expected_error(target, result.observations, result.estimate, _motions(result))

@@ -142,7 +142,7 @@ def measured_rows(
         direction = drive_directions(target.robot, samples, sign_width, breakaway)  # of all instants: it remembers
         assert direction is not None
         friction = friction_drives(target, samples)
-        torque = direction[:, list(friction.drives)] * friction.magnitudes
+        torque = friction.torque(direction)
     if model.window is not None:
         return held_rows(np.ascontiguousarray(model.assemble(samples)[:, index]).reshape(-1, r, index.size))
     return RowSource((samples.time.size, r, index.size), partial(_part, target, samples, friction, torque))
@@ -181,9 +181,9 @@ class DirectedFriction:
     magnitudes: Array
     rows: Array  # (k, r) contribution of a drive's torque to each equation, its row of C' or of N' C'
 
-    def put(self, W: Array, direction: Array) -> None:
-        """Write directions of the moving drives, shape (N, m), into their columns of W, shape (N, r, b), in place."""
-        put_friction(W, self.columns, direction[:, list(self.drives)] * self.magnitudes, self.rows)
+    def torque(self, direction: Array) -> Array:
+        """Friction torques per unit parameter, shape (N, k), for directions of the moving drives, shape (N, m)."""
+        return np.asarray(direction[:, list(self.drives)] * self.magnitudes)
 
 
 def friction_drives(target: IdentificationTarget, samples: Samples) -> DirectedFriction:

@@ -153,6 +153,13 @@ class Identification:
             return self.data.target
         return instantaneous_target(self.robot, self.task, self.recipe)
 
+    @cached_property
+    def target_of_instants(self) -> IdentificationTarget:
+        """The target with the model at single instants, also where the model integrates over windows."""
+        if self.data is None or self.data.target.model.window is None:
+            return self.target
+        return instantaneous_target(self.robot, self.task, self.recipe)
+
     @property
     def prepared(self) -> tuple[PreparedLog, ...]:
         """The logs, ready for the model; a loaded result has none."""
@@ -202,7 +209,7 @@ class Identification:
         """Relative error of the predictions on those logs, at every instant, unfiltered; None if it is not finite."""
         if self.kept is not None:
             return self.kept.prediction_error
-        target = instantaneous_target(self.robot, self.task, self.recipe)
+        target = self.target_of_instants
         if target.base.names != self.names:
             return None
         if self._of_all_instants:
@@ -369,7 +376,7 @@ def torque_target(result: Identification) -> IdentificationTarget:
             f"{result.name} is a result of a load, which has no robot to write: give its parameters (see result.json) "
             "as `payload` of a design or a simulation, or identify the robot from joint torques and export that result"
         )
-    target = instantaneous_target(result.robot, result.task, result.recipe)
+    target = result.target_of_instants
     if target.model.torque_equations() is None:
         raise InputError(
             f"{result.name} is of a model whose equations are not joint torques, so it has no robot to write"

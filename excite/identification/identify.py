@@ -226,7 +226,7 @@ def _allowing_for_terms(result: Identification, chosen: Chosen) -> Identificatio
 
 def _without_implausible(result: Identification) -> Identification:
     """No value of parameters of which the logs show nothing plausible; windows do not tell, and are not judged."""
-    target, observations = instantaneous_target(result.robot, result.task, result.recipe), result.observations
+    target, observations = result.target_of_instants, result.observations
     if target.base.names != result.names or observations.equations != target.model.row_labels:
         return result
     count, square = (

@@ -18,7 +18,6 @@ from excite.identification.equations import (
     friction_drives,
     listed,
     measured_direction,
-    put_friction,
     sample_way,
     streamed_equations,
 )
@@ -32,7 +31,7 @@ from regressors.models.base import triangular_factor
 from regressors.robot.columns import COULOMB
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import friction_rows
-from regressors.samples import Array, Samples
+from regressors.samples import Array, Index, Samples
 
 WIDTHS = 10.0 ** np.arange(-3.5, -0.4, 0.5)  # of the drives' typical speed
 DISTANCES = 10.0 ** np.arange(-5.0, -1.9, 0.5)  # of the drives' typical travel
@@ -113,19 +112,24 @@ def _score(
     rows = [(np.arange(0, len(one.y), every * r)[:, None] + np.arange(r)).ravel() for one in equations]
     W, y = (np.concatenate([getattr(o, name)[k] for o, k in zip(equations, rows, strict=True)]) for name in "Wy")
     W, y = W.reshape(-1, r, W.shape[1]), y.reshape(-1, r)
+    columns, coupling = np.array(drives[0].columns, dtype=np.intp), drives[0].rows
+    directed = [np.unique(columns[coupling[:, j] != 0.0]) for j in range(r)]
+    factors = [_factored(W[:, j], own) for j, own in enumerate(directed)]
     thinned = [] if friction is None else [_every(part, target, every) for part in parts]
 
     def score(directions: Sequence[Array]) -> float:
-        """Of the directions of every log's drives, whose friction is written into its columns of W."""
-        torque = [s[::every, list(d.drives)] * d.magnitudes[::every] for d, s in zip(drives, directions, strict=True)]
-        put_friction(W, drives[0].columns, np.concatenate(torque), drives[0].rows)
-        if friction is None:
-            return _misfit(W, y)
-        carried = [
-            model.right_side(m, friction.carried_torque(target.robot, m.q, m.dq, tau, s[::every], T)).reshape(-1, r)
-            for (m, tau, T), s in zip(thinned, directions, strict=True)
-        ]
-        return _misfit(W, np.concatenate(carried))
+        """Of the directions of every log's drives, which are those of the friction columns."""
+        moved = [s[::every, list(d.drives)] * d.magnitudes[::every] for d, s in zip(drives, directions, strict=True)]
+        torque, right = np.concatenate(moved), y
+        if friction is not None:
+            carried = [
+                model.right_side(m, friction.carried_torque(target.robot, m.q, m.dq, tau, s[::every], T)).reshape(-1, r)
+                for (m, tau, T), s in zip(thinned, directions, strict=True)
+            ]
+            right = np.concatenate(carried)
+        # drives that share a column add up in it
+        own = [torque @ (coupling[:, j, None] * (columns[:, None] == used)) for j, used in enumerate(directed)]
+        return _misfit([factor(*pair) for factor, *pair in zip(factors, own, right.T, strict=True)], right)
 
     return score
 
@@ -136,9 +140,8 @@ def _every(part: PreparedLog, target: IdentificationTarget, every: int) -> tuple
     return part.samples.rows(slice(None, None, every)), part.measured[::every], temperature
 
 
-def _misfit(W: Array, y: Array) -> float:
+def _misfit(factors: Sequence[Array], y: Array) -> float:
     """Mean over the equations of the logarithm of the residuals' size, after a fit weighted by these sizes."""
-    factors = [_factor(W[:, j], y[:, j]) for j in range(y.shape[1])]
     sizes = np.ones(len(factors))
     for _ in range(4):
         stacked = np.concatenate([R / s for R, s in zip(factors, sizes, strict=True)])
@@ -148,13 +151,22 @@ def _misfit(W: Array, y: Array) -> float:
     return float(np.mean(np.log(sizes)))
 
 
-def _factor(W: Array, y: Array) -> Array:
-    """Factor R of ``[W y] = QR``, in which columns of zeros stay so."""
-    used = np.append(np.flatnonzero(np.einsum("np,np->p", W, W)), W.shape[1])
-    R = triangular_factor(np.column_stack([W, y])[:, used])
-    whole = np.zeros((len(R), W.shape[1] + 1))
-    whole[:, used] = R
-    return whole
+def _factored(W: Array, directed: Index) -> Callable[[Array, Array], Array]:
+    """Factor R of ``[W y] = QR`` of one equation for any friction, shape (N, m), and y; columns of zeros stay so."""
+    # W (N, p); directed (m,) columns of friction. The others are factored once
+    fixed = np.setdiff1d(np.flatnonzero(np.einsum("np,np->p", W, W)), directed)
+    Q, R = np.linalg.qr(W[:, fixed])
+
+    def factor(torque: Array, y: Array) -> Array:
+        both = np.column_stack([torque, y])
+        along = Q.T @ both
+        beside = triangular_factor(both - Q @ along)
+        whole = np.zeros((len(along) + len(beside), W.shape[1] + 1))
+        whole[: len(along), fixed] = R
+        whole[:, [*directed, -1]] = np.concatenate([along, beside])
+        return whole
+
+    return factor
 
 
 def with_whole_window(task: Task, target: IdentificationTarget, part: PreparedLog) -> Task:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import casadi as ca
 import numpy as np
@@ -128,7 +129,10 @@ class SimulatedRun:
         return SimulatedRun(samples, effort, command, friction, work, loss, self.energy[first:])
 
 
-def rk4_step(rate: Callable[[ca.MX, ca.MX], ca.MX], x: ca.MX, inputs: ca.MX, h: float, substeps: int) -> ca.MX:
+State = TypeVar("State", ca.MX, Array)
+
+
+def rk4_step(rate: Callable[[State, State], State], x: State, inputs: State, h: float, substeps: int) -> State:
     """State after ``substeps`` steps of the classical Runge-Kutta method."""
     for k in range(substeps):
         start, middle, end = (inputs[:, 2 * k + j] for j in range(3))

@@ -8,7 +8,7 @@ Friction that grows with the load depends on ddq too; it follows drive by drive 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -33,6 +33,7 @@ from regressors.robot.friction.load_and_temperature import (
 from regressors.robot.inertia import PARAMETERS_PER_LINK
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import bodies, sparse
+from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array
 
 
@@ -123,6 +124,9 @@ def plant_of(robot: Robot, friction: FrictionCurves | None = None) -> tuple[Plan
     return Plant(robot, theta, rotors, curves), tuple(notes)
 
 
+Rate = Callable[[Array, Array], tuple[Array, Array]]
+
+
 class ModelMotion:
     """Rate of the state (q, dq) of a model's moving coordinates, ``q = N s + q0``, under joint torques."""
 
@@ -174,10 +178,17 @@ class ModelMotion:
         joints = ca.mtimes(ca.DM(carried_along(self.robot, self.N)), tau)
         return ca.mtimes(N.T, self._friction.carried_expression(self.robot, dq, joints, direction))
 
-    def function(self, width: float) -> ca.Function:
-        """Map (state, torques) to (rate, smallest pivot)."""
+    def function(self, width: float) -> Rate:
+        """Map states, shape (2k, N), and torques, (k, N), to rates, (2k, N), and smallest pivots, (N,)."""
         x, tau = ca.SX.sym("x", 2 * self.k), ca.SX.sym("tau", self.k)
-        return ca.Function("rate", [x, tau], ca.cse([*self.of(x, tau, width)]))
+        both = VectorisedFunction([x, tau], ca.vertcat(*self.of(x, tau, width)))
+
+        def rate(state: Array, torque: Array) -> tuple[Array, Array]:
+            values = np.zeros((both.shape[0], state.shape[1]))
+            values[both.row] = both(state, torque)
+            return values[:-1], values[-1]
+
+        return rate
 
     def fastest(self, x: Array, width: float) -> float:
         """Largest eigenvalue magnitude of the motion at some states (N, 2k), moving and at rest [1/s]."""

@@ -7,15 +7,16 @@ errors readable.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import dataclass
 from enum import Enum
+from functools import cache
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.simulation.integration import rk4_step
-from excite.simulation.plant import ModelMotion
+from excite.simulation.plant import ModelMotion, Rate
 from regressors.errors import InputError
 from regressors.models.base import Base
 from regressors.models.model import RegressorModel
@@ -23,7 +24,7 @@ from regressors.robot.friction.curves import FrictionCurves
 from regressors.samples import Array, Index
 
 _REACH = 1.5  # of substep times fastest rate; the method is stable up to 2.78
-_MOST_SUBSTEPS = 20
+_FEW_SUBSTEPS, _MOST_SUBSTEPS = 4, 20
 _FAR = 1e3  # rad or m: beyond this a motion counts as diverged
 
 
@@ -144,13 +145,10 @@ def _substeps(rates: ModelMotion, states: Array, step: float, width: float | Non
                 f"{_MOST_SUBSTEPS}; expected about {width * needed / _MOST_SUBSTEPS:.2g} or more"
             )
         return needed, width
-    width = 1e-3
-    for _ in range(30):
-        needed = int(np.ceil(max(rates.fastest(probes, width) * step / _REACH, 1.0)))
-        if needed <= 4:
-            break
-        width *= 1.5
-    return min(needed, _MOST_SUBSTEPS), width
+    widths = (1e-3 * 1.5 ** np.arange(31)).tolist()
+    steps = cache(lambda width: int(np.ceil(max(rates.fastest(probes, width) * step / _REACH, 1.0))))
+    width = widths[bisect_left(widths[:-1], True, key=lambda width: steps(width) <= _FEW_SUBSTEPS)]
+    return min(steps(width), _MOST_SUBSTEPS), width
 
 
 def _inputs(torque: Array, starts: tuple[int, ...], length: int, substeps: int) -> Array:
@@ -173,32 +171,32 @@ def _refined(values: Array, rows: Index, parts: int) -> Array:
     return np.asarray(fine)
 
 
-def _integrated(
-    rate: ca.Function, x0: Array, inputs: Array, length: int, h: float, substeps: int
-) -> tuple[Array, Array]:
+def _integrated(rate: Rate, x0: Array, inputs: Array, length: int, h: float, substeps: int) -> tuple[Array, Array]:
     """States after each sample, shape (windows, length, 2k), and smallest pivots before it, (windows, length)."""
-    k = rate.size1_in(1)
-    x, tau = ca.MX.sym("x", 2 * k), ca.MX.sym("tau", k, 2 * substeps + 1)
-    pivots: list[ca.MX] = []
+    # x0 (windows, 2k); inputs (k, windows * length * (2 substeps + 1))
+    states, least = np.empty((length, *x0.T.shape)), np.empty((length, len(x0)))
+    given = inputs.reshape(len(inputs), len(x0), length, -1).transpose(2, 0, 3, 1)
+    pivots: list[Array] = []
 
-    def motion(state: ca.MX, given: ca.MX) -> ca.MX:
-        moved, pivot = rate(state, given)
+    def motion(state: Array, torque: Array) -> Array:
+        moved, pivot = rate(state, torque)
         pivots.append(pivot)
         return moved
 
-    advanced = rk4_step(motion, x, tau, h, substeps)
-    step = ca.Function("step", [x, tau], [advanced, pivots[0]])
-    windows = step.mapaccum("window", length).map(len(x0))
-    states, least = windows(x0.T, inputs)
-    return np.array(states).T.reshape(len(x0), length, 2 * k), np.array(least).reshape(len(x0), length)
+    x = x0.T
+    with np.errstate(all="ignore"):  # a window that diverges
+        for k, torque in enumerate(given):
+            pivots.clear()
+            states[k] = x = rk4_step(motion, x, torque, h, substeps)
+            least[k] = pivots[0]
+    return states.transpose(2, 0, 1), least.T
 
 
-def _positive(rate: ca.Function, states: Array) -> NDArray[np.bool_]:
+def _positive(rate: Rate, states: Array) -> NDArray[np.bool_]:
     """Whether the mass matrix is positive definite at some states, shape (N, 2k)."""
     if not len(states):
         return np.ones(0, dtype=bool)
-    least = rate.map(len(states))(states.T, np.zeros((rate.size1_in(1), len(states))))[1]
-    return np.array(least).reshape(-1) > 0
+    return rate(states.T, np.zeros((states.shape[1] // 2, len(states))))[1] > 0
 
 
 def _joined(

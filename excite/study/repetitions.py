@@ -26,7 +26,6 @@ from excite.errors import LostWorkersError
 from excite.identification.equations import predicted_rows
 from excite.identification.estimator import CONFIDENCE
 from excite.identification.identification import Identification
-from excite.identification.prediction import instantaneous_target
 from excite.identification.preparation import chosen_method
 from excite.identification.recipe import not_repeated, repetition_prediction
 from excite.logs.signals.filters import decimation
@@ -86,7 +85,7 @@ def effort_noise(result: Identification) -> Array:
     At every instant and before any low-pass, whatever the equations of the identification were. From the median
     magnitude, since large errors at a few sign changes of friction are not noise.
     """
-    target = instantaneous_target(result.robot, result.task, result.recipe)
+    target = result.target_of_instants
     part, model = result.prepared[0], target.model
     predicted = predicted_rows(target, part.samples, result.recipe, result.estimate.coefficients)
     left = model.right_side(part.samples, part.measured).reshape(predicted.shape) - predicted

@@ -17,7 +17,6 @@ from excite.identification.large_residual import with_external_forces
 from excite.identification.log_faults import load_that_explains
 from excite.identification.prediction import (
     LogPrediction,
-    instantaneous_target,
     known_temperatures,
     mean_friction,
     prediction,
@@ -233,7 +232,7 @@ def _event_remarks(part: PreparedLog, predicted: LogPrediction, event_free: floa
 
 def judging_target(result: Identification) -> IdentificationTarget:
     """Identification target that predicts the measurements at every instant, in the result's parameters."""
-    target = instantaneous_target(result.robot, result.task, result.recipe)
+    target = result.target_of_instants
     if target.base.names != result.names:
         raise InputError(
             f"{result.name}: its model has the parameters {', '.join(target.base.names)}, "

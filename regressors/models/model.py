@@ -24,10 +24,11 @@ from regressors.robot.columns import DIRECTED_KINDS, Column, Terms
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.robot.symbolic.vectorised import (
+    SparseRow,
     VectorisedFunction,
-    entries_at_samples,
     evaluate_samples,
     interpret_samples,
+    rows_at_samples,
 )
 from regressors.samples import Array, Index, Samples
 
@@ -182,8 +183,8 @@ class RegressorModel(ABC):
             return self.instants(samples)[:, columns]
         return evaluate_samples(self.function, samples, columns).reshape(-1, columns.size)
 
-    def entries(self, samples: Samples, columns: Index) -> Array:
-        """Some columns of `instants`, shape (r, k, N): every entry of the matrix at all instants.
+    def entries(self, samples: Samples, columns: Index) -> list[SparseRow]:
+        """Some columns of `instants`, by equation: those that are not zero by structure, and their entries.
 
         Parameters
         ----------
@@ -191,9 +192,9 @@ class RegressorModel(ABC):
         columns : ndarray of int, shape (k,)
         """
         if type(self).instants is not RegressorModel.instants or samples.time.size <= _FEW:
-            W = self.instants(samples).reshape(samples.time.size, -1, len(self.columns))
-            return np.ascontiguousarray(W[:, :, columns].transpose(1, 2, 0))
-        return entries_at_samples(self.function, samples, columns)
+            W = self.instants(samples).reshape(samples.time.size, -1, len(self.columns))[:, :, columns]
+            return [(np.arange(columns.size), np.ascontiguousarray(row)) for row in W.transpose(1, 2, 0)]
+        return rows_at_samples(self.function, samples, columns)
 
     def assemble(self, samples: Samples) -> Array:
         """Stacked regressor W of a motion.

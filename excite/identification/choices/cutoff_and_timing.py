@@ -217,7 +217,9 @@ def delay_of(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> 
         beta = scoring.fitted(statistics, scoring.of(statistics).weights)
         equations = scoring.trial.equations(scoring.target, parts, recipe, delay)
         masks = scoring.trial.rows or [np.ones(y.shape, dtype=bool) for _, y in equations]
-        e, used = np.concatenate([y - W @ beta for W, y in equations]), np.concatenate(masks)
+        predicted = [np.column_stack([beta[place] @ entries for place, entries in W]) for W, _ in equations]
+        e = np.concatenate([y - p for (_, y), p in zip(equations, predicted, strict=True)])
+        used = np.concatenate(masks)
         return [column[rows] for column, rows in zip(e.T, used.T, strict=True)]
 
     return choose_delay(scored, residuals, min(1 / part.log.rate for part in parts))
@@ -240,6 +242,7 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     parts = scoring.parts(recipe)
     softened = cache(scoring.softened)
 
+    @cache
     def scored(recipe: Recipe, delay: float) -> LeftOut:
         return softened(recipe).of(softened(recipe).statistics(recipe, parts, delay))
 

@@ -138,7 +138,7 @@ def _of(drives: Sequence[int]) -> str:
 
 
 _WORTH = 0.01  # gain of one equation's score
-_TRIED = 8  # groups that a slow estimate tries in one step
+_TRIED = 8  # groups that a careful estimate tries at most in one step, where a quick one guesses
 
 Group = tuple[str, int]
 EstimateOf = Callable[[Sequence[int]], Estimate | None]
@@ -154,22 +154,32 @@ def choose_columns(
     """Add the group of columns that lowers the left-out errors most, as long as the gain is clear.
 
     A gain is clear where it exceeds its standard error over the blocks, and a hundredth of one equation's error. The
-    careful estimate decides, by the columns that are in it; a quick one finds the most promising groups first.
+    careful estimate decides, by the columns that are in it. A quick one guesses the gains: groups are tried in their
+    order, until no other would be the best even if its guess missed as much as those before, of earlier steps half.
     """
     columns = list(always)
     chosen: list[Group] = []
     steps = [_errors(statistics, columns, careful)]
     least = _WORTH / statistics.products.shape[1]
     scores: dict[Group, LeftOut] = {}
+    missed = 2.0 * least
     while remaining := {group: added for group, added in optional.items() if group not in chosen}:
+        guesses = dict.fromkeys(remaining, np.inf)
         if quick is not None:
             before = _errors(statistics, columns, quick)
             guess = {g: _errors(statistics, [*columns, *added], quick, before) for g, added in remaining.items()}
             promising = sorted(remaining, key=lambda group: guess[group].score)[:_TRIED]
-            remaining = {group: remaining[group] for group in promising}
-        tried = {g: _errors(statistics, [*columns, *added], careful, steps[-1]) for g, added in remaining.items()}
-        scores |= tried
-        clear = {group: errors for group, errors in tried.items() if errors.is_better(steps[-1], least)}
+            guesses = {group: before.score - guess[group].score for group in promising}
+            scores = {**{group: guess[group] for group in promising}, **scores}  # of all that could have been chosen
+        clear, most, missed = dict[Group, LeftOut](), least, missed / 2
+        for group, guessed in guesses.items():
+            if guessed + missed < most:
+                break
+            errors = _errors(statistics, [*columns, *remaining[group]], careful, steps[-1])
+            scores[group], gain = errors, steps[-1].score - errors.score
+            missed = max(missed, gain - guessed)
+            if errors.is_better(steps[-1], least):
+                clear[group], most = errors, max(most, gain)
         if not clear:
             break
         best = best_of(clear)
@@ -270,13 +280,15 @@ def _beside(scoring: Scoring, recipe: Recipe, signals: Callable[[PreparedLog], A
     """Statistics with k signals like the measured one, (k, N, n) along each log, as the last columns."""
     trial, target, parts = scoring.trial, scoring.target, scoring.parts(recipe)
     equations = trial.equations(target, parts, recipe)
-    W = []
+    W, width = [], target.base.rank
     for part, time, (regressor, _) in zip(parts, trial.instants, equations, strict=True):
         rows = nearest(part.samples.time, time)
         samples = part.samples.rows(rows)
-        columns = [target.model.right_side(samples, y[rows]).reshape(rows.size, -1) for y in signals(part)]
-        W.append(np.concatenate([regressor, *(column[:, :, None] for column in columns)], axis=2))
-    return BlockStatistics.of(W, [right for _, right in equations], trial.blocks)
+        added = np.array([target.model.right_side(samples, y[rows]).reshape(rows.size, -1).T for y in signals(part)])
+        more, width = target.base.rank + np.arange(len(added)), target.base.rank + len(added)
+        beside = zip(regressor, added.transpose(1, 0, 2), strict=True)
+        W.append([(np.append(place, more), np.concatenate([entries, own])) for (place, entries), own in beside])
+    return BlockStatistics.of_sparse(W, [right for _, right in equations], trial.blocks, width)
 
 
 def _factors(scoring: Scoring, statistics: BlockStatistics, errors: LeftOut, count: int) -> Array | None:

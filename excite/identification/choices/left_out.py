@@ -11,6 +11,7 @@ import numpy as np
 import scipy.stats
 
 from regressors.errors import InputError, percent
+from regressors.robot.symbolic.vectorised import SparseRow
 from regressors.samples import Array, Index
 
 
@@ -89,10 +90,18 @@ class BlockStatistics:
     @classmethod
     def of(cls, W: Sequence[Array], y: Sequence[Array], blocks: Sequence[Index]) -> BlockStatistics:
         """Sums of the logs' rows."""  # W (N, r, p); y (N, r); blocks (N,)
+        rows = [[(np.arange(Wk.shape[2]), each) for each in Wk.transpose(1, 2, 0)] for Wk in W]
+        return cls.of_sparse(rows, y, blocks, W[0].shape[2])
+
+    @classmethod
+    def of_sparse(
+        cls, W: Sequence[Sequence[SparseRow]], y: Sequence[Array], blocks: Sequence[Index], width: int
+    ) -> BlockStatistics:
+        """Sums of the logs' rows; of each equation the columns are given that may not be zero."""
         products, counts = [], []
         for Wk, yk, block in zip(W, y, blocks, strict=True):
             rows = [np.flatnonzero(block == number) for number in np.unique(block[block >= 0])]
-            products.append(_products(Wk, yk, [_as_slice(index) for index in rows]))
+            products.append(_products(Wk, yk, [_as_slice(index) for index in rows], width))
             counts += [index.size for index in rows]
         if len(counts) < 2:
             raise InputError("too few rows to leave blocks of them out")
@@ -109,18 +118,15 @@ class BlockStatistics:
         return BlockStatistics(self.products[:, :, kept[:, None], kept], self.counts)
 
 
-def _products(W: Array, y: Array, blocks: Sequence[slice | Index]) -> Array:
-    """``[W y]' [W y]`` of the rows of each block, shape (B, r, p + 1, p + 1); columns of zeros are passed over."""
-    _, r, p = W.shape
-    entries = W.transpose(1, 2, 0)
-    products = np.zeros((len(blocks), r, p + 1, p + 1))
-    present = np.einsum("rpn,rpn->rp", entries, entries) > 0
-    for j in range(r):
-        used = np.flatnonzero(present[j])
-        both, place = np.vstack([entries[j, used], y[:, j]]), np.append(used, p)
-        for block, which in enumerate(blocks):
-            rows = both[:, which]
-            products[block, j][place[:, None], place] = rows @ rows.T
+def _products(W: Sequence[SparseRow], y: Array, blocks: Sequence[slice | Index], width: int) -> Array:
+    """``[W y]' [W y]`` of the rows of each block, shape (B, r, p + 1, p + 1)."""
+    products = np.zeros((len(blocks), len(W), width + 1, width + 1))
+    for j, (used, entries) in enumerate(W):
+        for product, which in zip(products[:, j], blocks, strict=True):
+            rows, measured = entries[:, which], y[which, j]
+            product[used[:, None], used] = rows @ rows.T
+            product[used, -1] = product[-1, used] = rows @ measured
+            product[-1, -1] = measured @ measured
     return products
 
 
@@ -230,9 +236,10 @@ def differ(one: BlockStatistics, other: BlockStatistics, weights: Array) -> bool
     return bool(np.count_nonzero(np.abs(found) > most * deviation) > found.size / 2)
 
 
-def least_squares_of_products(products: Array, weights: Array) -> Array:
-    """Weighted least squares from sums of products."""  # products (r, p + 1, p + 1); weights (r,)
-    return _solutions(np.tensordot(weights, products, axes=1))
+def least_squares_of_products(products: Array, weights: Array, prior: Array | float = 0.0) -> Array:
+    """Weighted least squares from sums of products, beside those of prior knowledge."""
+    # products (r, p + 1, p + 1); weights (r,); prior (p + 1, p + 1)
+    return _solutions(np.tensordot(weights, products, axes=1) + prior)
 
 
 def _estimates(statistics: BlockStatistics, estimate: Estimate | None, weights: Array) -> Array:

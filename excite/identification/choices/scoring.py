@@ -24,7 +24,6 @@ from excite.identification.choices.left_out import (
 from excite.identification.equations import DirectedFriction, drive_directions, friction_drives, nearest
 from excite.identification.estimators.physical import possible_fit
 from excite.identification.estimators.possible_set import near_described
-from excite.identification.observations import Observations
 from excite.identification.prediction import without_friction
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import Recipe
@@ -37,6 +36,7 @@ from regressors.models.nominal import standard_values
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import friction_rows
 from regressors.robot.robot import Robot
+from regressors.robot.symbolic.vectorised import SparseRow
 from regressors.samples import Array, Index, Samples
 
 
@@ -122,14 +122,10 @@ def pulled_least_squares(
     inverse = np.linalg.pinv((spread[known] / length[:, None]).T)
     information = inverse @ inverse.T / np.outer(length, length) if known.size else np.zeros((0, 0))
 
-    def estimate(products: Array, weights: Array) -> Array:
-        p = products.shape[-1] - 1
-        prior = np.zeros((p + 1, p + 1))
-        prior[np.ix_(known, known)] = information
-        prior[known, -1] = prior[-1, known] = information @ center[known]
-        return least_squares_of_products(np.concatenate([products, prior[None]]), np.append(weights, 1.0))
-
-    return estimate
+    prior = np.zeros((len(columns) + 1,) * 2)
+    prior[np.ix_(known, known)] = information
+    prior[known, -1] = prior[-1, known] = information @ center[known]
+    return lambda products, weights: least_squares_of_products(products, weights, prior)
 
 
 _WORTH = 0.005  # of the score: what is as good
@@ -203,32 +199,17 @@ def _possible_fit(
     deviation: float | None,
 ) -> Array:
     pull = None if deviation is None else near_described(target.model, described, deviation)
-    rows = equivalent_rows(target, products, weights)
-    return possible_fit(rows, target.model, target.base, pull=pull, reference=described)
+    factor = factor_of_products(products, weights)
+    return possible_fit(factor, target.model, target.base, pull=pull, reference=described)
 
 
-def equivalent_rows(target: IdentificationTarget, products: Array, weights: Array) -> Observations:
-    """As few rows as have the given sums of products."""  # products (r, p + 1, p + 1); weights (r,)
-    r, width = products.shape[:2]
-    factors = []
-    for block in products:
-        length = np.sqrt(np.diag(block))
-        length = np.where(length > 0, length, 1.0)
-        values, vectors = np.linalg.eigh(block / np.outer(length, length))
-        factors.append(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * length)
-    both = np.concatenate(factors)
-    return Observations(
-        W=both[:, :-1],
-        y=both[:, -1],
-        names=target.base.names,
-        units=target.base.units,
-        equation=np.repeat(np.arange(r), width),
-        equations=target.model.row_labels,
-        log=np.zeros(r * width, dtype=np.intp),
-        logs=("",),
-        time=np.tile(np.arange(float(width)), r),
-        noise=1.0 / np.sqrt(weights)[None, :],
-    )
+def factor_of_products(products: Array, weights: Array) -> Array:
+    """F of the weighted sum of ``[W y]' [W y] = F' F``, shape (p + 1, p + 1)."""
+    both = np.tensordot(weights, products, axes=1)  # products (r, p + 1, p + 1); weights (r,)
+    length = np.sqrt(np.diag(both))
+    length = np.where(length > 0, length, 1.0)
+    values, vectors = np.linalg.eigh(both / np.outer(length, length))
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * length)
 
 
 def of_base_columns(target: IdentificationTarget, columns: Sequence[int]) -> IdentificationTarget:
@@ -262,7 +243,7 @@ def pieces_of(part: PreparedLog) -> list[LogPiece]:
     return [(log.rows(slice(first, first + length)), part.left_out) for first in starts]
 
 
-_MOST = 128_000_000  # [bytes]
+_MOST = 64_000_000  # [bytes]
 _LOGS = 8  # whose motion is kept as splines
 
 
@@ -276,22 +257,34 @@ class TrialRows:
     time: Array  # (N,) trial instants [s]
     rows: Index  # (N,) of the part at these instants
     motion: Samples  # the whole delayed motion
-    W: Array  # (N, r, b) fast along N. Its columns of directed friction are written by `regressor`
+    samples: Samples  # of it at the trial instants
+    W: list[SparseRow]  # of each equation. Its entries of directed friction are written by `regressor`
     directed: DirectedFriction | None  # None where the model has no friction torque at every instant
 
-    def regressor(self, recipe: Recipe) -> Array:
-        """W with friction that has the recipe's directions, shape (N, r, b); valid until the next call."""
+    def regressor(self, recipe: Recipe) -> list[SparseRow]:
+        """W with friction that has the recipe's directions; valid until the next call."""
         if self.directed is not None and self.directed.columns:
             remembers = np.any(recipe.breakaway or 0.0)
-            motion = self.motion if remembers else self.motion.rows(self.rows)
+            motion = self.motion if remembers else self.samples
             direction = drive_directions(self.target.robot, motion, recipe.sign_width, recipe.breakaway)
             if direction is None:
                 direction = np.sign(motion.dq @ friction_rows(self.target.robot).T)
-            self.directed.put(self.W, direction[self.rows] if remembers else direction)
+            torque = self.directed.torque(direction[self.rows] if remembers else direction)
+            column, rows = np.array(self.directed.columns), self.directed.rows
+            for (place, entries), row in zip(self.W, rows.T, strict=True):
+                for k in np.flatnonzero(np.isin(place, column)):
+                    used = column == place[k]
+                    entries[k] = torque[:, used] @ row[used]
         return self.W
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of the entries [bytes]."""
+        return sum(entries.nbytes for _, entries in self.W)
 
 
 Mask = NDArray[np.bool_]
+TrialEquations = tuple[list[SparseRow], Array]
 _INSTANTS = 6000  # of all logs together
 
 
@@ -306,7 +299,7 @@ class Trial:
     friction: FrictionCurves | None = None  # known friction, which is subtracted
     rows: tuple[Mask, ...] | None = None  # (M, r) rows of each log's instants that count; all if not given
 
-    _recent: deque[TrialRows] = field(default_factory=deque, repr=False)  # as many as 128 MB hold
+    _recent: deque[TrialRows] = field(default_factory=deque, repr=False)  # as many as 64 MB hold
     _motions: deque[DelayedMotion] = field(default_factory=lambda: deque(maxlen=_LOGS), repr=False)
 
     def prepared(self, target: IdentificationTarget, recipe: Recipe) -> list[PreparedLog]:
@@ -328,18 +321,19 @@ class Trial:
             equations = _masked(equations, [mask[nearest(part.samples.time, time)] for mask, part, time in logs])
         if self.rows is not None:
             equations = _masked(equations, self.rows)
-        return BlockStatistics.of([W for W, _ in equations], [y for _, y in equations], self.blocks)
+        W, y = zip(*equations, strict=True)
+        return BlockStatistics.of_sparse(W, y, self.blocks, target.base.rank)
 
     def equations(
         self, target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe, delay: float = 0.0
-    ) -> list[tuple[Array, Array]]:
-        """W, shape (N, r, b), and y, shape (N, r), of each log at its trial instants; valid until the next call."""
+    ) -> list[TrialEquations]:
+        """W, of each equation, and y, shape (N, r), of each log at its trial instants; valid until the next call."""
         equations = []
         for part, time in zip(parts, self.instants, strict=True):
             trial, measured = self._rows(target, part, delay, time), part.measured
             if self.friction is not None:
                 measured = without_friction(replace(part, samples=trial.motion), target, self.friction, recipe).measured
-            y = target.model.right_side(trial.motion.rows(trial.rows), measured[trial.rows])
+            y = target.model.right_side(trial.samples, measured[trial.rows])
             equations.append((trial.regressor(recipe), y.reshape(trial.rows.size, -1)))
         return equations
 
@@ -350,11 +344,11 @@ class Trial:
                 return known
         rows, motion = nearest(part.samples.time, time), self._motion(part).by(delay)
         samples = motion.rows(rows)
-        W = target.model.entries(samples, target.base.index).transpose(2, 0, 1)
+        W = target.model.entries(samples, target.base.index)
         directed = None if target.model.coulomb_friction() is None else friction_drives(target, samples)
-        new = TrialRows(target, part, delay, time, rows, motion, W, directed)
+        new = TrialRows(target, part, delay, time, rows, motion, samples, W, directed)
         self._recent.append(new)
-        while len(self._recent) > 1 and sum(known.W.nbytes for known in self._recent) > _MOST:
+        while len(self._recent) > 1 and sum(known.nbytes for known in self._recent) > _MOST:
             self._recent.popleft()
         return new
 
@@ -366,8 +360,11 @@ class Trial:
         return known
 
 
-def _masked(equations: Sequence[tuple[Array, Array]], masks: Sequence[Mask]) -> list[tuple[Array, Array]]:
-    return [(W * m[:, :, None], y * m) for (W, y), m in zip(equations, masks, strict=True)]
+def _masked(equations: Sequence[TrialEquations], masks: Sequence[Mask]) -> list[TrialEquations]:
+    pairs = zip(equations, masks, strict=True)
+    return [
+        ([(place, W * m) for (place, W), m in zip(rows, mask.T, strict=True)], y * mask) for (rows, y), mask in pairs
+    ]
 
 
 def trial_of(

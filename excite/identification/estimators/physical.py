@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.errors import ConicSolverError
 from excite.identification.estimator import Context, Estimate, Estimator
@@ -19,6 +20,7 @@ from excite.identification.estimators.possible_set import (
     own_scale,
     possible_estimate,
     possible_set,
+    problem_of_factor,
     standard_problem,
 )
 from excite.identification.observations import Observations
@@ -64,15 +66,15 @@ def physical(
 
 
 def possible_fit(
-    observations: Observations,
+    factor: Array,
     model: RegressorModel,
     base: Base,
     *,
     pull: Pull | None = None,
     reference: Mapping[str, float] | None = None,
 ) -> Array:
-    """Base parameters of `physical`, shape (b,), without what else belongs to an estimate."""
-    standard = standard_problem(weighting(observations), model, base, pull, reference)
+    """Base parameters of `physical`, shape (b,), from a factor F of ``[W y]' [W y] = F' F`` in the rows' weights."""
+    standard = problem_of_factor(factor[:, :-1], factor[:, -1], model, base, pull, reference)
     return np.asarray(standard.A @ _minimiser(standard)[0])
 
 
@@ -87,19 +89,32 @@ def nearest_possible(standard: StandardProblem, shares: Sequence[float] = ()) ->
 
 def _minimiser(standard: StandardProblem) -> tuple[Array, tuple[str, ...]]:
     """Standard parameters at the optimum, shape (t,), certified to be possible, and what to say of them."""
-    S = standard.S * _free_scale(standard)
+    S = (standard.S * _free_scale(standard))[:, _needed(standard)]
     rows = np.concatenate([standard.G @ S, S / standard.deviation[:, None]])
     U, s, V = np.linalg.svd(rows, full_matrices=False)
     right = U.T @ np.concatenate([standard.r, standard.prior / standard.deviation])
     half = V.T / s  # theta = S half (right + z): the objective is |z|^2 / 2
     possible = _possible_set(standard, S @ (half @ right), S @ half)
-    described = s * (V @ (np.linalg.pinv(S) @ _inside(standard))) - right
+    described = s * (V @ _free(S, _inside(standard))) - right
     z, notes = nearest(possible, described)
     for tried in (z, possible.towards(z, described)):
         theta = _lifted(standard, S @ (half @ (right + tried)))
         if _is_possible(standard, theta):
             return theta, notes
     raise ConicSolverError("physically possible parameters: none agree with the structure of the robot")
+
+
+def _needed(standard: StandardProblem) -> NDArray[np.bool_]:
+    """Free parameters that the data or a body depends on, or that are not known to be zero, shape (f,)."""
+    kept = (standard.prior != 0.0) | np.any(standard.A != 0.0, axis=0)
+    for body in standard.bodies:
+        kept[body.index] = True
+    return np.asarray(np.any(standard.S[kept] != 0.0, axis=0))
+
+
+def _free(S: Array, theta: Array) -> Array:
+    """Free parameters nearest standard ones, ``S^+ theta``, shape (f,); no two columns of S have a row in common."""
+    return np.asarray(S.T @ theta / np.sum(S**2, axis=0))
 
 
 def _inside(standard: StandardProblem) -> Array:
@@ -123,7 +138,7 @@ def _lifted(standard: StandardProblem, theta: Array) -> Array:
     shift = np.zeros(theta.size)
     for body in standard.bodies:
         shift[body.index] = from_pseudo_inertia(short * np.eye(4))
-    lifted = theta + standard.S @ (np.linalg.pinv(standard.S) @ shift)
+    lifted = theta + standard.S @ _free(standard.S, shift)
     lifted[standard.positive] = np.maximum(lifted[standard.positive], 0.0)
     return np.asarray(lifted)
 

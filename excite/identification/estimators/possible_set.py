@@ -188,7 +188,8 @@ _WEIGHT = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(2.0))
 _UNITS = np.array([pseudo_inertia(e) for e in np.eye(10)])
 _TOLERANCE, _ALMOST = 1e-10, 1e-7  # asked of the solver, and accepted without a word
 _OUTSIDE = 1e-6  # of a body's size: what a solution that the solver ended early may lack
-_RETRIES: tuple[dict[str, float], ...] = (  # regularisation of the solver's linear systems, and its steps
+_RETRIES: tuple[dict[str, float], ...] = (  # refinement and regularisation of its linear systems, and its steps
+    {"iterative_refinement_enable": False},
     {},
     {"static_regularization_constant": 1e-7, "max_step_fraction": 0.9},
     {"static_regularization_constant": 1e-10, "dynamic_regularization_delta": 1e-9, "max_step_fraction": 0.95},
@@ -310,7 +311,7 @@ def conic_solution(
         sound = bool(np.all(np.isfinite(x)) and possible.margins(x[None, : possible.size]).min(initial=0.0) > -_OUTSIDE)
         if sound and status in _SOLVED:
             return x, ()
-        if status in _INFEASIBLE and not further:
+        if status in _INFEASIBLE and further is _RETRIES[0]:
             raise ConicSolverError(f"physically possible parameters: the conic solver ended with {status}")
         if sound:
             ended.append((float(x @ (P @ x) / 2 + q @ x), x, status))

@@ -73,7 +73,7 @@ def carried(rest: Array, loading: Array | float) -> Array:
 
 def carried_expression(rest: ca.SX, loading: ca.SX | float) -> ca.SX:
     """Carried torque as an expression, see `carried`."""
-    return ca.if_else(rest >= 0, rest / (1 + loading), rest / (1 - loading))
+    return ca.fmax(rest, 0) / (1 + loading) + ca.fmin(rest, 0) / (1 - loading)
 
 
 def scaled(curve: FrictionCurve, factor: float) -> FrictionCurve:

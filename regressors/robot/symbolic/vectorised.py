@@ -20,6 +20,7 @@ from regressors.robot.symbolic.machine_code import MachineCode, NotCompiledError
 from regressors.samples import Array, Index, Samples
 
 _CHUNK = 4096
+SparseRow = tuple[Index, Array]  # columns of a row, and its entries in them at every sample, (k,) and (k, N)
 
 
 def _of_c(function: Callable[..., float], counterpart: np.ufunc) -> Callable[..., object]:
@@ -189,21 +190,23 @@ def evaluate_samples(function: VectorisedFunction, samples: Samples, columns: In
 
 def entries_at_samples(function: VectorisedFunction, samples: Samples, columns: Index | None = None) -> Array:
     """As `evaluate_samples`, shape (rows, columns, N): the entries of the matrix, each at every sample."""
-    rows, width = function.shape
-    place = np.arange(width)
-    if columns is not None:
-        place, width = np.full(width, -1), columns.size
-        place[columns] = np.arange(width)
-    column = place[function.column]
-    used = np.flatnonzero(column >= 0)
-    row, column = function.row[used], column[used]
-    values = np.zeros((rows, width, samples.time.size))
-    for start in range(0, samples.time.size, _CHUNK):
-        part = slice(start, start + _CHUNK)
-        motion = [np.ascontiguousarray(x[part].T) for x in (samples.q, samples.dq, samples.ddq)]
-        found = function(*motion)
-        values[row, column, part] = found if used.size == len(found) else found[used]
+    width = function.shape[1] if columns is None else columns.size
+    values = np.zeros((function.shape[0], width, samples.time.size))
+    for row, (place, found) in zip(values, rows_at_samples(function, samples, columns), strict=True):
+        row[place] = found
     return values
+
+
+def rows_at_samples(function: VectorisedFunction, samples: Samples, columns: Index | None = None) -> list[SparseRow]:
+    """Which of some columns, or of all, each row has entries in by its structure, and these at every sample."""
+    place = np.arange(function.shape[1])
+    if columns is not None:
+        place = np.full(function.shape[1], -1)
+        place[columns] = np.arange(columns.size)
+    column = place[function.column]
+    found = function(*(np.ascontiguousarray(x.T) for x in (samples.q, samples.dq, samples.ddq)))
+    used = (np.flatnonzero((function.row == row) & (column >= 0)) for row in range(function.shape[0]))
+    return [(column[k], found[k]) for k in used]
 
 
 def interpret_samples(function: VectorisedFunction, samples: Samples) -> Array:

@@ -12,7 +12,7 @@ import pytest
 from motions import Sines
 from slow_dynamics import general, three_axes
 
-from excite.identification.equations import equations_of, friction_drives
+from excite.identification.equations import equations_of, friction_drives, put_friction
 from excite.identification.estimator import Context
 from excite.identification.estimators.least_squares import weighted, weighting
 from excite.identification.estimators.possible_set import standard_problem
@@ -311,7 +311,8 @@ def test_a_coulomb_column_that_drives_share_is_the_sum_of_theirs() -> None:
     assert [target.base.names[k] for k in columns] == ["F1c", "F1c", "F3c"]
     W = target.model.assemble(samples)[:, target.base.index].reshape(60, 3, -1)
     filled = np.full_like(W, np.nan)
-    drives.put(filled, np.sign(samples.dq @ friction_rows(robot).T))
+    torque = drives.torque(np.sign(samples.dq @ friction_rows(robot).T))
+    put_friction(filled, drives.columns, torque, drives.rows)
     np.testing.assert_allclose(filled[:, :, columns], W[:, :, columns], atol=1e-12)
 
 
@@ -367,9 +368,8 @@ def test_a_motion_under_springs_is_replayed_by_the_models_own_rows() -> None:
     samples = motion(model.robot, 10)
     tau = (model.assemble(samples)[:, base.index] @ beta).reshape(10, 3)
     rate = ModelMotion(model, beta, base, None).function(0.1)
-    for k in range(10):
-        state = np.concatenate([samples.q[k], samples.dq[k]])
-        np.testing.assert_allclose(np.array(rate(state, tau[k])[0])[3:, 0], samples.ddq[k], rtol=1e-8, atol=1e-8)
+    moved, _ = rate(np.hstack([samples.q, samples.dq]).T, tau.T)
+    np.testing.assert_allclose(moved[3:].T, samples.ddq, rtol=1e-8, atol=1e-8)
 
 
 # --- windows, and forms of the built-in models -----------------------------------------------------------------------

@@ -16,9 +16,12 @@ from excite.identification.choices.scoring import (
     best_pulled,
     choose_bodies,
     deviations_to_try,
-    equivalent_rows,
+    factor_of_products,
+    of_base_columns,
+    possible_estimate_of_products,
     pulled_least_squares,
 )
+from excite.identification.estimators import physical
 from excite.identification.estimators.physical import Physical
 from excite.identification.estimators.possible_set import near_described
 from excite.identification.recipe import Recipe
@@ -28,6 +31,7 @@ from regressors.errors import InputError
 from regressors.models.base import random_states
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
+from regressors.robot.columns import COULOMB
 from regressors.robot.inertia import pseudo_inertia
 from regressors.samples import Array
 
@@ -65,16 +69,21 @@ def statistics(count: int, noise: float, seed: int = 0, scale: float = 1.0, size
 
 
 @pytest.mark.parametrize("dependent", [False, True])
-def test_equivalent_rows_have_the_same_normal_equations(dependent: bool) -> None:
+def test_a_factor_has_the_same_normal_equations(dependent: bool) -> None:
     products = statistics(8 if dependent else 60, 0.1).total
     weights = np.array([1.0, 0.1, 5.0])
-    rows = equivalent_rows(target(), products, weights)
-    both = np.column_stack([rows.W, rows.y])
-    for j in range(3):
-        own = both[rows.equation == j]
-        np.testing.assert_allclose(own.T @ own, products[j], atol=1e-10 * np.abs(products[j]).max())
-    np.testing.assert_allclose(rows.noise[0] ** -2, weights)
-    assert rows.y.size == 3 * products.shape[1]
+    factor, both = factor_of_products(products, weights), np.tensordot(weights, products, axes=1)
+    np.testing.assert_allclose(factor.T @ factor, both, atol=1e-10 * np.abs(both).max())
+
+
+def test_parameters_that_the_data_does_not_depend_on_change_no_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    few, weights = statistics(20, 0.5), np.array([3.0, 0.5, 2.0])
+    kept = [k for k, index in enumerate(target().base.index) if target().model.columns[index].kind != COULOMB]
+    assert len(kept) < target().base.rank
+    products, fit = few.of_columns(kept).total, possible_estimate_of_products(of_base_columns(target(), kept), {}, None)
+    found = fit(products, weights)
+    monkeypatch.setattr(physical, "_needed", lambda standard: np.full(standard.S.shape[1], True))
+    np.testing.assert_allclose(found, fit(products, weights), atol=1e-6 * np.abs(found).max())
 
 
 # ---------------------------------------------------------------- prior knowledge

@@ -13,6 +13,7 @@ from excite.identification.choices.friction_terms import Group, choose_columns
 from excite.identification.choices.left_out import (
     NEGLIGIBLE,
     BlockStatistics,
+    Estimate,
     LeftOut,
     differ,
     least_squares_of_products,
@@ -191,18 +192,25 @@ def test_neither_noise_nor_what_is_too_small_to_matter_needs_columns() -> None:
     assert (groups, len(steps), [c.value for c in listed]) == ([], 1, ["none"])
 
 
-def test_a_quick_estimate_selects_and_a_careful_one_decides() -> None:
+@pytest.mark.parametrize(("guess", "tried"), [(None, 2), (lambda p, _: np.zeros(p.shape[-1] - 1), 8)])
+def test_a_quick_estimate_orders_and_a_careful_one_decides(guess: Estimate | None, tried: int) -> None:
+    """Of twelve groups the two that are the same are tried; eight where guesses tell nothing, and are seen to."""
     statistics = equations(0, (("a", 1),))
     many = {("a", k): (k + 2,) for k in range(1, 6)} | {("c", k): (k % 5 + 3,) for k in range(1, 8)}
     quick, careful = list[int](), list[int]()
 
-    def counting(sizes: list[int]) -> Callable[[Sequence[int]], None]:
-        return lambda columns: sizes.append(len(columns))
+    def counting(sizes: list[int], estimate: Estimate | None) -> Callable[[Sequence[int]], Estimate | None]:
+        def of(columns: Sequence[int]) -> Estimate | None:
+            sizes.append(len(columns))
+            return estimate
 
-    groups, _, _ = choose_columns(statistics, ALWAYS, many, counting(careful), counting(quick))
+        return of
+
+    groups, _, listed = choose_columns(statistics, ALWAYS, many, counting(careful, None), counting(quick, guess))
     assert {many[group] for group in groups} == {(3,)}
     assert quick[:13] == [3] + 12 * [4]
-    assert (careful[0], careful.count(4)) == (3, 8)
+    assert (careful[0], careful.count(4)) == (3, tried)
+    assert len(listed) >= 9  # those too that were only guessed
     gains_nothing = choose_columns(statistics, ALWAYS, OPTIONAL, lambda columns: lambda *_: np.zeros(len(columns)))
     assert gains_nothing[0] == []
 
