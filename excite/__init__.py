@@ -87,10 +87,10 @@ if TYPE_CHECKING:
     from excite.tasks.stored_files import EarlierInformation as EarlierInformation, TaskMotion as TaskMotion
     from excite.tasks.task import Task as Task
     from excite.tasks.trajectory_choice import TrajectoryChoice as TrajectoryChoice
+    from excite.trajectories.bspline import BSpline as BSpline
     from excite.trajectories.family import Family as Family
     from excite.trajectories.fourier import Cosine as Cosine, Fourier as Fourier, FourierQuintic as FourierQuintic
     from excite.trajectories.linear import LinearFamily as LinearFamily
-    from excite.trajectories.polynomials import BSpline as BSpline
     from excite.trajectories.sines import Sines as Sines
     from excite.trajectories.waypoints import Waypoints as Waypoints
     from excite.verification.tolerances import Tolerances as Tolerances

@@ -32,10 +32,10 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "fourier": "excite.trajectories.fourier:Fourier",
         "fourier-quintic": "excite.trajectories.fourier:FourierQuintic",
         "cosine": "excite.trajectories.fourier:Cosine",
-        "bspline": "excite.trajectories.polynomials:BSpline",
+        "bspline": "excite.trajectories.bspline:BSpline",
         "waypoints": "excite.trajectories.waypoints:Waypoints",
         "sines": "excite.trajectories.sines:Sines",
-        "polynomial": "excite.trajectories.polynomials:Polynomial",
+        "polynomial": "excite.trajectories.polynomial:Polynomial",
     },
     "criterion": {
         "condition": "excite.tasks.criteria:ConditionNumber",

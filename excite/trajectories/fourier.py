@@ -21,7 +21,7 @@ from constraints.certificate import Extrema, trigonometric_extrema
 from constraints.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
 from excite.trajectories.family import Family, check_size
 from excite.trajectories.linear import LinearFamily
-from excite.trajectories.polynomials import chebyshev_terms
+from excite.trajectories.polynomial import chebyshev_terms
 from regressors.arguments import checked
 from regressors.samples import Array
 

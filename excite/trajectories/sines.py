@@ -17,7 +17,7 @@ from constraints.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_
 from excite.trajectories.family import check_size
 from excite.trajectories.fourier import WavesAndQuintic
 from excite.trajectories.nonlinear import NonlinearFamily
-from excite.trajectories.polynomials import quintic_hermite
+from excite.trajectories.polynomial import quintic_hermite
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.samples import Array

@@ -16,7 +16,7 @@ from constraints.certificate import Extrema
 from constraints.enclosure import chebyshev_nodes, node_factor, piecewise_extrema
 from excite.trajectories.family import check_size
 from excite.trajectories.nonlinear import NonlinearFamily
-from excite.trajectories.polynomials import ORDERS, QUINTIC, quintic_hermite
+from excite.trajectories.polynomial import ORDERS, QUINTIC, quintic_hermite
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.samples import Array, Index

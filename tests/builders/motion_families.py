@@ -7,9 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from excite.trajectories import Fourier
+from excite.trajectories.bspline import BSpline
 from excite.trajectories.family import Family
 from excite.trajectories.fourier import Cosine, FourierQuintic
-from excite.trajectories.polynomials import BSpline, Polynomial
+from excite.trajectories.polynomial import Polynomial
 from excite.trajectories.sines import Sines
 from excite.trajectories.waypoints import Waypoints
 from regressors.samples import Array

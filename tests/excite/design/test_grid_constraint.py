@@ -25,9 +25,9 @@ from excite.design.solvers.limit_rows import NearRows
 from excite.design.solvers.solver import Solver
 from excite.design.stated_limits import nonlinear_limits
 from excite.tasks.task import Task
+from excite.trajectories.bspline import BSpline
 from excite.trajectories.family import Family
 from excite.trajectories.fourier import Fourier
-from excite.trajectories.polynomials import BSpline
 from excite.trajectories.sines import Sines
 from excite.trajectories.waypoints import Waypoints
 from regressors.errors import InputError

@@ -29,10 +29,11 @@ from excite.design.optimisation import design_trajectory
 from excite.design.problem import Problem
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, LinearFamily, Trajectory, stored_trajectory
+from excite.trajectories.bspline import BSpline
 from excite.trajectories.family import Family
 from excite.trajectories.fourier import Cosine, FourierQuintic
 from excite.trajectories.nonlinear import NonlinearFamily
-from excite.trajectories.polynomials import BSpline, Polynomial
+from excite.trajectories.polynomial import Polynomial
 from excite.trajectories.sines import Sines
 from excite.trajectories.waypoints import Waypoints
 from regressors.errors import InputError, UnknownName

@@ -26,8 +26,8 @@ from excite.export.motions.ros2 import Ros2Yaml
 from excite.export.motions.sampled_design import SampledDesign, breaks_of, sampled_design
 from excite.registry import TRAJECTORIES
 from excite.trajectories import Fourier, Trajectory
+from excite.trajectories.bspline import BSpline
 from excite.trajectories.family import Family
-from excite.trajectories.polynomials import BSpline
 from excite.trajectories.transfer import SCurve
 from excite.trajectories.waypoints import Waypoints
 from regressors.samples import Array
