@@ -34,16 +34,7 @@ def check_log(log: Log, robot: Robot, *, may_rest: bool = False) -> tuple[str, .
     if log.count < 3:
         raise InputError(f"{log.source}: {log.count} rows are too few to be checked")
     case = _Case(log.of(known), robot, may_rest)
-    checks = (
-        _rates,
-        _missing_instants,
-        _positions,
-        _speeds,
-        _velocities,
-        _resting_joints,
-        _constant_channels,
-        _torques,
-    )
+    checks = (_instants, _positions, _speeds, _velocities, _resting_joints, _constant_channels, _torques)
     findings = [finding for check in checks for finding in check(case)]
     if wrong := [text for refused, text in findings if refused]:
         raise InputError(f"{log.source}: {'; '.join(wrong)}")
@@ -79,14 +70,11 @@ class _Case:
         self.speed = mean_speed(log)  # (N, n) over short spans
 
 
-def _rates(case: _Case) -> Findings:
+def _instants(case: _Case) -> Findings:
+    """Rates that no log has, and gaps that are too long to be bridged."""
     if case.log.rate < _SLOWEST_RATE:
         how = "check that time is in seconds, or give its unit in a mapping (unit: ms)"
         yield True, f"{case.log.rate:.3g} samples per second; {how}"
-
-
-def _missing_instants(case: _Case) -> Findings:
-    """Gaps that are too long to be bridged."""
     if intervals := [gap for gap in gaps(case.log) if gap.length > LONGEST]:
         more = f" and {len(intervals) - 3} more" if len(intervals) > 3 else ""
         where = f"gaps of {', '.join(map(str, intervals[:3]))}{more}"

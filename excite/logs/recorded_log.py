@@ -5,6 +5,7 @@ The columns that a mapping names are samples of the channels of a log, each with
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
@@ -189,7 +190,8 @@ def recorded_log(
         notes.append(f"{counted(outside, 'row')} before or after what other streams recorded not used")
     values = _aligned(time[inside], others, base, keep, inside)
     notes += _rates(base, others)
-    bridged = _bridged(time[inside], others, base)
+    gaps = [in_gaps(time[inside], one.time) for one in others if not np.array_equal(one.time, base.time)]
+    bridged = np.any(gaps, axis=0)
     log = Log(
         source=source,
         sha256=recording_sha256(path),
@@ -266,19 +268,12 @@ def _aligned(
     time: Array, others: Sequence[Sampled], base: Sampled, keep: Index, inside: NDArray[np.bool_]
 ) -> dict[str, Any]:
     """Values of each channel at the instants of the positions."""
-    count = {one.channel: 1 + max(o.place for o in others if o.channel == one.channel) for one in others}
-    values = {name: np.empty((time.size, columns)) for name, columns in count.items()}
+    values = {name: np.empty((time.size, n)) for name, n in Counter(one.channel for one in others).items()}
     for one in others:
         alike = one.time is base.time or (one.stream == base.stream and np.array_equal(one.rows, base.rows))
         column = one.values[keep][inside] if alike and one.time.size == base.time.size else None
         values[one.channel][:, one.place] = np.interp(time, one.time, one.values) if column is None else column
     return values
-
-
-def _bridged(time: Array, others: Sequence[Sampled], base: Sampled) -> NDArray[np.bool_]:
-    """Which instants lie in gaps of a column that is not sampled with the positions."""
-    own = [in_gaps(time, one.time) for one in others if not np.array_equal(one.time, base.time)]
-    return np.asarray(np.any([np.zeros(time.size, dtype=bool), *own], axis=0))
 
 
 def _rates(base: Sampled, others: Sequence[Sampled]) -> list[str]:

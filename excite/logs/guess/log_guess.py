@@ -291,7 +291,7 @@ class _Guessing:
 
 
 _WIDTH = 110
-_DEFAULTS: dict[str, object] = {"separator": ",", "header": True, "skip": 0}
+_OF_TEXT = ("separator", "header", "skip")
 _WORDS = frozenset({"true", "false", "null", "yes", "no", "on", "off", "y", "n", "True", "False", "Null", "nan", "inf"})
 
 
@@ -307,7 +307,7 @@ def mapping_text(guess: LogGuess) -> str:
             *guess.remarks.get("", ()),
         ]
     )
-    fields = [name for name, default in _DEFAULTS.items() if content.get(name, default) != default]
+    fields = [name for name in _OF_TEXT if getattr(guess.mapping, name) != LogMapping.model_fields[name].default]
     fields += ["joints"] * bool(content.get("joints"))
     lines += [f"{name}: {_value(content[name])}" for name in fields]
     for name in ("time", *_PLURAL):
