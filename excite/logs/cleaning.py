@@ -54,8 +54,7 @@ def without_held_rows(log: Log) -> Clean:
     held = held_rows(log)
     if not held.any():
         return log, ()
-    rate = _slower_rate(log, held)
-    if rate is None:
+    if (rate := _slower_rate(log, held)) is None:
         return log.without(HELD, held), ()
     text = f"values were updated at {rate:.4g} Hz, rows recorded at {log.rate:.4g} Hz: {held.sum()} equal rows not used"
     return log.without(RATE, held), (_of_whole(log, RATE, log.time, text),)

@@ -135,16 +135,14 @@ def _velocities(case: _Case) -> Findings:
 
 
 def _relation(ratio: float) -> str:
+    other = f"is {ratio:.3g} times the slope of the position"
     cases = {
-        _DEGREES: f"is {ratio:.3g} times the slope of the position: it looks like degrees per second; "
-        "give a mapping with unit: deg/s, which converts it",
-        1 / _DEGREES: f"is {ratio:.3g} times the slope of the position: the position looks like degrees; {_HINT}",
+        _DEGREES: f"{other}: it looks like degrees per second; give a mapping with unit: deg/s, which converts it",
+        1 / _DEGREES: f"{other}: the position looks like degrees; {_HINT}",
         -1.0: "has the opposite sign of the slope of the position; give a mapping with sign: -1 for one of them",
     }
-    for value, text in cases.items():
-        if abs(ratio - value) <= _AGREE * abs(value):
-            return text
-    return f"is {ratio:.3g} times the slope of the position; correct columns, ratio or unit in a mapping"
+    alike = [text for value, text in cases.items() if abs(ratio - value) <= _AGREE * abs(value)]
+    return next(iter(alike), f"{other}; correct columns, ratio or unit in a mapping")
 
 
 def _resting_joints(case: _Case) -> Findings:

@@ -63,9 +63,8 @@ def log_opened(path: Path) -> Iterator[BinaryIO]:
 _SECONDS = 3e-8  # of each byte of a table that is read, to its numbers
 _SETTLED = 2.0  # seconds since the last change, after which another one has another time
 _Scan: TypeAlias = tuple[str, Index, Index, bool, bool]  # hash, lines' starts and ends, whether complete, with a mark
-_last: dict[
-    tuple[int, ...] | None, _Scan
-] = {}  # of the file that was read last: what recognises it reads it several times
+# Of the file that was read last: what recognises it reads it several times
+_last: dict[tuple[int, ...] | None, _Scan] = {}
 
 
 def _identity(stream: BinaryIO) -> tuple[int, ...] | None:
@@ -186,15 +185,10 @@ def blocks_of(stream: BinaryIO, longest: int) -> Iterator[bytes]:
     """Content of a file in blocks that end where a line ends, but for the last one and one longer than ``longest``."""
     rest = b""
     while block := stream.read(_BLOCK):
-        end = block.rfind(b"\n") + 1
-        if not end:
-            rest += block
-            if len(rest) >= longest:
-                yield rest
-                rest = b""
-            continue
-        yield rest + block[:end]
-        rest = block[end:]
+        rest += block
+        if end := rest.rfind(b"\n") + 1 or len(rest) * (len(rest) >= longest):
+            yield rest[:end]
+            rest = rest[end:]
     if rest:
         yield rest
 

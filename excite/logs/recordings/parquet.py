@@ -220,10 +220,8 @@ def _info(path: Path) -> dict[str, Any]:
 
 
 def _unit(metadata: Any) -> str:
-    for key in (b"unit", b"units"):
-        if metadata and key in metadata:
-            return str(metadata[key].decode("utf-8", "replace"))
-    return ""
+    stated = next((metadata[key] for key in (b"unit", b"units") if key in (metadata or {})), b"")
+    return str(stated.decode("utf-8", "replace"))
 
 
 def _is_parquet(head: bytes, path: Path) -> bool:

@@ -5,7 +5,7 @@ A bag is read twice: once to find topics and layouts, whose result is kept, and 
 
 from __future__ import annotations
 
-from collections.abc import Container, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -93,19 +93,14 @@ def bag_columns(messages: BagReader, path: Path, state: Hashable, form: str, wan
                 rows.faulty = 0
                 by_topic.setdefault(topic, {}).update(dict.fromkeys(layouts, table))
     for topic, times, raws in _batches(messages(path, by_topic.__contains__, [])):
-        _fill(by_topic[topic], topics[topic], times, raws)
+        groups: dict[_Table, list[_Group]] = {}
+        for group in topics[topic].groups(raws):
+            if (filled := by_topic[topic].get(group[0])) is not None:
+                groups.setdefault(filled, []).append(group)
+        for table, several in groups.items():
+            table.add(several, np.array(times, dtype=np.int64))
     streams = {name: Stream(name, table.columns) for name, table in tables.items()}
     return Recording(str(path), form, streams, notes)
-
-
-def _fill(tables: Mapping[_Known, _Table], rows: _TopicRows, times: list[int], raws: list[bytes]) -> None:
-    """Decode some messages of a topic into the tables of its streams."""
-    groups: dict[_Table, list[_Group]] = {}
-    for group in rows.groups(raws):
-        if (table := tables.get(group[0])) is not None:
-            groups.setdefault(table, []).append(group)
-    for table, several in groups.items():
-        table.add(several, np.array(times, dtype=np.int64))
 
 
 class _Table:
@@ -127,19 +122,13 @@ class _Table:
             self.columns[self.time][self.filled : self.filled + order.size] = times[order]
         for one, numbers, content in groups:
             rows = self.filled + np.searchsorted(order, numbers)
-            for name, column in _decoded(one, content, self.columns):
-                self.columns[name][rows] = column
+            blocks: dict[int, Numbers] = {}
+            for name, (place, index, _) in one.columns.items():
+                if name in self.columns:
+                    if place.at not in blocks:
+                        blocks[place.at] = _numbers(content, place, one.layout.order)
+                    self.columns[name][rows] = blocks[place.at][:, index]
         self.filled += order.size
-
-
-def _decoded(one: _Known, content: Bytes, wanted: Container[str]) -> Iterator[tuple[str, Numbers]]:
-    """Columns that are wanted of messages of one layout."""
-    blocks: dict[int, Numbers] = {}
-    for name, (place, index, _) in one.columns.items():
-        if name in wanted:
-            if place.at not in blocks:
-                blocks[place.at] = _numbers(content, place, one.layout.order)
-            yield name, blocks[place.at][:, index]
 
 
 def _numbers(content: Bytes, place: NumberPlace, order: str) -> Numbers:

@@ -101,9 +101,8 @@ def _table_layout(text: Text) -> TextLayout:
 
 def _kind_of(layout: TextLayout) -> str:
     """Name of the format, by the names of the columns."""
-    kind = _KINDS[layout.separator]
     maker = maker_of(layout.titles)
-    return f"text, {kind}" if maker is None else f"{maker.name}, {kind}"
+    return f"{'text' if maker is None else maker.name}, {_KINDS[layout.separator]}"
 
 
 @dataclass(frozen=True)
@@ -152,11 +151,10 @@ def _with_names(head: Sequence[str], mark: str | None, first: int, count: int) -
         titles, at = last, first - 1
         if len(above) == 2 and above[0] is not None and all(map(_is_unit, last)):
             titles, units, at = above[0], last, None
-    numbers = tuple(f"{k}" for k in range(1, count + 1))
-    named = at is not None and len(cells(head[at], mark)) == count and all(titles) and twice(titles) is None
-    if not named or at is None:
-        return TextLayout(mark, first, numbers, titles, units, None)
-    return TextLayout(mark, first, tuple(cells(head[at], mark)), titles, units, at)
+    names = () if at is None else tuple(cells(head[at], mark))
+    if len(names) != count or not all(titles) or twice(titles) is not None:
+        names, at = tuple(f"{k}" for k in range(1, count + 1)), None
+    return TextLayout(mark, first, names, titles, units, at)
 
 
 def _title_cells(line: str, mark: str | None, count: int) -> tuple[str, ...] | None:
