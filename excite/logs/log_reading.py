@@ -168,15 +168,10 @@ def _log(text: Text, layout: Layout, table: Table) -> Log:
     names = layout.unused
     unused = (f"{counted(len(names), 'column')} not used: {listed(names)}",) * bool(names)
     before = (f"{counted(layout.preface, 'line')} before the header not read",) * bool(layout.preface)
+    time, numbers = table.values[:, place[layout.time]] * layout.second, table.lines - layout.first
+    left_out, removed = (*text.mended, *before, *unused, *table.left_out), tuple(table.removed)
     return Log(
-        source=text.source,
-        sha256=text.sha256,
-        joints=layout.joints,
-        time=table.values[:, place[layout.time]] * layout.second,
-        left_out=(*text.mended, *before, *unused, *table.left_out),
-        numbers=table.lines - layout.first,
-        removed=tuple(table.removed),
-        **parts,
+        text.source, text.sha256, layout.joints, time, **parts, left_out=left_out, numbers=numbers, removed=removed
     )
 
 

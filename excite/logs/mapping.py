@@ -308,15 +308,8 @@ class LogMapping(Section):
             for name, section in sections.items()
         }
         time = next((section.time for section in sections.values() if section.time is not None), self.time)
-        return Layout(
-            separator,
-            first + self.header,
-            tuple(names),
-            _place(source, time.column, index, len(head)),
-            SECONDS[time.unit],
-            tuple(self.joints or ()),
-            channels,
-        )
+        clock, joints = _place(source, time.column, index, len(head)), tuple(self.joints or ())
+        return Layout(separator, first + self.header, tuple(names), clock, SECONDS[time.unit], joints, channels)
 
 
 def _is_row(row: list[str]) -> bool:

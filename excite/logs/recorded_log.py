@@ -165,12 +165,8 @@ def seconds_of(clock: Numbers, second: float, zero: float) -> Array:
 
 
 _QUANTITIES = {
-    "q": "positions",
-    "dq": "velocities",
-    "effort": "efforts",
-    "temperature": "temperatures",
-    "wrench": "wrench",
-}
+    "q": "positions", "dq": "velocities", "effort": "efforts", "temperature": "temperatures", "wrench": "wrench",
+}  # fmt: skip
 
 
 def recorded_log(
@@ -183,25 +179,18 @@ def recorded_log(
     (columns, notes, _), source = samples, str(path)
     base = max((one for one in columns if one.channel == "q"), key=lambda one: one.time.size)
     keep, removed = _kept(source, base, drop, only, notes)
-    time, numbers = base.time[keep], base.rows[keep]
     others = [one if one is base else _in_order(source, one, drop) for one in columns]
-    inside = _inside(source, time, others)
+    inside = _inside(source, base.time[keep], others)
     if outside := int(np.count_nonzero(~inside)):
         notes.append(f"{counted(outside, 'row')} before or after what other streams recorded not used")
-    values = _aligned(time[inside], others, base, keep, inside)
+    rows = keep[inside]
+    time, numbers = base.time[rows], base.rows[rows]
+    values = _aligned(time, others, base, rows)
     notes += _rates(base, others)
-    gaps = [in_gaps(time[inside], one.time) for one in others if not np.array_equal(one.time, base.time)]
+    gaps = [in_gaps(time, one.time) for one in others if not np.array_equal(one.time, base.time)]
     bridged = np.any(gaps, axis=0)
-    log = Log(
-        source=source,
-        sha256=recording_sha256(path),
-        joints=joints,
-        time=time[inside],
-        left_out=tuple(notes),
-        numbers=numbers[inside],
-        removed=removed,
-        **values,
-    )
+    own = recording_sha256(path)
+    log = Log(source, own, joints, time, **values, left_out=tuple(notes), numbers=numbers, removed=removed)
     return log.without(DROPPED, bridged) if bridged.any() else log
 
 
@@ -264,14 +253,12 @@ def _inside(source: str, time: Array, others: Sequence[Sampled]) -> NDArray[np.b
     return inside
 
 
-def _aligned(
-    time: Array, others: Sequence[Sampled], base: Sampled, keep: Index, inside: NDArray[np.bool_]
-) -> dict[str, Any]:
+def _aligned(time: Array, others: Sequence[Sampled], base: Sampled, rows: Index) -> dict[str, Any]:
     """Values of each channel at the instants of the positions."""
     values = {name: np.empty((time.size, n)) for name, n in Counter(one.channel for one in others).items()}
     for one in others:
         alike = one.time is base.time or (one.stream == base.stream and np.array_equal(one.rows, base.rows))
-        column = one.values[keep][inside] if alike and one.time.size == base.time.size else None
+        column = one.values[rows] if alike and one.time.size == base.time.size else None
         values[one.channel][:, one.place] = np.interp(time, one.time, one.values) if column is None else column
     return values
 

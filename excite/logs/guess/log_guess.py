@@ -300,13 +300,9 @@ def mapping_text(guess: LogGuess) -> str:
     if guess.mapping is None:
         raise InputError(f"{guess.contents.source}: no mapping can be written; {guess.questions[0]}")
     content = guess.mapping.model_dump(exclude_unset=True)
-    lines = _comments(
-        [
-            f"Mapping of {guess.contents.source} ({guess.contents.format}), to be corrected.",
-            "Give it as the mapping of the log once the lines with QUESTION are answered.",
-            *guess.remarks.get("", ()),
-        ]
-    )
+    title = f"Mapping of {guess.contents.source} ({guess.contents.format}), to be corrected."
+    how = "Give it as the mapping of the log once the lines with QUESTION are answered."
+    lines = _comments([title, how, *guess.remarks.get("", ())])
     fields = [name for name in _OF_TEXT if getattr(guess.mapping, name) != LogMapping.model_fields[name].default]
     fields += ["joints"] * bool(content.get("joints"))
     lines += [f"{name}: {_value(content[name])}" for name in fields]

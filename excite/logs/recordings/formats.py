@@ -161,19 +161,8 @@ def _streams(signals: Sequence[_Signals]) -> list[StreamContents]:
     return streams
 
 
-FORMATS: tuple[RecordingFormat, ...] = (  # the first that recognises a file reads it
-    MCAP_BAG,
-    ROSBAG2,
-    ROSBAG1,
-    PARQUET,
-    NPZ,
-    NPY,
-    MATLAB_7_3,  # is HDF5 too
-    HDF5,
-    MATLAB,
-    FOLDER,
-    TEXT,
-)
+# The first that recognises a file reads it; one of MATLAB 7.3 is HDF5 too
+FORMATS = (MCAP_BAG, ROSBAG2, ROSBAG1, PARQUET, NPZ, NPY, MATLAB_7_3, HDF5, MATLAB, FOLDER, TEXT)
 
 
 @checked

@@ -54,11 +54,7 @@ _LEFT_OUT_SHOWN = 8
 def bag_contents(messages: BagReader, path: Path, state: Hashable, form: str) -> Contents:
     """Contents of a bag; all of it is read once, but no number is decoded."""
     topics, notes = _scan_of(messages, path, state)
-    streams = tuple(
-        _stream_contents(name, rows.topic, layouts)
-        for rows in topics.values()
-        for name, layouts in rows.streams().items()
-    )
+    streams = tuple(_stream_contents(rows.topic, *one) for rows in topics.values() for one in rows.streams().items())
     left_out = {topic.name: rows.unread for topic, rows in topics.items() if rows.unread}
     shown = [(cut(name), why) for name, why in list(left_out.items())[:_LEFT_OUT_SHOWN]]
     if not streams:
@@ -68,7 +64,7 @@ def bag_contents(messages: BagReader, path: Path, state: Hashable, form: str) ->
     return Contents(str(path), form, streams, (*notes, *left))
 
 
-def _stream_contents(name: str, topic: Topic, layouts: list[_Known]) -> StreamContents:
+def _stream_contents(topic: Topic, name: str, layouts: list[_Known]) -> StreamContents:
     columns = {name: column for one in layouts for name, column in one.columns.items()}
     stamp, time = f"{topic.name}/{STAMP}", f"{topic.name}/{MESSAGE_TIME}"
     units = {name: "ns" for name, (place, _, _) in columns.items() if place.kind == "stamp"}
