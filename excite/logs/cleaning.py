@@ -169,8 +169,7 @@ def with_true_time(log: Log) -> Clean:
     step = np.diff(log.time) / np.diff(ticking.row_numbers)
     if float(np.ptp(np.quantile(step, [0.05, 0.95]))) <= _EVEN_STAMPS * float(np.median(step)):
         return log, ()
-    better = smoother_over_rows(ticking)
-    if better < _BETTER_OVER_ROWS:
+    if (better := smoother_over_rows(ticking)) < _BETTER_OVER_ROWS:
         return log, ()
     time = even_time(ticking)
     jitter = float(np.std(log.time - time))

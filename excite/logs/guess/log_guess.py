@@ -105,9 +105,7 @@ def guess_mapping(path: str | Path, robot: Robot | None = None) -> LogGuess:
     InputError
         Cannot be read, or of no known format.
     """
-    path = Path(path)
-    form = recording_format(path)
-    return _guess(form, path, robot, glance=False)[0]
+    return _guess(Path(path), robot, glance=False)[0]
 
 
 def certain_mapping(
@@ -115,8 +113,7 @@ def certain_mapping(
 ) -> tuple[LogGuess, RecordingFormat]:
     """The guess of a recording that leaves no question, and what was read for it."""
     try:
-        form = recording_format(path)
-        guess, loaded = _guess(form, path, robot, glance=True)
+        guess, loaded = _guess(path, robot, glance=True)
     except InputError:
         if otherwise is not None:
             raise otherwise from None
@@ -133,7 +130,8 @@ def certain_mapping(
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of columns that hold anything
-def _guess(form: RecordingFormat, path: Path, robot: Robot | None, glance: bool) -> tuple[LogGuess, RecordingFormat]:
+def _guess(path: Path, robot: Robot | None, glance: bool) -> tuple[LogGuess, RecordingFormat]:
+    form = recording_format(path)
     contents = form.contents(path)
     groups = channel_groups(contents)
     by_name = any(group.quantity == "position" and group.measured for group in groups)

@@ -213,9 +213,8 @@ def binary_format(path: Path) -> RecordingFormat | None:
     return None if form is TEXT else form
 
 
-def format_of(path: str | Path) -> RecordingFormat | None:
+def format_of(path: Path) -> RecordingFormat | None:
     """Format of a file or folder; None where none recognises it."""
-    path = Path(path)
     head = head_of(path)
     return next((form for form in FORMATS if form.recognises(head, path)), None)
 

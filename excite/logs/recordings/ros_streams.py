@@ -210,7 +210,6 @@ class _TopicRows:
     met: int = 0
     faulty: int = 0
     count: int = 0
-    shapes: int = 0
     known: dict[int, list[_Alike]] = field(default_factory=dict)
     definitions: Definitions | None = None
 
@@ -259,8 +258,7 @@ class _TopicRows:
         alike = next((layouts for each, layouts in known if np.array_equal(each, fixed)), None)
         if alike is None:
             known.append((fixed, alike := {}))
-            self.shapes += 1
-        if self.count >= _MOST_LAYOUTS or self.shapes > _MOST_SHAPES:
+        if self.count >= _MOST_LAYOUTS or sum(map(len, self.known.values())) > _MOST_SHAPES:
             raise self._given_up(f"its messages have more than {self.count} different layouts")
         alike[message[fixed].tobytes()] = one
         self.count += 1
