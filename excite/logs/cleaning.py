@@ -54,8 +54,7 @@ def without_held_rows(log: Log) -> Clean:
     held = held_rows(log)
     if not held.any():
         return log, ()
-    rate = _slower_rate(log, held)
-    if rate is None:
+    if (rate := _slower_rate(log, held)) is None:
         return log.without(HELD, held), ()
     text = f"values were updated at {rate:.4g} Hz, rows recorded at {log.rate:.4g} Hz: {held.sum()} equal rows not used"
     return log.without(RATE, held), (_of_whole(log, RATE, log.time, text),)
@@ -170,8 +169,7 @@ def with_true_time(log: Log) -> Clean:
     step = np.diff(log.time) / np.diff(ticking.row_numbers)
     if float(np.ptp(np.quantile(step, [0.05, 0.95]))) <= _EVEN_STAMPS * float(np.median(step)):
         return log, ()
-    better = smoother_over_rows(ticking)
-    if better < _BETTER_OVER_ROWS:
+    if (better := smoother_over_rows(ticking)) < _BETTER_OVER_ROWS:
         return log, ()
     time = even_time(ticking)
     jitter = float(np.std(log.time - time))

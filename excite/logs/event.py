@@ -239,14 +239,9 @@ def plateaus(tau: Array, extreme: float, moving: NDArray[np.bool_]) -> Iterator[
     # tau (N,); moving (N,)
     least = 4 * float(quantum(tau[:, None])[0])
     for a, b in runs((tau == extreme) & moving):
-        if b - a >= _HELD and _sudden(tau, a, b, least):
+        beside = [tau[k] for k in (a - 2, b + 1) if 0 <= k < tau.size]  # away by more than rounding, if at speed
+        if b - a >= _HELD and any(abs(value - tau[a]) > least for value in beside):
             yield a, b
-
-
-def _sudden(tau: Array, start: int, stop: int, least: float) -> bool:
-    """Whether the signal was away from the plateau by more than rounding two samples before or after it."""
-    beside = [tau[k] for k in (start - 2, stop + 1) if 0 <= k < tau.size]
-    return any(abs(value - tau[start]) > least for value in beside)
 
 
 def spans_of(saturated: Sequence[Saturation]) -> Spans:

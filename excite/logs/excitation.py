@@ -111,16 +111,12 @@ def moves(log: Log) -> NDArray[np.bool_]:
     It does where its mean speed is above 0.5 % of its greatest, above what noise and rounding of the positions cause at
     rest, and above 1e-3 rad/s or m/s.
     """
-    if log not in _KNOWN:
-        _KNOWN[log] = _moves(log)
-    return _KNOWN[log]
-
-
-def _moves(log: Log) -> NDArray[np.bool_]:
+    if log in _KNOWN:
+        return _KNOWN[log]
     speed = np.abs(mean_speed(log))
     noise = np.maximum(_NOISE * np.sqrt(2) * quietest_deviation(log.q, _BLOCK), 2 * quantum(log.q)) / SPAN
     least = np.maximum(_LEAST_SHARE * speed.max(axis=0), noise)
-    moving = np.asarray(speed > np.maximum(least, _SLOWEST))
+    _KNOWN[log] = moving = np.asarray(speed > np.maximum(least, _SLOWEST))
     moving.flags.writeable = False
     return moving
 

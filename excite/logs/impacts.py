@@ -87,8 +87,7 @@ def _sharpness(q: Array, half: int, h: float) -> NDArray[np.float32]:
         jump = np.abs(velocity_jumps(column[:, None], half)) / h
         least = max(_TIMES * float(_usual(jump, half)[0]), _LEAST_SPEED * fastest, _LEAST_OWN * own, _TINY)
         sharp[:, k] = np.where(friction, 0.0, jump[:, 0] / least)
-    sharp[:ends] = 0.0
-    sharp[-ends:] = 0.0
+    sharp[:ends] = sharp[-ends:] = 0.0
     return sharp
 
 

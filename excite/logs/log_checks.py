@@ -35,16 +35,7 @@ def check_log(log: Log, robot: Robot, *, may_rest: bool = False) -> tuple[str, .
     if log.count < 3:
         raise InputError(f"{log.source}: {log.count} rows are too few to be checked")
     case = _Case(log.of(known), robot, may_rest)
-    checks = (
-        _rates,
-        _missing_instants,
-        _positions,
-        _speeds,
-        _velocities,
-        _resting_joints,
-        _constant_channels,
-        _torques,
-    )
+    checks = (_instants, _positions, _speeds, _velocities, _resting_joints, _constant_channels, _torques)
     findings = [finding for check in checks for finding in check(case)]
     if wrong := [text for refused, text in findings if refused]:
         raise InputError(f"{log.source}: {'; '.join(wrong)}")
@@ -80,14 +71,11 @@ class _Case:
         self.speed = mean_speed(log)  # (N, n) over short spans
 
 
-def _rates(case: _Case) -> Findings:
+def _instants(case: _Case) -> Findings:
+    """Rates that no log has, and gaps that are too long to be bridged."""
     if case.log.rate < _SLOWEST_RATE:
         how = "check that time is in seconds, or give its unit in a mapping (unit: ms)"
         yield True, f"{case.log.rate:.3g} samples per second; {how}"
-
-
-def _missing_instants(case: _Case) -> Findings:
-    """Gaps that are too long to be bridged."""
     if intervals := [gap for gap in gaps(case.log) if gap.length > LONGEST]:
         more = f" and {len(intervals) - 3} more" if len(intervals) > 3 else ""
         where = f"gaps of {', '.join(map(str, intervals[:3]))}{more}"
@@ -149,16 +137,14 @@ def _velocities(case: _Case) -> Findings:
 
 
 def _relation(ratio: float) -> str:
+    other = f"is {ratio:.3g} times the slope of the position"
     cases = {
-        _DEGREES: f"is {ratio:.3g} times the slope of the position: it looks like degrees per second; "
-        "give a mapping with unit: deg/s, which converts it",
-        1 / _DEGREES: f"is {ratio:.3g} times the slope of the position: the position looks like degrees; {_HINT}",
+        _DEGREES: f"{other}: it looks like degrees per second; give a mapping with unit: deg/s, which converts it",
+        1 / _DEGREES: f"{other}: the position looks like degrees; {_HINT}",
         -1.0: "has the opposite sign of the slope of the position; give a mapping with sign: -1 for one of them",
     }
-    for value, text in cases.items():
-        if abs(ratio - value) <= _AGREE * abs(value):
-            return text
-    return f"is {ratio:.3g} times the slope of the position; correct columns, ratio or unit in a mapping"
+    alike = [text for value, text in cases.items() if abs(ratio - value) <= _AGREE * abs(value)]
+    return next(iter(alike), f"{other}; correct columns, ratio or unit in a mapping")
 
 
 def _resting_joints(case: _Case) -> Findings:

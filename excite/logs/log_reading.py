@@ -25,7 +25,7 @@ from excite.logs.recorded_log import (
 )
 from excite.logs.recordings.formats import binary_format
 from excite.logs.recordings.recording import RecordingFormat
-from excite.logs.table import Table, sparse_table, table_of
+from excite.logs.table import Table, table_of
 from excite.logs.text import Text, text_of
 from excite.registry import DROPPABLE
 from excite.storage.atomic import check_table, read_json, replacing
@@ -139,7 +139,7 @@ def _of_text(path: Path, mapping: LogMapping, drop: frozenset[str], only: tuple[
         layout = mapping.layout(text.source, text.lines)
         if not _is_sparse(text, layout):
             return _from_zero(_log(text, layout, table_of(text, layout, drop, only)))
-        samples = samples_of_table(text.source, layout, sparse_table(text, layout, drop))
+        samples = samples_of_table(text.source, layout, Table(text, layout, drop, None))
     return recorded_log(path, samples, layout.joints, drop, only), samples[2]
 
 
@@ -168,15 +168,10 @@ def _log(text: Text, layout: Layout, table: Table) -> Log:
     names = layout.unused
     unused = (f"{counted(len(names), 'column')} not used: {listed(names)}",) * bool(names)
     before = (f"{counted(layout.preface, 'line')} before the header not read",) * bool(layout.preface)
+    time, numbers = table.values[:, place[layout.time]] * layout.second, table.lines - layout.first
+    left_out, removed = (*text.mended, *before, *unused, *table.left_out), tuple(table.removed)
     return Log(
-        source=text.source,
-        sha256=text.sha256,
-        joints=layout.joints,
-        time=table.values[:, place[layout.time]] * layout.second,
-        left_out=(*text.mended, *before, *unused, *table.left_out),
-        numbers=table.lines - layout.first,
-        removed=tuple(table.removed),
-        **parts,
+        text.source, text.sha256, layout.joints, time, **parts, left_out=left_out, numbers=numbers, removed=removed
     )
 
 
@@ -252,8 +247,7 @@ def write_log(log: Log, path: str | Path) -> None:
     header, columns = ["time"], [log.time[:, None]]
     for k, joint in enumerate(log.joints):
         for name, suffix in CHANNELS.items():
-            channel = getattr(log, name)
-            if channel is not None:
+            if (channel := getattr(log, name)) is not None:
                 header.append(f"{joint}.{suffix}")
                 columns.append(channel[:, k : k + 1])
     if log.wrench is not None:
@@ -294,7 +288,8 @@ def read_sidecar(log: str | Path) -> dict[str, Any] | None:
     robot, truth = content.get("robot"), content.get("truth")
     if not isinstance(robot, dict) or not all(isinstance(robot.get(key), str) for key in ("name", "sha256")):
         raise InputError(f"{path}: robot should have a name and a sha256")
-    if truth is not None and not (isinstance(truth, dict) and all(_is_number(value) for value in truth.values())):
+    numbers = isinstance(truth, dict) and all(type(value) in (int, float) for value in truth.values())
+    if truth is not None and not numbers:
         raise InputError(f"{path}: truth should map names of standard parameters to numbers")
     if LOG in content and not (isinstance(of := content[LOG], dict) and isinstance(of.get("sha256"), str)):
         raise InputError(f"{path}: log should have a sha256")
@@ -334,7 +329,3 @@ def with_sidecar(log: Log, robot: Robot) -> Log:
             f"{log.source} is a log of {name} (description {sha256[:12]}), not of {robot.name} ({robot.sha256()[:12]})"
         )
     return replace(log, truth=content.get("truth"), saturated=saturated_torques(content, log.source))
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -290,8 +290,7 @@ class LogMapping(Section):
         """Layout of the lines of a file, which is the log itself where the mapping's name of another is not given."""
         if len(lines) <= self.skip:
             raise InputError(f"{source} has {len(lines)} lines, of which the mapping skips {self.skip}")
-        separator = _SEPARATORS[self.separator]
-        first = self.skip
+        separator, first = _SEPARATORS[self.separator], self.skip
         head = checked_head(source, cells(lines[first], separator))
         if not self.header:  # garbage before the first row is found with the rest
             few = lines[first : first + int(MOST * (len(lines) - first)) + 1]
@@ -301,7 +300,7 @@ class LogMapping(Section):
             raise InputError(f"{here} holds numbers, but the mapping expects a header; give header: false")
         if not self.header and not any(is_number(cell) for cell in head):
             raise InputError(f"{here} holds no number: {listed(head)}; check header, skip and separator of the mapping")
-        numbers = [f"{k}" for k in range(1, len(head) + 1)]
+        names = head if self.header else [f"{k}" for k in range(1, len(head) + 1)]
         index = {name: k for k, name in reversed(list(enumerate(head)))} if self.header else {}
         sections = {name: section for name, section in self.sections.items() if section.file == file}
         channels = {
@@ -309,15 +308,8 @@ class LogMapping(Section):
             for name, section in sections.items()
         }
         time = next((section.time for section in sections.values() if section.time is not None), self.time)
-        return Layout(
-            separator,
-            first + self.header,
-            tuple(head if self.header else numbers),
-            _place(source, time.column, index, len(head)),
-            SECONDS[time.unit],
-            tuple(self.joints or ()),
-            channels,
-        )
+        clock, joints = _place(source, time.column, index, len(head)), tuple(self.joints or ())
+        return Layout(separator, first + self.header, tuple(names), clock, SECONDS[time.unit], joints, channels)
 
 
 def _is_row(row: list[str]) -> bool:

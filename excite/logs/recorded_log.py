@@ -5,6 +5,7 @@ The columns that a mapping names are samples of the channels of a log, each with
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
@@ -164,12 +165,8 @@ def seconds_of(clock: Numbers, second: float, zero: float) -> Array:
 
 
 _QUANTITIES = {
-    "q": "positions",
-    "dq": "velocities",
-    "effort": "efforts",
-    "temperature": "temperatures",
-    "wrench": "wrench",
-}
+    "q": "positions", "dq": "velocities", "effort": "efforts", "temperature": "temperatures", "wrench": "wrench",
+}  # fmt: skip
 
 
 def recorded_log(
@@ -182,24 +179,18 @@ def recorded_log(
     (columns, notes, _), source = samples, str(path)
     base = max((one for one in columns if one.channel == "q"), key=lambda one: one.time.size)
     keep, removed = _kept(source, base, drop, only, notes)
-    time, numbers = base.time[keep], base.rows[keep]
     others = [one if one is base else _in_order(source, one, drop) for one in columns]
-    inside = _inside(source, time, others)
+    inside = _inside(source, base.time[keep], others)
     if outside := int(np.count_nonzero(~inside)):
         notes.append(f"{counted(outside, 'row')} before or after what other streams recorded not used")
-    values = _aligned(time[inside], others, base, keep, inside)
+    rows = keep[inside]
+    time, numbers = base.time[rows], base.rows[rows]
+    values = _aligned(time, others, base, rows)
     notes += _rates(base, others)
-    bridged = _bridged(time[inside], others, base)
-    log = Log(
-        source=source,
-        sha256=recording_sha256(path),
-        joints=joints,
-        time=time[inside],
-        left_out=tuple(notes),
-        numbers=numbers[inside],
-        removed=removed,
-        **values,
-    )
+    gaps = [in_gaps(time, one.time) for one in others if not np.array_equal(one.time, base.time)]
+    bridged = np.any(gaps, axis=0)
+    own = recording_sha256(path)
+    log = Log(source, own, joints, time, **values, left_out=tuple(notes), numbers=numbers, removed=removed)
     return log.without(DROPPED, bridged) if bridged.any() else log
 
 
@@ -262,23 +253,14 @@ def _inside(source: str, time: Array, others: Sequence[Sampled]) -> NDArray[np.b
     return inside
 
 
-def _aligned(
-    time: Array, others: Sequence[Sampled], base: Sampled, keep: Index, inside: NDArray[np.bool_]
-) -> dict[str, Any]:
+def _aligned(time: Array, others: Sequence[Sampled], base: Sampled, rows: Index) -> dict[str, Any]:
     """Values of each channel at the instants of the positions."""
-    count = {one.channel: 1 + max(o.place for o in others if o.channel == one.channel) for one in others}
-    values = {name: np.empty((time.size, columns)) for name, columns in count.items()}
+    values = {name: np.empty((time.size, n)) for name, n in Counter(one.channel for one in others).items()}
     for one in others:
         alike = one.time is base.time or (one.stream == base.stream and np.array_equal(one.rows, base.rows))
-        column = one.values[keep][inside] if alike and one.time.size == base.time.size else None
+        column = one.values[rows] if alike and one.time.size == base.time.size else None
         values[one.channel][:, one.place] = np.interp(time, one.time, one.values) if column is None else column
     return values
-
-
-def _bridged(time: Array, others: Sequence[Sampled], base: Sampled) -> NDArray[np.bool_]:
-    """Which instants lie in gaps of a column that is not sampled with the positions."""
-    own = [in_gaps(time, one.time) for one in others if not np.array_equal(one.time, base.time)]
-    return np.asarray(np.any([np.zeros(time.size, dtype=bool), *own], axis=0))
 
 
 def _rates(base: Sampled, others: Sequence[Sampled]) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,11 +29,6 @@ def table_of(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, 
     return table
 
 
-def sparse_table(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None = None) -> Table:
-    """Numbers in the rows of a text whose cells may be empty, which is NaN, and whose time may be anything."""
-    return Table(text, layout, drop, only, True)
-
-
 def rows_in_memory(text: Text, layout: Layout, rows: int) -> WorkPrediction:
     """Memory of the numbers of the rows; beside them only where lines begin is held."""
     columns, remedy = len(layout.used), "choose fewer rows with `rows`"
@@ -42,10 +37,10 @@ def rows_in_memory(text: Text, layout: Layout, rows: int) -> WorkPrediction:
 
 
 class Table:
-    """Rows of a text that were read, and what of it was left out."""
+    """Rows of a text that were read, and what of it was left out; empty cells are refused, or NaN."""
 
     def __init__(
-        self, text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None, empty_is_nan: bool
+        self, text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None, empty_is_nan: bool = True
     ) -> None:
         self.text, self.layout, self.drop, self.empty_is_nan = text, layout, drop, empty_is_nan
         self.left_out: list[str] = []  # rows that were left out, with their count
@@ -90,9 +85,8 @@ class Table:
             kind, plural = ("line holds", "") if len(garbage) == 1 else ("lines hold", "s")
             self.left_out.append(f"{len(garbage)} {kind} no row of numbers: line{plural} {where}")
             self.removed.append(Removed(GARBAGE, lines[garbage] - layout.first))
-            keep = np.ones(len(rows), dtype=bool)
-            keep[garbage] = False
-            rows, lines = rows.where(keep), lines[keep]
+            keep = np.delete(np.arange(len(rows)), garbage)
+            rows, lines = rows[keep], lines[keep]
             self.check_left(len(rows))
         values = self._values(rows, lines)
         assert values is not None
@@ -101,7 +95,8 @@ class Table:
     def _values(self, rows: Lines, lines: Index | None) -> Array | None:
         """Numbers of the rows; without their lines None where one of them has a fault, to be located cell by cell."""
         values = np.empty((len(rows), len(self.layout.used)))
-        for part in _parts(rows):
+        for first in range(0, len(rows), _AT_ONCE):  # the text of all rows would take several times their memory
+            part = slice(first, first + _AT_ONCE)
             some = list(rows[part])
             if lines is None and wrong_lengths(self.layout, some):
                 return None
@@ -167,11 +162,6 @@ def _cut_off(text: Text, layout: Layout, row: str) -> str:
     if not text.complete and length == expected and expected - 1 in layout.used and not is_number(last):
         return f"line {line} ends early: its last cell is {shortened(last)}"
     return ""
-
-
-def _parts(rows: Lines) -> Iterator[slice]:
-    """Rows that are converted at once: the text of all of them would take several times the memory of the numbers."""
-    return (slice(first, min(first + _AT_ONCE, len(rows))) for first in range(0, len(rows), _AT_ONCE))
 
 
 def _numbers(layout: Layout, rows: list[str], before: int = 0) -> Array:

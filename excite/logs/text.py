@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import BinaryIO, TypeAlias, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from excite.storage.work_prediction import announce
 from regressors.errors import InputError
@@ -38,8 +37,17 @@ class Text:
 @contextmanager
 def text_of(path: Path) -> Iterator[Text]:
     """Text of a file in UTF-8, which stays open as long as its lines are read."""
+    source = str(path)
     with log_opened(path) as stream:
-        yield _text(str(path), stream)
+        identity = _identity(stream)
+        if (scan := _last.get(identity)) is None:
+            scan = _scanned(source, stream)
+            _last.clear()
+            if identity is not None:
+                _last[identity] = scan
+        sha256, starts, ends, complete, marked = scan
+        mended = ("the file starts with a byte order mark, which is ignored",) * marked
+        yield Text(source, sha256, Lines(stream, starts, ends), complete, mended)
 
 
 @contextmanager
@@ -55,20 +63,8 @@ def log_opened(path: Path) -> Iterator[BinaryIO]:
 _SECONDS = 3e-8  # of each byte of a table that is read, to its numbers
 _SETTLED = 2.0  # seconds since the last change, after which another one has another time
 _Scan: TypeAlias = tuple[str, Index, Index, bool, bool]  # hash, lines' starts and ends, whether complete, with a mark
-_last: dict[tuple[int, ...], _Scan] = {}  # of the file that was read last: what recognises it reads it several times
-
-
-def _text(source: str, stream: BinaryIO) -> Text:
-    identity = _identity(stream)
-    scan = None if identity is None else _last.get(identity)
-    if scan is None:
-        scan = _scanned(source, stream)
-        _last.clear()
-        if identity is not None:
-            _last[identity] = scan
-    sha256, starts, ends, complete, marked = scan
-    mended = ("the file starts with a byte order mark, which is ignored",) * marked
-    return Text(source, sha256, Lines(stream, starts, ends), complete, mended)
+# Of the file that was read last: what recognises it reads it several times
+_last: dict[tuple[int, ...] | None, _Scan] = {}
 
 
 def _identity(stream: BinaryIO) -> tuple[int, ...] | None:
@@ -139,11 +135,11 @@ class Lines(Sequence[str]):
     def __getitem__(self, place: int) -> str: ...
 
     @overload
-    def __getitem__(self, place: slice) -> Lines: ...
+    def __getitem__(self, place: slice | Index) -> Lines: ...
 
-    def __getitem__(self, place: int | slice) -> str | Lines:
+    def __getitem__(self, place: int | slice | Index) -> str | Lines:
         """One line, or some as `Lines`."""
-        if isinstance(place, slice):
+        if isinstance(place, slice | np.ndarray):
             return Lines(self._stream, self._starts[place], self._ends[place])
         return _decoded(self._bytes(int(self._starts[place]), int(self._ends[place])))
 
@@ -151,10 +147,6 @@ class Lines(Sequence[str]):
         """Read the lines one after the other."""
         for first in range(0, len(self), _AT_ONCE):
             yield from self._some(slice(first, first + _AT_ONCE))
-
-    def where(self, keep: NDArray[np.bool_]) -> Lines:
-        """Those of the lines that are kept."""
-        return Lines(self._stream, self._starts[keep], self._ends[keep])
 
     def _some(self, part: slice) -> Iterator[str]:
         starts, ends = self._starts[part].tolist(), self._ends[part].tolist()
@@ -193,15 +185,10 @@ def blocks_of(stream: BinaryIO, longest: int) -> Iterator[bytes]:
     """Content of a file in blocks that end where a line ends, but for the last one and one longer than ``longest``."""
     rest = b""
     while block := stream.read(_BLOCK):
-        end = block.rfind(b"\n") + 1
-        if not end:
-            rest += block
-            if len(rest) >= longest:
-                yield rest
-                rest = b""
-            continue
-        yield rest + block[:end]
-        rest = block[end:]
+        rest += block
+        if end := rest.rfind(b"\n") + 1 or len(rest) * (len(rest) >= longest):
+            yield rest[:end]
+            rest = rest[end:]
     if rest:
         yield rest
 

@@ -134,14 +134,8 @@ def write_lerobot(folder: Path, episodes: int = 2, rows: int = 5, version: str =
     tables = []
     for episode in range(episodes):
         state = np.arange(2 * rows, dtype=np.float32).reshape(rows, 2) + 100 * episode
-        tables.append(
-            {
-                "observation.state": state,
-                "action": -state,
-                "timestamp": np.arange(rows, dtype=np.float32) / 10,
-                "episode_index": np.full(rows, episode),
-            }
-        )
+        time, number = np.arange(rows, dtype=np.float32) / 10, np.full(rows, episode)
+        tables.append({"observation.state": state, "action": -state, "timestamp": time, "episode_index": number})
     if version.startswith("v3"):
         together = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
         write_parquet(folder / "data" / "chunk-000" / "file-000.parquet", together)

@@ -61,13 +61,9 @@ def write_rtde(path: Path, m: Motion, mark: str = " ", torque: str = "actual_cur
 def write_franka(path: Path, m: Motion) -> Path:
     """As `franka::logToCSV` writes: time in whole milliseconds, commas with and without a space in the header."""
     states = ["state.q", "state.q_d", "state.dq", "state.dq_d", "state.tau_J", "state.tau_ext_hat_filtered"]
-    header = ", ".join(
-        ["time", "success_rate", *numbered(states, m.n, "{}[{}]"), *numbered(["cmd.q_d"], m.n, "{}[{}]")]
-    )
-    rows = np.column_stack(
-        [np.ones(m.time.size), m.q, m.q + 0.01, m.dq, m.dq + 0.01, m.tau, 0.1 * m.tau, m.q + 0.02]
-    ).tolist()
-    table = [[round(1e3 * t), *row] for t, row in zip(m.time.tolist(), rows, strict=True)]
+    header = ", ".join(["time", "success_rate", *numbered([*states, "cmd.q_d"], m.n, "{}[{}]")])
+    rows = np.column_stack([m.q, m.q + 0.01, m.dq, m.dq + 0.01, m.tau, 0.1 * m.tau, m.q + 0.02]).tolist()
+    table = [[round(1e3 * t), 1.0, *row] for t, row in zip(m.time.tolist(), rows, strict=True)]
     return write_table(path, header.split(","), table)
 
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+Messages: TypeAlias = Sequence[tuple[str, Any, int]]  # topic, message and time of each
 STATE_TYPE = "control_msgs/msg/JointTrajectoryControllerState"
 # As in control_msgs 3 (Foxy), 4 (Humble) and 5 (Jazzy).
 STATE_POINTS = {
@@ -64,32 +65,30 @@ def joint_state(types: Any, joints: Joints) -> Any:
     return types.types["sensor_msgs/msg/JointState"](header(types, joints.stamp), list(joints.names), *values)
 
 
-def write_bag(
-    folder: Path,
-    messages: Sequence[tuple[str, Any, int]],
-    storage: str = "mcap",
-    compression: str = "",
-    types: Any = None,
-) -> Path:
+def write_bag(path: Path, messages: Messages, storage: str = "mcap", compression: str = "", types: Any = None) -> Path:
     """Bag of ROS 2 by rosbags: topic, message and time of each; compression as ``message``, ``file`` or ``storage``."""
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
     types = types or typestore()
     plugin = {"mcap": StoragePlugin.MCAP, "db3": StoragePlugin.SQLITE3}[storage]
-    writer = Writer(folder, version=8, storage_plugin=plugin)
+    writer = Writer(path, version=8, storage_plugin=plugin)
     if compression:
         writer.set_compression(CompressionMode[compression.upper()], CompressionFormat.ZSTD)
+    _write_messages(writer, messages, types, types.serialize_cdr)
+    return path
+
+
+def _write_messages(writer: Any, messages: Messages, types: Any, serialize: Callable[[Any, str], Any]) -> None:
     with writer:
         connections: dict[str, Any] = {}
         for topic, message, time in messages:
             kind = message.__msgtype__
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=types)
-            writer.write(connections[topic], time, types.serialize_cdr(message, kind))
-    return folder
+            writer.write(connections[topic], time, serialize(message, kind))
 
 
-def write_old_database(path: Path, messages: Sequence[tuple[str, Any, int]], types: Any) -> Path:
+def write_old_database(path: Path, messages: Messages, types: Any) -> Path:
     """Database as rosbag2 of Foxy to Humble wrote it, without definitions of messages."""
     base = sqlite3.connect(path)
     base.executescript(
@@ -111,7 +110,7 @@ def write_old_database(path: Path, messages: Sequence[tuple[str, Any, int]], typ
     return path
 
 
-def write_ros1_bag(path: Path, messages: Sequence[tuple[str, Any, int]], compression: str = "") -> Path:
+def write_ros1_bag(path: Path, messages: Messages, compression: str = "") -> Path:
     """Bag of ROS 1 by rosbags."""
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
@@ -120,13 +119,7 @@ def write_ros1_bag(path: Path, messages: Sequence[tuple[str, Any, int]], compres
     writer = Writer(path)
     if compression:
         writer.set_compression(Writer.CompressionFormat[compression.upper()])
-    with writer:
-        connections: dict[str, Any] = {}
-        for topic, message, time in messages:
-            kind = message.__msgtype__
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, kind, typestore=types)
-            writer.write(connections[topic], time, types.serialize_ros1(message, kind))
+    _write_messages(writer, messages, types, types.serialize_ros1)
     return path
 
 
@@ -159,9 +152,7 @@ def write_by_mcap(
             message = {
                 "header": {"stamp": {"sec": joints.stamp // 10**9, "nanosec": joints.stamp % 10**9}, "frame_id": "b"},
                 "name": list(joints.names),
-                "position": list(joints.position),
-                "velocity": list(joints.velocity),
-                "effort": list(joints.effort),
+                **{part: list(getattr(joints, part)) for part in ("position", "velocity", "effort")},
             }
             writer.write_message(topic, schema, message, log_time=joints.time, publish_time=joints.time)
         writer.finish()

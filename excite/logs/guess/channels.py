@@ -271,9 +271,8 @@ def _spans(groups: Sequence[ChannelGroup], between: str) -> str:
 
 def first_names(names: Sequence[str]) -> str:
     """Names in a question, the last of many left out."""
-    return ", ".join(names[:_MOST_NAMES]) + (
-        f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
-    )
+    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+    return ", ".join(names[:_MOST_NAMES]) + more
 
 
 def _plain(names: Iterable[str]) -> list[str]:

@@ -105,9 +105,7 @@ def guess_mapping(path: str | Path, robot: Robot | None = None) -> LogGuess:
     InputError
         Cannot be read, or of no known format.
     """
-    path = Path(path)
-    form = recording_format(path)
-    return _guess(form, path, robot, glance=False)[0]
+    return _guess(Path(path), robot, glance=False)[0]
 
 
 def certain_mapping(
@@ -115,8 +113,7 @@ def certain_mapping(
 ) -> tuple[LogGuess, RecordingFormat]:
     """The guess of a recording that leaves no question, and what was read for it."""
     try:
-        form = recording_format(path)
-        guess, loaded = _guess(form, path, robot, glance=True)
+        guess, loaded = _guess(path, robot, glance=True)
     except InputError:
         if otherwise is not None:
             raise otherwise from None
@@ -133,7 +130,8 @@ def certain_mapping(
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of columns that hold anything
-def _guess(form: RecordingFormat, path: Path, robot: Robot | None, glance: bool) -> tuple[LogGuess, RecordingFormat]:
+def _guess(path: Path, robot: Robot | None, glance: bool) -> tuple[LogGuess, RecordingFormat]:
+    form = recording_format(path)
     contents = form.contents(path)
     groups = channel_groups(contents)
     by_name = any(group.quantity == "position" and group.measured for group in groups)
@@ -291,7 +289,7 @@ class _Guessing:
 
 
 _WIDTH = 110
-_DEFAULTS: dict[str, object] = {"separator": ",", "header": True, "skip": 0}
+_OF_TEXT = ("separator", "header", "skip")
 _WORDS = frozenset({"true", "false", "null", "yes", "no", "on", "off", "y", "n", "True", "False", "Null", "nan", "inf"})
 
 
@@ -300,14 +298,10 @@ def mapping_text(guess: LogGuess) -> str:
     if guess.mapping is None:
         raise InputError(f"{guess.contents.source}: no mapping can be written; {guess.questions[0]}")
     content = guess.mapping.model_dump(exclude_unset=True)
-    lines = _comments(
-        [
-            f"Mapping of {guess.contents.source} ({guess.contents.format}), to be corrected.",
-            "Give it as the mapping of the log once the lines with QUESTION are answered.",
-            *guess.remarks.get("", ()),
-        ]
-    )
-    fields = [name for name, default in _DEFAULTS.items() if content.get(name, default) != default]
+    title = f"Mapping of {guess.contents.source} ({guess.contents.format}), to be corrected."
+    how = "Give it as the mapping of the log once the lines with QUESTION are answered."
+    lines = _comments([title, how, *guess.remarks.get("", ())])
+    fields = [name for name in _OF_TEXT if getattr(guess.mapping, name) != LogMapping.model_fields[name].default]
     fields += ["joints"] * bool(content.get("joints"))
     lines += [f"{name}: {_value(content[name])}" for name in fields]
     for name in ("time", *_PLURAL):

@@ -183,9 +183,7 @@ def motion_units(
     angles = [position] if position else ["rad", "deg"]
     speeds = [None] if velocity is None else [velocity] if velocity else ["rad/s", "deg/s", "rpm"]
     measured = velocity is not None and bool(np.isfinite(ratio))
-    fits = [
-        (t, a, s) for t, a, s in product(time, angles, speeds) if not measured or s is None or _explains(ratio, t, a, s)
-    ]
+    fits = [fit for fit in product(time, angles, speeds) if not measured or _explains(ratio, *fit)]
     if not fits:
         per_second = ratio * SECONDS[time[0]]
         why = f"the velocities are {per_second:.4g} times the rate of change of the positions, which no units explain"
@@ -205,8 +203,8 @@ def motion_units(
     return clock, angle, None if velocity is None else _speed(velocity, same, angle, measured=measured)
 
 
-def _explains(ratio: float, time: str, angle: str, speed: str) -> bool:
-    a, b, c = PositionSection.units.get(angle), VelocitySection.units.get(speed), SECONDS[time]
+def _explains(ratio: float, time: str, angle: str, speed: str | None) -> bool:
+    a, b, c = PositionSection.units.get(angle), VelocitySection.units.get(speed or ""), SECONDS[time]
     return a is not None and b is not None and abs(ratio * b * c / a - 1) < _TOLERANCE
 
 

@@ -242,9 +242,8 @@ def topics_of(connections: Iterable[Any]) -> dict[int, Topic]:
         encoding, text = one.ext.serialization_format, one.msgdef.data
         form = one.msgdef.format.name.lower() if text else ""
         unread = f"its messages are encoded as {cut(encoding) or 'nothing known'}, not as CDR"
-        ros1 = encoding == "ros1"
-        known = ros1 or encoding == "cdr"
-        topic = Topic(one.topic, _full_name(one.msgtype), form, text, ros1, "" if known else unread)
+        known = encoding in ("ros1", "cdr")
+        topic = Topic(one.topic, _full_name(one.msgtype), form, text, encoding == "ros1", "" if known else unread)
         topics[one.id] = same.setdefault(topic, topic)
     return topics
 

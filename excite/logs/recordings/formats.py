@@ -161,19 +161,8 @@ def _streams(signals: Sequence[_Signals]) -> list[StreamContents]:
     return streams
 
 
-FORMATS: tuple[RecordingFormat, ...] = (  # the first that recognises a file reads it
-    MCAP_BAG,
-    ROSBAG2,
-    ROSBAG1,
-    PARQUET,
-    NPZ,
-    NPY,
-    MATLAB_7_3,  # is HDF5 too
-    HDF5,
-    MATLAB,
-    FOLDER,
-    TEXT,
-)
+# The first that recognises a file reads it; one of MATLAB 7.3 is HDF5 too
+FORMATS = (MCAP_BAG, ROSBAG2, ROSBAG1, PARQUET, NPZ, NPY, MATLAB_7_3, HDF5, MATLAB, FOLDER, TEXT)
 
 
 @checked
@@ -224,9 +213,8 @@ def binary_format(path: Path) -> RecordingFormat | None:
     return None if form is TEXT else form
 
 
-def format_of(path: str | Path) -> RecordingFormat | None:
+def format_of(path: Path) -> RecordingFormat | None:
     """Format of a file or folder; None where none recognises it."""
-    path = Path(path)
     head = head_of(path)
     return next((form for form in FORMATS if form.recognises(head, path)), None)
 

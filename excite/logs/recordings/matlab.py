@@ -159,7 +159,8 @@ def _add_loaded(file: ArrayFile, one: Any, name: str, above: tuple[str, ...], co
     if one is None:  # an empty field
         return
     if isinstance(one, matlab.MatlabOpaque):
-        file.left_out[_opaque_name(one, name)] = _OBJECT
+        named = one.dtype.names and "s0" in one.dtype.names  # SciPy keeps the name of an object of a class inside it
+        file.left_out[_text(one["s0"].item()) if named else name] = _OBJECT
     elif isinstance(one, matlab.MatlabObject):
         file.left_out[name] = _OBJECT
     elif isinstance(one, matlab.MatlabFunction):
@@ -178,11 +179,6 @@ def _add_loaded(file: ArrayFile, one: Any, name: str, above: tuple[str, ...], co
         file.left_out[name] = "holds complex numbers"
     elif one.dtype.kind != "U" and one.size:
         file.arrays.append(NamedArray(name, above, one.shape, lambda: np.asarray(one)))
-
-
-def _opaque_name(one: Any, name: str) -> str:
-    """Name of an object of a class, which SciPy keeps inside it."""
-    return _text(one["s0"].item()) if one.dtype.names and "s0" in one.dtype.names else name
 
 
 @contextmanager

@@ -121,11 +121,9 @@ class _Table:
 
     def notes(self) -> tuple[str, ...]:
         """What is left out."""
-        if not self.left_out:
-            return ()
         names = [f"{cut(name)} ({why})" for name, why in list(self.left_out.items())[:5]]
-        more = len(self.left_out) - len(names)
-        return (f"columns left out: {', '.join(names)}" + (f" and {more} more" if more else ""),)
+        more = f" and {len(self.left_out) - 5} more" if len(self.left_out) > 5 else ""
+        return (f"columns left out: {', '.join(names)}{more}",) * bool(names)
 
     def load(self, wanted: set[str]) -> tuple[dict[str, Numbers], tuple[str, ...]]:
         """Columns that are wanted, and notes on their rows."""
@@ -222,10 +220,8 @@ def _info(path: Path) -> dict[str, Any]:
 
 
 def _unit(metadata: Any) -> str:
-    for key in (b"unit", b"units"):
-        if metadata and key in metadata:
-            return str(metadata[key].decode("utf-8", "replace"))
-    return ""
+    stated = next((metadata[key] for key in (b"unit", b"units") if key in (metadata or {})), b"")
+    return str(stated.decode("utf-8", "replace"))
 
 
 def _is_parquet(head: bytes, path: Path) -> bool:

@@ -215,36 +215,26 @@ _NOT_MEASURED = frozenset(_REFERRED.split())
 _BRACKET = re.compile(r"[\[(]([^\])]*)[\])]\s*$")
 _PART = re.compile(r"[A-Z]{2,}(?=[A-Z][a-z]|\d|\b|_)|[A-Z]?[a-z]+|[A-Z]+|\d+")
 _DEGREE, _MICRO, _DOT = "\N{DEGREE SIGN}", "\N{MICRO SIGN}", "\N{MIDDLE DOT}"
-_WRITTEN: Mapping[tuple[str, str], str] = {  # quantity and unit of the mapping: how it is written, in lower case
-    ("position", "rad"): "rad radian radians",
-    ("position", "deg"): f"deg degree degrees {_DEGREE}",
-    ("position", "turns"): "turns",
-    ("position", "rev"): "rev",
-    ("position", "ticks"): "ticks counts inc",
-    ("position", "m"): "m",
-    ("position", "mm"): "mm",
-    ("velocity", "rad/s"): "rad/s rad/sec rad_s radps rads",
-    ("velocity", "deg/s"): f"deg/s deg/sec deg_s degps dps {_DEGREE}/s",
-    ("velocity", "rpm"): "rpm 1/min",
-    ("velocity", "rev/s"): "rev/s",
-    ("velocity", "m/s"): "m/s",
-    ("velocity", "mm/s"): "mm/s",
-    ("effort", "Nm"): f"nm n.m n*m n{_DOT}m",
-    ("effort", "mNm"): "mnm",
-    ("effort", "kNm"): "knm",
-    ("effort", "N"): "n",
-    ("effort", "kN"): "kn",
-    ("current", "A"): "a amp ampere",
-    ("current", "mA"): "ma",
-    ("temperature", "degC"): f"degc celsius c {_DEGREE}c",
-    ("temperature", "K"): "k",
-    ("temperature", "degF"): "degf",
-    ("time", "s"): "s sec secs seconds",
-    ("time", "ms"): "ms msec",
-    ("time", "us"): f"us usec {_MICRO}s",
-    ("time", "ns"): "ns nsec nanosec",
+_WRITTEN: Mapping[str, Mapping[str, str]] = {  # quantity, unit of the mapping: how else it is written, in lower case
+    "position": {
+        "rad": "radian radians", "deg": f"degree degrees {_DEGREE}", "ticks": "counts inc",
+        "turns": "", "rev": "", "m": "", "mm": "",
+    },
+    "velocity": {
+        "rad/s": "rad/sec rad_s radps rads", "deg/s": f"deg/sec deg_s degps dps {_DEGREE}/s", "rpm": "1/min",
+        "rev/s": "", "m/s": "", "mm/s": "",
+    },
+    "effort": {"Nm": f"n.m n*m n{_DOT}m", "mNm": "", "kNm": "", "N": "", "kN": ""},
+    "current": {"A": "amp ampere", "mA": ""},
+    "temperature": {"degC": f"celsius c {_DEGREE}c", "K": "", "degF": ""},
+    "time": {"s": "sec secs seconds", "ms": "msec", "us": f"usec {_MICRO}s", "ns": "nsec nanosec"},
+}  # fmt: skip
+_KNOWN = {
+    text: (quantity, unit)
+    for quantity, units in _WRITTEN.items()
+    for unit, others in units.items()
+    for text in (unit.lower(), *others.split())
 }
-_KNOWN = {text: meaning for meaning, texts in _WRITTEN.items() for text in texts.split()}
 _NONE = ("", "")
 
 

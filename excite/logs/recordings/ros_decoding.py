@@ -124,8 +124,7 @@ class MessageLayout:
     @property
     def fixed(self) -> NDArray[np.intp]:
         """Positions of the structural bytes."""
-        spans = [np.arange(first, end) for first, end in self.structure]
-        return np.concatenate(spans) if spans else np.zeros(0, dtype=np.intp)
+        return np.array([k for first, end in self.structure for k in range(first, end)], dtype=np.intp)
 
 
 def message_layout(raw: bytes, name: str, definitions: Definitions, ros1: bool = False) -> MessageLayout:

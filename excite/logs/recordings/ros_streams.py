@@ -5,7 +5,7 @@ A bag is read twice: once to find topics and layouts, whose result is kept, and 
 
 from __future__ import annotations
 
-from collections.abc import Container, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -54,11 +54,7 @@ _LEFT_OUT_SHOWN = 8
 def bag_contents(messages: BagReader, path: Path, state: Hashable, form: str) -> Contents:
     """Contents of a bag; all of it is read once, but no number is decoded."""
     topics, notes = _scan_of(messages, path, state)
-    streams = tuple(
-        _stream_contents(name, rows.topic, layouts)
-        for rows in topics.values()
-        for name, layouts in rows.streams().items()
-    )
+    streams = tuple(_stream_contents(rows.topic, *one) for rows in topics.values() for one in rows.streams().items())
     left_out = {topic.name: rows.unread for topic, rows in topics.items() if rows.unread}
     shown = [(cut(name), why) for name, why in list(left_out.items())[:_LEFT_OUT_SHOWN]]
     if not streams:
@@ -68,7 +64,7 @@ def bag_contents(messages: BagReader, path: Path, state: Hashable, form: str) ->
     return Contents(str(path), form, streams, (*notes, *left))
 
 
-def _stream_contents(name: str, topic: Topic, layouts: list[_Known]) -> StreamContents:
+def _stream_contents(topic: Topic, name: str, layouts: list[_Known]) -> StreamContents:
     columns = {name: column for one in layouts for name, column in one.columns.items()}
     stamp, time = f"{topic.name}/{STAMP}", f"{topic.name}/{MESSAGE_TIME}"
     units = {name: "ns" for name, (place, _, _) in columns.items() if place.kind == "stamp"}
@@ -93,19 +89,14 @@ def bag_columns(messages: BagReader, path: Path, state: Hashable, form: str, wan
                 rows.faulty = 0
                 by_topic.setdefault(topic, {}).update(dict.fromkeys(layouts, table))
     for topic, times, raws in _batches(messages(path, by_topic.__contains__, [])):
-        _fill(by_topic[topic], topics[topic], times, raws)
+        groups: dict[_Table, list[_Group]] = {}
+        for group in topics[topic].groups(raws):
+            if (filled := by_topic[topic].get(group[0])) is not None:
+                groups.setdefault(filled, []).append(group)
+        for table, several in groups.items():
+            table.add(several, np.array(times, dtype=np.int64))
     streams = {name: Stream(name, table.columns) for name, table in tables.items()}
     return Recording(str(path), form, streams, notes)
-
-
-def _fill(tables: Mapping[_Known, _Table], rows: _TopicRows, times: list[int], raws: list[bytes]) -> None:
-    """Decode some messages of a topic into the tables of its streams."""
-    groups: dict[_Table, list[_Group]] = {}
-    for group in rows.groups(raws):
-        if (table := tables.get(group[0])) is not None:
-            groups.setdefault(table, []).append(group)
-    for table, several in groups.items():
-        table.add(several, np.array(times, dtype=np.int64))
 
 
 class _Table:
@@ -127,19 +118,13 @@ class _Table:
             self.columns[self.time][self.filled : self.filled + order.size] = times[order]
         for one, numbers, content in groups:
             rows = self.filled + np.searchsorted(order, numbers)
-            for name, column in _decoded(one, content, self.columns):
-                self.columns[name][rows] = column
+            blocks: dict[int, Numbers] = {}
+            for name, (place, index, _) in one.columns.items():
+                if name in self.columns:
+                    if place.at not in blocks:
+                        blocks[place.at] = _numbers(content, place, one.layout.order)
+                    self.columns[name][rows] = blocks[place.at][:, index]
         self.filled += order.size
-
-
-def _decoded(one: _Known, content: Bytes, wanted: Container[str]) -> Iterator[tuple[str, Numbers]]:
-    """Columns that are wanted of messages of one layout."""
-    blocks: dict[int, Numbers] = {}
-    for name, (place, index, _) in one.columns.items():
-        if name in wanted:
-            if place.at not in blocks:
-                blocks[place.at] = _numbers(content, place, one.layout.order)
-            yield name, blocks[place.at][:, index]
 
 
 def _numbers(content: Bytes, place: NumberPlace, order: str) -> Numbers:
@@ -225,7 +210,6 @@ class _TopicRows:
     met: int = 0
     faulty: int = 0
     count: int = 0
-    shapes: int = 0
     known: dict[int, list[_Alike]] = field(default_factory=dict)
     definitions: Definitions | None = None
 
@@ -274,8 +258,7 @@ class _TopicRows:
         alike = next((layouts for each, layouts in known if np.array_equal(each, fixed)), None)
         if alike is None:
             known.append((fixed, alike := {}))
-            self.shapes += 1
-        if self.count >= _MOST_LAYOUTS or self.shapes > _MOST_SHAPES:
+        if self.count >= _MOST_LAYOUTS or sum(map(len, self.known.values())) > _MOST_SHAPES:
             raise self._given_up(f"its messages have more than {self.count} different layouts")
         alike[message[fixed].tobytes()] = one
         self.count += 1

@@ -18,6 +18,7 @@ import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -33,14 +34,14 @@ from excite.logs.recordings.recording import (
     StreamContents,
     Wanted,
 )
-from excite.logs.table import sparse_table
+from excite.logs.table import Table
 from excite.logs.text import Text, text_of
 from regressors.errors import InputError
 
 TABLE = "table"  # the one stream
 _KINDS = {",": "CSV", ";": "CSV with semicolons", "\t": "separated by tabs", None: "separated by white space"}
 _NAMES: Mapping[str | None, str] = {None: "whitespace", "\t": "tab"}  # of separators, in a mapping
-_GLANCED = 50_000  # rows
+_GLANCED = 50_000  # rows: text is slow to read, and the log is read next
 _SEARCHED = 160  # lines
 _ROWS = 20  # of numbers, by which a separator is judged
 
@@ -67,11 +68,6 @@ def _contents(path: Path) -> Contents:
         return Contents(text.source, _kind_of(layout), (table,), text.mended)
 
 
-def _glance(path: Path, wanted: Wanted) -> Recording:
-    """Columns of the first rows: text is slow to read, and the log is read next."""
-    return _read(path, wanted, _GLANCED)
-
-
 def _mapping_fields(path: Path) -> Mapping[str, object]:
     """Separator, header and lines before the table."""
     with text_of(path) as text:
@@ -90,7 +86,7 @@ def _read(path: Path, wanted: Wanted, most: int | None = None) -> Recording:
         layout = Layout(found.separator, found.first, shown, used[0], 1.0, (), {"columns": si_channel(used)})
         rows = len(text.lines) - found.first
         only = None if most is None or rows <= most else (1, most)
-        table = sparse_table(text, layout, frozenset({"truncated"}), only)
+        table = Table(text, layout, frozenset({"truncated"}), only)
         values = {name: table.values[:, used.index(k)] for name, k in place.items()}
         notes = (*text.mended, *table.left_out)
         return Recording(text.source, _kind_of(found), {TABLE: Stream(TABLE, values)}, notes)
@@ -105,9 +101,8 @@ def _table_layout(text: Text) -> TextLayout:
 
 def _kind_of(layout: TextLayout) -> str:
     """Name of the format, by the names of the columns."""
-    kind = _KINDS[layout.separator]
     maker = maker_of(layout.titles)
-    return f"text, {kind}" if maker is None else f"{maker.name}, {kind}"
+    return f"{'text' if maker is None else maker.name}, {_KINDS[layout.separator]}"
 
 
 @dataclass(frozen=True)
@@ -156,11 +151,10 @@ def _with_names(head: Sequence[str], mark: str | None, first: int, count: int) -
         titles, at = last, first - 1
         if len(above) == 2 and above[0] is not None and all(map(_is_unit, last)):
             titles, units, at = above[0], last, None
-    numbers = tuple(f"{k}" for k in range(1, count + 1))
-    named = at is not None and len(cells(head[at], mark)) == count and all(titles) and twice(titles) is None
-    if not named or at is None:
-        return TextLayout(mark, first, numbers, titles, units, None)
-    return TextLayout(mark, first, tuple(cells(head[at], mark)), titles, units, at)
+    names = () if at is None else tuple(cells(head[at], mark))
+    if len(names) != count or not all(titles) or twice(titles) is not None:
+        names, at = tuple(f"{k}" for k in range(1, count + 1)), None
+    return TextLayout(mark, first, names, titles, units, at)
 
 
 def _title_cells(line: str, mark: str | None, count: int) -> tuple[str, ...] | None:
@@ -250,4 +244,4 @@ def maker_of(titles: Sequence[str]) -> TextMaker | None:
     return next((maker for maker in MAKERS if there >= maker.marks), None)
 
 
-TEXT = RecordingFormat("text", _is_text, _contents, _read, _glance, _mapping_fields)
+TEXT = RecordingFormat("text", _is_text, _contents, _read, partial(_read, most=_GLANCED), _mapping_fields)

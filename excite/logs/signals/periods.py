@@ -115,14 +115,9 @@ def average_periods(log: Log, period: float | None = None) -> Averaged:
     _check_periodic(log, length, means["q"], noise)
     samples = means["q"].shape[0]
     rest = log.count - round(count * length / h)
-    mean = Log(
-        log.source,
-        log.sha256,
-        log.joints,
-        log.time[0] + np.arange(samples) * (length / samples),
-        **means,
-        left_out=(*log.left_out, *(f"{rest} rows after the last whole period",) * (rest > 0)),
-    )
+    time = log.time[0] + np.arange(samples) * (length / samples)
+    note = (f"{rest} rows after the last whole period",) * (rest > 0)
+    mean = Log(log.source, log.sha256, log.joints, time, **means, left_out=(*log.left_out, *note))
     step = f"mean of {count} periods of {length:.6g} s ({'estimated' if period is None else 'given'})"
     return Averaged(mean, length, step)
 

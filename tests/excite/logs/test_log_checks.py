@@ -132,11 +132,6 @@ def test_what_is_unusual_is_noted():
     assert all(re.search("many turns; if these are degrees: .* unit: deg", note) for note in notes)
 
 
-def test_a_joint_that_does_not_move_is_a_note():
-    log = changed(replace(good(), dq=None), "q", 1, lambda x: np.full_like(x, 0.1))
-    assert check_log(log, PANDA) == ("panda_joint2: not moved",)
-
-
 def test_rounded_torques_and_constant_speed_are_not_saturation():
     log = good(noise=0)
     ramp = np.minimum(np.linspace(0, 20, log.count), 10)

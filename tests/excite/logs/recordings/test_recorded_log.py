@@ -47,14 +47,14 @@ class Recorded:
 
 
 M = motion(2, rate=100.0, seconds=5.0)
+STAMP = START + np.round(M.time * NS).astype(np.int64)
 JS = {"position": "rad", "velocity": "rad/s", "effort": "Nm"}
 
 
 def joint_states(**changes: Any) -> Recorded:
     """Positions at 100 Hz and efforts at 40 Hz in another topic, stamped in nanoseconds."""
-    stamp = START + np.round(M.time * NS).astype(np.int64)
     slow = np.arange(0.0, 4.9, 0.025) + 0.0013
-    columns = {"/js/header/stamp": stamp, "/js/message_time": stamp + 2_000_000}
+    columns = {"/js/header/stamp": STAMP, "/js/message_time": STAMP + 2_000_000}
     columns |= {f"/js/{j}/{q}": x[:, k] for q, x in (("position", M.q), ("velocity", M.dq)) for k, j in enumerate("ab")}
     other = START + np.round(slow * NS).astype(np.int64)
     efforts = {"/motor/header/stamp": other, "/motor/message_time": other + 2_000_000}
@@ -155,39 +155,21 @@ def test_rows_of_the_positions_are_chosen(bag: Path, monkeypatch: pytest.MonkeyP
         excite.read_log(bag, mapping=MAPPING, only=(101, 900))
 
 
-def faulty(stamps: Any = None, **changes: Any) -> Recorded:
-    stamp = START + np.round(M.time * NS).astype(np.int64)
-    if stamps is not None:
-        stamps(stamp)
-        changes["js__header__stamp"] = stamp
-    return joint_states(**changes)
-
-
-def swap(stamp: Any) -> None:
-    stamp[[100, 101]] = stamp[[101, 100]]
-
-
-def repeat(stamp: Any) -> None:
-    stamp[100] = stamp[99]
-
-
-INFINITE = np.where(np.arange(500) == 7, np.inf, 0.0)
+SWAPPED, REPEATED = STAMP[[*range(100), 101, 100, *range(102, 500)]], STAMP[[*range(100), 99, *range(101, 500)]]
+NEXT_DAY = START + 86400 * NS + np.arange(196) * 25_000_000
 FAULTS = {
-    "backwards": (lambda: faulty(swap), "/js: time runs backwards at row 102"),
-    "repeated": (lambda: faulty(repeat), r"is repeated at row 101; 1 row like this \(`drop='repeated'`"),
-    "infinite": (lambda: faulty(js__b__position=INFINITE), "/js/b/position: row 8 is infinite"),
-    "nothing": (lambda: faulty(motor__a__effort=np.full(196, np.nan)), "/motor/a/effort: 0 values"),
-    "other day": (
-        lambda: faulty(motor__header__stamp=START + 86400 * NS + np.arange(196) * 25_000_000),
-        "one clock should have stamped both",
-    ),
+    "backwards": ({"js__header__stamp": SWAPPED}, "/js: time runs backwards at row 102"),
+    "repeated": ({"js__header__stamp": REPEATED}, r"is repeated at row 101; 1 row like this \(`drop='repeated'`"),
+    "infinite": ({"js__b__position": np.where(np.arange(500) == 7, np.inf, 0.0)}, "/js/b/position: row 8 is infinite"),
+    "nothing": ({"motor__a__effort": np.full(196, np.nan)}, "/motor/a/effort: 0 values"),
+    "other day": ({"motor__header__stamp": NEXT_DAY}, "one clock should have stamped both"),
 }
 
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_faults_end_in_one_line(bag: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    make, said = FAULTS[name]
-    use(monkeypatch, make())
+    changes, said = FAULTS[name]
+    use(monkeypatch, joint_states(**changes))
     with pytest.raises(InputError, match=said) as error:
         excite.read_log(bag, mapping=MAPPING)
     assert str(bag) in str(error.value)

@@ -8,7 +8,7 @@ from recordings import sines
 
 from excite.logs.excitation import noise_deviation, quantum, quietest_deviation
 from excite.logs.signals import filters as savitzky_golay
-from excite.logs.signals.filters import Butterworth, Differences, SavitzkyGolay, smooth_differences
+from excite.logs.signals.filters import Butterworth, SavitzkyGolay, smooth_differences
 from excite.logs.signals.method import Method, signal_method
 from excite.logs.signals.periods import bandwidth, chosen_cutoff, estimated_period
 from excite.logs.signals.series import FourierFit, SmoothingSpline, best_harmonics, fourier_basis
@@ -264,12 +264,8 @@ def test_bad_settings_are_refused():
 
 HERTZ, SHORT_COUNT = 100.0, 203
 SHORT_TIME = 3.0 + np.arange(SHORT_COUNT) / HERTZ
-OPERATORS = {
-    "differences": Differences(),
-    "butterworth": Butterworth(cutoff=12.0),
-    "savitzky-golay": SavitzkyGolay(window=0.2),
+OPERATORS = {name: fixed(name) for name in FIXED} | {
     "fourier": FourierFit(period=1.9, harmonics=4),
-    "spline": SmoothingSpline(knots=0.1),
     "spline of each joint": SmoothingSpline(knots=(0.1, 0.25, 0.1)),
 }
 
