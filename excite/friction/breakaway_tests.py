@@ -32,16 +32,8 @@ def broken_loose(
             spans = list(source.ramped)
         if source.plan_match is not None and runs is not None:
             spans, controlled = _creeps(source, runs), True
-        breaks += break_aways(
-            source.measured,
-            drive,
-            source.model if settings.gravity == "model" else None,
-            source.number,
-            spans,
-            controlled=controlled,
-            balance=balance,
-            alone=spans is None,
-        )
+        gravity = source.model if settings.gravity == "model" else balance
+        breaks += break_aways(source.measured, drive, gravity, spans, controlled=controlled, alone=spans is None)
     return tuple(breaks)
 
 
@@ -137,12 +129,11 @@ def breakaway_notes(
     ]
 
 
+_Asked = tuple[Source, tuple[float, float], float]  # a test's log, its begin and end, and the least path that is motion
+
+
 def _outcome_notes(
-    drive: str,
-    what: str,
-    asked: Sequence[tuple[Source, tuple[float, float], float]],
-    breaks: Sequence[BreakAway],
-    cures: tuple[str, str],
+    drive: str, what: str, asked: Sequence[_Asked], breaks: Sequence[BreakAway], cures: tuple[str, str]
 ) -> list[str]:
     if not asked:
         return []
@@ -155,7 +146,7 @@ def _outcome_notes(
 
 def _in(break_away: BreakAway, source: Source, span: tuple[float, float]) -> bool:
     since = break_away.time - float(source.measured.log.time[0])
-    return break_away.log == source.number and span[0] - _AFTER <= since <= span[1] + _AFTER
+    return break_away.log == source.measured.number and span[0] - _AFTER <= since <= span[1] + _AFTER
 
 
 def _cause(drive: str, source: Source, span: tuple[float, float], far: float) -> str:

@@ -52,12 +52,10 @@ class BreakAway:
 def break_aways(
     measured: DriveLog,
     drive: str,
-    rigid: RigidModel | None,
-    number: int = 0,
+    gravity: RigidModel | Callable[[Array], Array] | None,
     spans: Sequence[tuple[float, float]] | None = None,
     *,
     controlled: bool | None = None,
-    balance: Callable[[Array], Array] | None = None,
     alone: bool = False,
 ) -> tuple[BreakAway, ...]:
     """Find every slow, straight ramp of torque, 0.3 s or more at rest, that ends in motion in its direction."""
@@ -78,26 +76,19 @@ def break_aways(
         rested = _rested(log.time, z, row)
         if alone and not _still(log.time, z, others, noise, row, rested):
             continue
-        read = None if begun is None else _read(log.time, direction * tau, row, rested, *begun, controlled)
+        read = None if begun is None else _read(log.time, direction * tau, row, rested, begun, controlled)
         if read is None:
             continue
         torque, deviation, slope, at = read
         row = min(int(np.searchsorted(log.time, at)), log.count - 1)
-        gravity = 0.0 if rigid is None else _gravity(measured, k, row, rigid)
-        if rigid is None and balance is not None:
-            gravity = float(balance(z[row]))
-        breaks.append(
-            BreakAway(
-                direction,
-                direction * torque - gravity,
-                deviation,
-                rate=direction * slope,
-                time=at,
-                log=number,
-                temperature=temperature_of(measured, drive, slice(row, row + 1)),
-                load=None if rigid is None else abs(gravity),
-            )
-        )
+        warmth, load, carried = temperature_of(measured, drive, slice(row, row + 1)), None, 0.0
+        if isinstance(gravity, RigidModel):
+            carried = _gravity(measured, k, row, gravity)
+            load = abs(carried)
+        elif gravity is not None:
+            carried = float(gravity(z[row]))
+        friction, rate = direction * torque - carried, direction * slope
+        breaks.append(BreakAway(direction, friction, deviation, rate, at, measured.number, warmth, load))
     return tuple(breaks)
 
 
@@ -193,16 +184,10 @@ def _exceeded(time: Array, speed: Array, level: float, last: int) -> float:
 
 
 def _read(
-    time: Array,
-    tau: Array,
-    row: int,
-    rested: float,
-    begun: float,
-    reached: float,
-    doubt: float,
-    controlled: bool | None,
+    time: Array, tau: Array, row: int, rested: float, onset: tuple[float, float, float], controlled: bool | None
 ) -> tuple[float, float, float, float] | None:
     """Break-away torque, its standard deviation, the ramp's rate, and the time; None without a ramp."""
+    begun, reached, doubt = onset
     ramp = _line(time, tau, rested, begun)
     if ramp is None or ramp[2] <= 0:
         return None

@@ -286,14 +286,7 @@ _SEEN = 3.0  # standard deviations of the mean
 
 
 def stiction_remarks(
-    rests: int,
-    breaks: Sequence[BreakAway],
-    best: CurveFit | None,
-    settings: FitSettings,
-    points: Sequence[Point],
-    speed_unit: str,
-    *,
-    alone: bool,
+    rests: int, breaks: Sequence[BreakAway], best: CurveFit | None, settings: FitSettings, slowest: str, *, alone: bool
 ) -> list[str]:
     """Remarks on how break-away torques enter the curve."""
     remarks = []
@@ -311,10 +304,7 @@ def stiction_remarks(
     if breaks and settings.gravity == "symmetric":
         remarks.append("break-away torques of one direction alone contain gravity")
     if best is not None and best.form.stribeck and not rests:
-        slowest = min(abs(p.speed) for p in points)
-        remarks.append(
-            f"the curve has no break-away torques: stiction is extrapolated below {slowest:.3g} {speed_unit}"
-        )
+        remarks.append(f"the curve has no break-away torques: stiction is extrapolated below {slowest}")
     if best is not None and best.held:
         remarks.append(
             "friction falls from its break-away value below the speed of the slowest window: "
@@ -346,27 +336,20 @@ def load_remarks(
 
 
 def temperature_remarks(
-    of_temperature: str,
-    reference: float | None,
-    best: CurveFit | None,
-    settings: FitSettings,
-    breaks: Sequence[BreakAway],
+    told: str, reference: float | None, best: CurveFit | None, settings: FitSettings, breaks: Sequence[BreakAway]
 ) -> list[str]:
     """Remarks on whether friction depends on temperature."""
     if reference is None:
-        return [of_temperature] if of_temperature else []
+        return [told] if told else []
     known = [each.temperature for each in breaks if each.temperature is not None]
     mixed = bool(known) and max(known) - min(known) >= WARMER
     rest = f"mean break-away torques are from {min(known):.3g} to {max(known):.3g} deg C" if mixed else ""
     if best is None or best.form.temperature is None:
         what = "enter a table: each row is the mean over all temperatures"
         what = what if best is None else f"change friction by {settings.criterion.upper()}"
-        return [f"temperature, {of_temperature}, does not {what}", *([rest] if mixed else [])]
+        return [f"temperature, {told}, does not {what}", *([rest] if mixed else [])]
     also = "; mean break-away torques are converted to it" if mixed else ""
-    return [
-        f"linear in temperature, {of_temperature}; the file holds the curve at {reference:.4g} deg C "
-        f"with its slopes{also}"
-    ]
+    return [f"linear in temperature, {told}; the file holds the curve at {reference:.4g} deg C with its slopes{also}"]
 
 
 def why_no_curve(points: Sequence[Point], failed: Mapping[str, str], unit: str, speed_unit: str) -> str:

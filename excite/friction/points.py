@@ -52,6 +52,7 @@ class DriveLog:
     log: Log
     names: tuple[str, ...]  # drives, k of them
     rows: Array  # (k, n) their rows of C; linearly independent
+    number: int = 0  # of the log
 
     @property
     def z(self) -> Array:
@@ -63,7 +64,7 @@ class DriveLog:
         return np.asarray(np.linalg.lstsq(self.rows.T, tau.T, rcond=None)[0].T)
 
 
-def drive_log(log: Log, robot: Robot) -> DriveLog:
+def drive_log(log: Log, robot: Robot, number: int = 0) -> DriveLog:
     """A log in coordinates of the robot's drives; of drives that depend linearly on each other the first is kept."""
     joints = [name for name in robot.joint_names if name in log.joints]
     if not joints:
@@ -79,7 +80,7 @@ def drive_log(log: Log, robot: Robot) -> DriveLog:
         if np.linalg.matrix_rank(np.vstack([rows, row])) > len(rows):
             names.append(name)
             rows = np.vstack([rows, row])
-    return DriveLog(part, log.of(joints), tuple(names), rows)
+    return DriveLog(part, log.of(joints), tuple(names), rows, number)
 
 
 def points_of(
@@ -87,7 +88,6 @@ def points_of(
     drive: str,
     windows: Sequence[ConstantWindow],
     rigid: RigidModel | None,
-    number: int = 0,
     *,
     folded: bool = False,
     settling: bool = False,
@@ -101,16 +101,14 @@ def points_of(
     points = []
     for w in windows:
         carried = np.zeros(1) if rigid is None else _carried(measured, drive, w, rigid)
-        point = _point(measured, drive, w, _torque(measured, drive, w) - carried, number, folded=folded)
+        point = _point(measured, drive, w, _torque(measured, drive, w) - carried, folded=folded)
         if rigid is not None and settling:
             point = _settled(point, measured, drive, w, rigid, carried)
         points.append(point if rigid is None else replace(point, load=float(np.mean(np.abs(carried)))))
     return tuple(points)
 
 
-def paired_points(
-    measured: DriveLog, drive: str, windows: Sequence[ConstantWindow], number: int = 0
-) -> tuple[Point, ...]:
+def paired_points(measured: DriveLog, drive: str, windows: Sequence[ConstantWindow]) -> tuple[Point, ...]:
     """Half the difference of torques there and back over the same path, without gravity, at positive speeds."""
     k = measured.names.index(drive)
     z, time = measured.z[:, k], measured.log.time
@@ -127,7 +125,7 @@ def paired_points(
         (low, high), back = max(matches, key=lambda match: match[0][1] - match[0][0])
         left.remove(back)
         parts = [_within(z, time, w, low, high) for w in (ahead, back)]
-        pair = [_point(measured, drive, w, _torque(measured, drive, w), number) for w in parts]
+        pair = [_point(measured, drive, w, _torque(measured, drive, w)) for w in parts]
         points.append(
             replace(
                 pair[0],
@@ -208,9 +206,7 @@ def _settled(
     return replace(point, torque=point.torque - less, deviation=float(np.hypot(point.deviation, less / sure)))
 
 
-def _point(
-    measured: DriveLog, drive: str, window: ConstantWindow, friction: Array, number: int, *, folded: bool = False
-) -> Point:
+def _point(measured: DriveLog, drive: str, window: ConstantWindow, friction: Array, *, folded: bool = False) -> Point:
     log = measured.log
     time = log.time[window.start : window.stop]
     duration = float(time[-1] - time[0])
@@ -220,7 +216,7 @@ def _point(
         deviation=mean_deviation(_folded(friction) if folded else friction),
         time=float(time[0]),
         duration=duration,
-        log=number,
+        log=measured.number,
         temperature=temperature_of(measured, drive, slice(window.start, window.stop)),
     )
 

@@ -198,22 +198,13 @@ class _Problem:
         covariance = covariance * np.outer(ratio, ratio)
         whole = np.zeros((self.size, self.size))
         whole[np.ix_(self.free, self.free)] = covariance
-        gains = self.prior[-self.k :, self.free] @ half if self.k else np.zeros((0, half.shape[1]))
+        of_gains = self.prior[-self.k :, self.free] @ half if self.k else np.zeros((0, half.shape[1]))
         by_gains = np.zeros((self.size, self.size))
-        by_gains[np.ix_(self.free, self.free)] = half @ (gains.T @ gains) @ half.T
+        by_gains[np.ix_(self.free, self.free)] = half @ (of_gains.T @ of_gains) @ half.T
         freedom = max(_LEAST_FREEDOM, int((self.effective - sigma.size) / (_PER_DEGREE * max(1, len(e.groups)))))
         own, k = np.ix_(self.places, self.places), slice(self.width, self.size)
-        return LoadEstimate(
-            self.x[self.places],
-            whole[own],
-            by_gains[own],
-            self.x[k],
-            whole[k, k],
-            self.x[: e.p],
-            freedom,
-            errors,
-            self.effective,
-        )
+        phi, gains, beta = self.x[self.places], self.x[k], self.x[: e.p]
+        return LoadEstimate(phi, whole[own], by_gains[own], gains, whole[k, k], beta, freedom, errors, self.effective)
 
     def _check_shown(self, null: Array, scale: Array) -> None:
         """Refuse motions that do not show all of the load's parameters."""

@@ -59,7 +59,7 @@ def test_noise_does_not_make_torque_ramps_of_a_plan_those_of_a_controller() -> N
     for seed in range(24):
         part = drive_log(recorded(*ramps(14.1, 9.0, 1e-5, controlled=False), noise=1.0, seed=seed), irp6())
         by_itself += [abs(one.torque) for one in break_aways(part, "z1", None)]
-        by_plan += [abs(one.torque) for one in broken_loose("z1", [Source(0, part, None)], settings, plan)]
+        by_plan += [abs(one.torque) for one in broken_loose("z1", [Source(part, None)], settings, plan)]
     assert max(by_itself) > 14.7
     assert by_plan == pytest.approx([14.1] * 48, abs=0.45)
 
@@ -124,7 +124,7 @@ def test_gravity_about_a_balanced_pose_is_taken_off() -> None:
     t, z, tau = ramps(14.1, 9.0, 1e-5, controlled=True)
     measured = drive_log(recorded(t, z, tau - 60.0 * (z - 0.01), noise=0.1), irp6())
     plain, level = (
-        [one.torque for one in break_aways(measured, "z1", None, controlled=True, balance=balance)]
+        [one.torque for one in break_aways(measured, "z1", balance, controlled=True)]
         for balance in (None, lambda z: -60.0 * (z - 0.01))
     )
     assert level == pytest.approx([14.1, -14.1], rel=0.03)
@@ -287,7 +287,7 @@ def test_ramps_that_do_not_break_it_away_are_said_to_be_too_small() -> None:
 def slow_starts(log: Log) -> list[str]:
     """What is said of z1's slow starts, at 2 mrad/s, in a log that plays the plan from its first row."""
     runs = replace(planned("z1", creep=2e-3), creeps=tuple((a, b - 0.3) for a, b in SPANS))
-    source = Source(0, drive_log(log, irp6()), None, None, PlanMatch(0.0, runs.windows, 0.0, 0, 0.0))
+    source = Source(drive_log(log, irp6()), None, None, PlanMatch(0.0, runs.windows, 0.0, 0, 0.0))
     return breakaway_notes("z1", broken_loose("z1", [source], NONE, runs), [source], runs)
 
 
@@ -336,7 +336,7 @@ def test_without_a_plan_ramps_count_while_all_others_rest() -> None:
     part = drive_log(replace(log, q=moving), irp6())
     assert len(break_aways(part, "z1", None)) == 2
     assert break_aways(part, "z1", None, alone=True) == ()
-    assert broken_loose("z1", [Source(0, part, None)], NONE, None) == ()
+    assert broken_loose("z1", [Source(part, None)], NONE, None) == ()
     assert len(break_aways(drive_log(log, irp6()), "z1", None, alone=True)) == 2
     shaken = replace(log, q=log.q @ np.diag([1.0, 1.0, 1.0, 10.0, 1.0]))  # z4 moves twice as far, as the ramp ends
     assert break_aways(drive_log(shaken, irp6()), "z1", None, alone=True) == ()

@@ -129,7 +129,7 @@ def test_gravity_that_cancels_over_whole_windows_needs_no_model(gravity: str) ->
 def test_gravity_near_the_pose_is_seen_in_the_windows() -> None:
     robot, line = irp6(), np.array(LINE["z2"])
     part = drive_log(log(), robot)
-    balance = gravity_about("z2", [Source(0, part, None, None, match_plan(part, runs()))])
+    balance = gravity_about("z2", [Source(part, None, None, match_plan(part, runs()))])
     still = np.outer([-0.3, 0.3], line)
     below, above = torques(robot, Samples(np.arange(2.0), still, *[0 * still] * 3), 0) @ line
     assert balance(np.array([0.0, 1.0])) == pytest.approx([0.0, (above - below) / 0.6], rel=0.05, abs=1e-6)

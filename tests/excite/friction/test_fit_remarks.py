@@ -48,7 +48,7 @@ def curve(v: np.ndarray) -> np.ndarray:
 
 
 def remarks(best: CurveFit, rests: int, settings: FitSettings | None = None) -> list[str]:
-    return stiction_remarks(rests, (), best, settings or FitSettings(), windows(curve), "rad/s", alone=False)
+    return stiction_remarks(rests, (), best, settings or FitSettings(), "0.05 rad/s", alone=False)
 
 
 def test_stiction_that_no_break_away_shows_is_extrapolated() -> None:
