@@ -27,9 +27,8 @@ def broken_loose(
     breaks: list[BreakAway] = []
     balance = gravity_about(drive, sources) if settings.gravity == "none" and runs is not None else None
     for source in sources:
-        spans, controlled = None, None if runs is None else False  # a log without runs of the plan has its torque ramps
-        if source.ramped is not None:
-            spans = list(source.ramped)
+        spans: Sequence[tuple[float, float]] | None = source.ramped
+        controlled = None if runs is None else False  # a log without runs of the plan has its torque ramps
         if source.plan_match is not None and runs is not None:
             spans, controlled = _creeps(source, runs), True
         gravity = source.model if settings.gravity == "model" else balance
@@ -108,11 +107,9 @@ def breakaway_notes(
     """How many of the plan's break-away tests end in a break-away, and why the others do not."""
     if runs is None:
         return []
-    followed = [source for source in sources if source.plan_match is not None]
-    others = [source for source in sources if source.plan_match is None]
-    creeps = [(source, span) for source in followed for span in _creeps(source, runs)]
+    creeps = [(source, span) for source in sources for span in _creeps(source, runs)]
     starts = [(source, span, runs.creep * (span[1] - span[0]) * _PART) for source, span in creeps]
-    ramps = [(source, span, _CAUGHT) for source in others for span in source.ramped or ()]
+    ramps = [(each, span, _CAUGHT) for each in sources if each.plan_match is None for span in each.ramped or ()]
     largest = max((ramp.torque for ramp in runs.ramps), default=0.0)
     cures = (
         "hardly moved the drive (give `plan_friction` a longer `creeping`, or take a stiffer controller)",
@@ -154,9 +151,8 @@ def _cause(drive: str, source: Source, span: tuple[float, float], far: float) ->
     time = source.measured.log.time
     since, longest = time - time[0], longest_step(time)
     rows = (since >= span[0]) & (since <= span[1])
-    if span[0] < -longest or span[1] - _AFTER > since[-1] + longest or rows.sum() < 2:
-        return "missing"
-    if not unbroken(time[rows], longest):
+    within = span[0] >= -longest and span[1] - _AFTER <= since[-1] + longest
+    if not within or rows.sum() < 2 or not unbroken(time[rows], longest):
         return "missing"
     z = source.measured.z[:, source.measured.names.index(drive)]
     noise = float(position_noise(time, z[:, None])[0])
@@ -164,5 +160,6 @@ def _cause(drive: str, source: Source, span: tuple[float, float], far: float) ->
 
 
 def _creeps(source: Source, runs: PlannedRuns) -> list[tuple[float, float]]:
-    assert source.plan_match is not None
+    if source.plan_match is None:
+        return []
     return [(source.plan_match.seconds + a, source.plan_match.seconds + b + _AFTER) for a, b in runs.creeps]

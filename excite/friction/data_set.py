@@ -11,15 +11,7 @@ from excite.friction.breakaway_tests import breakaway_notes, broken_loose, plaus
 from excite.friction.breakaway_torque import BreakAway, break_aways
 from excite.friction.constant_speed_windows import FitSettings, Found, WindowSearch, constant_windows
 from excite.friction.plan_match import PlanMatch, PlannedRuns, Source, match_plan, match_ramps, windows_of_plan
-from excite.friction.points import (
-    DriveLog,
-    Point,
-    RigidModel,
-    gravity_share,
-    never_loaded,
-    paired_points,
-    points_of,
-)
+from excite.friction.points import DriveLog, Point, RigidModel, gravity_share, never_loaded, paired_points, points_of
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 

@@ -255,7 +255,7 @@ def _within(z: Array, time: Array, window: ConstantWindow, low: float, high: flo
         (z[window.start : window.stop] >= low) & (z[window.start : window.stop] <= high)
     )
     a, b = int(inside[0]), int(inside[-1]) + 1
-    return ConstantWindow(a, b, float((z[b - 1] - z[a]) / (time[b - 1] - time[a])), window.change)
+    return ConstantWindow(a, b, float((z[b - 1] - z[a]) / (time[b - 1] - time[a])))
 
 
 def temperature_of(measured: DriveLog, drive: str, rows: slice) -> float | None:
@@ -335,7 +335,6 @@ def identified_model(result: Identification, robot: Robot) -> RigidModel:
         raise InputError(f"{result.name}: friction cannot be separated from its other parameters")
     values = np.where(of_friction, 0.0, result.coefficients)
 
-    def torque(samples: Samples) -> Array:
-        return np.asarray((model.instants(samples)[:, base.index] @ values).reshape(-1, target.robot.n))
-
-    return RigidModel(target.robot.joint_names, f"parameters identified in {result.name}", torque)
+    joints, n = target.robot.joint_names, target.robot.n
+    torque = lambda s: (model.instants(s)[:, base.index] @ values).reshape(-1, n)  # noqa: E731
+    return RigidModel(joints, f"parameters identified in {result.name}", torque)

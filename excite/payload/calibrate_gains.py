@@ -13,14 +13,7 @@ from excite.identification.preparation import drives_of_torques
 from excite.identification.procedure import LogLike
 from excite.payload.known_gains import KnownGains, stated_gains
 from excite.payload.load_estimate import LoadEstimate, estimate_load
-from excite.payload.load_rows import (
-    LogChoice,
-    bare_task,
-    check_pair,
-    loaded_parts,
-    paired_equations,
-    without_load,
-)
+from excite.payload.load_rows import LogChoice, bare_task, check_pair, loaded_parts, paired_equations, without_load
 from excite.tasks.installation import Installation
 from excite.tasks.robot_of_task import robot_and_task
 from regressors.arguments import checked

@@ -30,13 +30,7 @@ from excite.design.friction_runs.friction_plan import (
 )
 from excite.design.friction_runs.pose import CollisionChecks, Place, PlaceSearch, gravity_of
 from excite.design.friction_runs.runs import Part, Runs, certificates, pace_of, torque_uses
-from excite.design.friction_runs.schedule import (
-    Schedule,
-    plan_prediction,
-    scheduled_runs,
-    torque_ramps,
-    turning_drives,
-)
+from excite.design.friction_runs.schedule import Schedule, plan_prediction, scheduled_runs, torque_ramps, turning_drives
 from excite.tasks.limit_choice import LimitChoice
 from excite.trajectories.transfer import check_pose
 from regressors.arguments import checked

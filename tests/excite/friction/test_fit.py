@@ -88,7 +88,7 @@ def test_a_speed_that_settles_is_no_friction(noise: float, sees: bool) -> None:
     effort[:, 0] += motor.ratio.value**2 * motor.rotor_inertia * ddz + 12.0
     q += np.random.default_rng(0).normal(0.0, 1.0, q.shape) * noise
     measured = drive_log(Log("run.csv", "", robot.joint_names, t, q, effort=effort), robot)
-    windows = [ConstantWindow(0, t.size, 0.5, 0.0)]
+    windows = [ConstantWindow(0, t.size, 0.5)]
     (before,) = points_of(measured, "z1", windows, described_model(robot))
     (after,) = points_of(measured, "z1", windows, described_model(robot), settling=True)
     assert abs(before.torque - 12.0) > 0.1
@@ -309,7 +309,7 @@ def test_paired_points_scatter_as_they_state() -> None:
     q[:, 0] = np.concatenate([half, half[::-1]])
     time = np.arange(2 * count) / 100.0
     speed = 1.0 / (time[count - 1] - time[0])
-    windows = [ConstantWindow(0, count, speed, 0.0), ConstantWindow(count, 2 * count, -speed, 0.0)]
+    windows = [ConstantWindow(0, count, speed), ConstantWindow(count, 2 * count, -speed)]
     values, stated = [], []
     for seed in range(60):
         effort = sigma * np.random.default_rng(seed).standard_normal(q.shape)
