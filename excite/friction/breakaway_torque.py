@@ -18,8 +18,8 @@ import scipy.ndimage
 import scipy.stats
 
 from excite.friction.constant_speed_windows import longest_step, position_noise, unbroken
-from excite.friction.points import DriveLog, Point, RigidModel, temperature_of
-from regressors.samples import Array, Samples
+from excite.friction.points import DriveLog, Point, RigidModel, rigid_torque, temperature_of
+from regressors.samples import Array
 
 _SHORTEST = 0.3  # of rest before, and of motion after, that is evaluated [s]
 _LENGTHS = (2.0, 1.4, 1.0, 0.7, 0.5, 0.3)  # of the ramp's end for a line fit; the first straight one is used [s]
@@ -83,7 +83,7 @@ def break_aways(
         row = min(int(np.searchsorted(log.time, at)), log.count - 1)
         warmth, load, carried = temperature_of(measured, drive, slice(row, row + 1)), None, 0.0
         if isinstance(gravity, RigidModel):
-            carried = _gravity(measured, k, row, gravity)
+            carried = float(rigid_torque(measured, drive, slice(row, row + 1), gravity, 0.0, 0.0)[0])
             load = abs(carried)
         elif gravity is not None:
             carried = float(gravity(z[row]))
@@ -233,16 +233,6 @@ def _line(time: Array, tau: Array, rested: float, end: float) -> tuple[float, fl
             if explained >= _STRAIGHT:
                 return float(at_end), deviation, float(slope) / length
     return None
-
-
-def _gravity(measured: DriveLog, k: int, row: int, rigid: RigidModel) -> float:
-    log = measured.log
-    columns = [log.joints.index(name) for name in rigid.joints]
-    q = log.q[row : row + 1, columns]
-    still = np.zeros_like(q)
-    carried = np.zeros((1, log.q.shape[1]))
-    carried[:, columns] = rigid.torque(Samples(log.time[row : row + 1], q, still, still, still))
-    return float(measured.torque(carried)[0, k])
 
 
 _LEVEL = 0.995  # quantile of a two-sided 99 % interval

@@ -158,14 +158,26 @@ def _carried(
     measured: DriveLog, drive: str, window: ConstantWindow, rigid: RigidModel, more: Array | float = 0.0
 ) -> Array:
     """Torque of the drive over a window without friction, with some additional acceleration."""
-    part, log = slice(window.start, window.stop), measured.log
-    columns = [log.joints.index(name) for name in rigid.joints]
-    q = log.q[part][:, columns]
-    time = log.time[part]
-    dq, acceleration = _parabola(time, q)
-    ddq = np.broadcast_to(acceleration + more, q.shape)
-    tau = np.zeros((q.shape[0], log.q.shape[1]))
-    tau[:, columns] = rigid.torque(Samples(time, q, dq, np.array(ddq), np.full_like(q, np.nan)))
+    part = slice(window.start, window.stop)
+    dq, acceleration = _parabola(*_positions(measured, part, rigid))
+    return rigid_torque(measured, drive, part, rigid, dq, acceleration + more)
+
+
+def _positions(measured: DriveLog, rows: slice, rigid: RigidModel) -> tuple[Array, Array]:
+    """Instants, and positions of the model's joints."""
+    columns = [measured.log.joints.index(name) for name in rigid.joints]
+    return measured.log.time[rows], measured.log.q[rows][:, columns]
+
+
+def rigid_torque(
+    measured: DriveLog, drive: str, rows: slice, rigid: RigidModel, dq: Array | float, ddq: Array | float
+) -> Array:
+    """Torque of the drive without friction in some rows, for given velocities and accelerations, shape (N,)."""
+    time, q = _positions(measured, rows, rigid)
+    dq, ddq = (np.array(np.broadcast_to(x, q.shape)) for x in (dq, ddq))
+    tau = np.zeros((q.shape[0], len(measured.log.joints)))
+    columns = [measured.log.joints.index(name) for name in rigid.joints]
+    tau[:, columns] = rigid.torque(Samples(time, q, dq, ddq, np.full_like(q, np.nan)))
     return measured.torque(tau)[:, measured.names.index(drive)]
 
 
@@ -190,8 +202,7 @@ def _settled(
     point: Point, measured: DriveLog, drive: str, window: ConstantWindow, rigid: RigidModel, carried: Array
 ) -> Point:
     """A point with the mean acceleration between the window's ends, where the difference exceeds noise."""
-    part, log = slice(window.start, window.stop), measured.log
-    q, time = log.q[part][:, [log.joints.index(name) for name in rigid.joints]], log.time[part]
+    time, q = _positions(measured, slice(window.start, window.stop), rigid)
     count = max(_FEWEST, round(_END / float(np.median(np.diff(time)))))
     if count > time.size // _MOST:
         return point

@@ -37,8 +37,7 @@ def paired_equations(
 ) -> LoadEquations:
     """Equations of logs without and with the load, in torques of the drives and corrected gains."""
     parts = [*(replace(part, standing=()) for part in bare.prepared), *loaded]
-    carries = [False] * len(bare.prepared) + [True] * len(loaded)
-    observations, load = _rows(bare.target, parts, carries, recipe)
+    observations, load = _rows(bare.target, parts, len(bare.prepared), recipe)
     friction, size = _friction(bare.target.base, observations, load, bare.estimate.coefficients)
     corrected = replace(observations, y=observations.y * gains.factor[observations.equation])
     return LoadEquations(corrected, load, friction, size, gains.relative)
@@ -49,7 +48,7 @@ def modelled_equations(
 ) -> LoadEquations:
     """Equations of logs with the load of a robot whose parameters are known, in torques as they were identified."""
     known, covariance = known_parameters(result)
-    observations, load = _rows(target, logs, [True] * len(logs), recipe)
+    observations, load = _rows(target, logs, 0, recipe)
     friction, size = _friction(target.base, observations, load, known)
     load = load / gains.factor[observations.equation, None]
     return LoadEquations(observations, load, friction, size, gains.relative, known, covariance, scales_all=False)
@@ -75,11 +74,12 @@ def wrench_equations(
 
 
 def _rows(
-    target: IdentificationTarget, parts: Sequence[PreparedLog], carries: Sequence[bool], recipe: Recipe
+    target: IdentificationTarget, parts: Sequence[PreparedLog], bare: int, recipe: Recipe
 ) -> tuple[Observations, Array]:
+    """Rows of some logs, the first of them without the load, and its own, which are zero in those."""
     names, D = drives_of_torques(target.robot, each=True)
     observations = join_observations([at_drives(equations_of(target, part, recipe), D, names) for part in parts])
-    load = [load_rows(part, target, recipe, D) * float(c) for part, c in zip(parts, carries, strict=True)]
+    load = [load_rows(part, target, recipe, D) * float(k >= bare) for k, part in enumerate(parts)]
     return observations, np.concatenate(load)
 
 
