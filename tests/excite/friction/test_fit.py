@@ -10,7 +10,7 @@ from operator import attrgetter
 import numpy as np
 import pytest
 from commands import Here
-from friction_runs import ALONG_Q2, SPEEDS, TRUTH, pieces, run, there_and_back
+from friction_runs import ALONG_Q2, SPEEDS, TRUTH, pieces, run, there_and_back, unknown
 from played import irp6, torques
 
 from excite.friction.constant_speed_windows import ConstantWindow, FitSettings, WindowSearch, constant_windows
@@ -32,18 +32,12 @@ from excite.tasks.friction_file import read_friction, write_friction
 from regressors.errors import InputError
 from regressors.robot.friction.curve import CoulombViscous, Stribeck
 from regressors.robot.friction.curves import Side
-from regressors.robot.robot import Robot
 from regressors.samples import Samples
 
 
 def fitted(log: Log, drive: str = "z2", **settings: object) -> Characteristic:
     (one,) = characteristics(irp6(), [log], FitSettings(**settings), described_model, (drive,))
     return one
-
-
-def unknown() -> Robot:
-    """An IRp-6 whose inertias are not known."""
-    return irp6().replace(links=tuple(replace(link, theta=None) for link in irp6().links))
 
 
 def test_windows_lie_where_the_speed_is_constant() -> None:
@@ -144,8 +138,8 @@ def test_derivatives_by_the_parameters(stribeck: bool, asymmetric: bool) -> None
     form = Form("any", stribeck, asymmetric, 1.5, True, 30.0, True)
     rng = np.random.default_rng(0)
     p = rng.uniform(0.3, 1.0, len(form.parameters))
-    v, rise, load = rng.uniform(-1, 1, 20), rng.uniform(-5, 5, 20), rng.uniform(0, 9, 20)
-    at = Conditions(v, np.sign(v), rise, load)
+    v, rise, load = np.r_[0.0, -0.0, rng.uniform(-1, 1, 18)], rng.uniform(-5, 5, 20), rng.uniform(0, 9, 20)
+    at = Conditions(v, np.copysign(1.0, v), rise, load)
     _, J = form.values(p, at)
     for k in range(p.size):
         step = 1e-6 * np.eye(p.size)[k]
