@@ -74,9 +74,8 @@ class FrictionFit:
     @property
     def curves(self) -> FrictionCurves:
         """The curves with the covariance of their parameters."""
-        fits = {c.drive: c.fit for c in self.characteristics if c.fit is not None}
-        curves = {c.drive: c.curve for c in self.characteristics}
-        return FrictionCurves(curves, {drive: curve_uncertainty(fit) for drive, fit in fits.items()})
+        uncertain = {c.drive: curve_uncertainty(c.fit) for c in self.characteristics if c.fit is not None}
+        return FrictionCurves({c.drive: c.curve for c in self.characteristics}, uncertain)
 
     def __repr__(self) -> str:
         """One line."""

@@ -262,9 +262,8 @@ def _common(z: Array, a: ConstantWindow, b: ConstantWindow) -> tuple[float, floa
 
 
 def _within(z: Array, time: Array, window: ConstantWindow, low: float, high: float) -> ConstantWindow:
-    inside = window.start + np.flatnonzero(
-        (z[window.start : window.stop] >= low) & (z[window.start : window.stop] <= high)
-    )
+    part = z[window.start : window.stop]
+    inside = window.start + np.flatnonzero((part >= low) & (part <= high))
     a, b = int(inside[0]), int(inside[-1]) + 1
     return ConstantWindow(a, b, float((z[b - 1] - z[a]) / (time[b - 1] - time[a])))
 

@@ -110,12 +110,11 @@ class _Problem:
         blocks = []
         if e.known is not None and e.covariance is not None:
             blocks.append(_placed(_precision_factor(e.covariance), np.arange(p), self.size))
-        if e.changes.size:
-            place = np.arange(e.place.stop, self.width)
-            blocks.append(_placed(np.diag(1.0 / e.changes), place, self.size))
+        place = np.arange(e.place.stop, self.width)
+        blocks.append(_placed(np.diag(1.0 / e.changes), place, self.size))
         if self.k:
             blocks.append(_placed(_precision_factor(e.gains), np.arange(self.width, self.size), self.size))
-        return np.concatenate(blocks) if blocks else np.zeros((0, self.size))
+        return np.concatenate(blocks)
 
     def iterate(self) -> None:
         for number in range(_ROUNDS):

@@ -210,13 +210,12 @@ def _placed(
         ends = (pace.ramp(fastest) + 0.5 * fastest * seconds for seconds in (schedule.shortest, schedule.longest))
         enough, wanted = (min(end, schedule.stroke) for end in ends)
         place = search.found(enough, wanted, seed)
-        runs = runs_at(place)
     else:
         place = search.given(about, balanced=balanced)
+    runs = runs_at(place)
+    if about is not None and not runs.strokes and place.obstacle:
+        place = replace(search, checks=None).given(about, balanced=balanced)
         runs = runs_at(place)
-        if not runs.strokes and place.obstacle:
-            place = replace(search, checks=None).given(about, balanced=balanced)
-            runs = runs_at(place)
     if not runs.strokes:
         slowest = min(schedule.percent)
         raise InputError(
