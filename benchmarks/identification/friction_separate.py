@@ -222,7 +222,7 @@ def fitted_curve(plan: CoordinatePlan, log: Log) -> CurveFit:
     windows = []
     for one in plan.windows:
         a, b = (round(t * RUNS_RATE) for t in (one.start + MARGIN, one.end - MARGIN))
-        windows.append(ConstantWindow(a, b + 1, float((z[b] - z[a]) / (log.time[b] - log.time[a])), 0.0))
+        windows.append(ConstantWindow(a, b + 1, float((z[b] - z[a]) / (log.time[b] - log.time[a]))))
     rigid = described_model(motion.robot) if drive in WEIGHED_DOWN else None
     points = points_of(motion, drive, windows, rigid)
     best, _, _ = chosen_fit(points, forms("auto", None, offset=True, temperature=None), "bic")

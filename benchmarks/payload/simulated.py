@@ -22,12 +22,14 @@ from threadpoolctl import threadpool_limits
 
 import excite
 from excite.identification.equations import right_sides
+from excite.identification.preparation import drives_of_torques
 from excite.payload.held_body import Frame, HeldBody
 from excite.payload.known_gains import stated_gains
 from excite.payload.load_estimate import LoadEquations, estimate_load
-from excite.payload.load_rows import LogChoice, described, drives_of, loaded_parts, paired_equations, without_load
+from excite.payload.load_rows import LogChoice, bare_task, loaded_parts, paired_equations, without_load
 from excite.payload.payload_result import PayloadResult
 from excite.tasks.payload import Payload
+from excite.tasks.robot_of_task import robot_and_task
 from regressors.robot.friction.curve import CoulombViscous
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.inertia import from_centre_of_mass
@@ -74,7 +76,8 @@ def case(name: str, rate: float) -> dict[str, Any]:
     truth = robot_with_rotors(name)
     motion = excite.design_payload_motion(truth, 0.2, pose=pose)
     designed = time.process_time() - began
-    robot, task = described(truth, None, None, None, True, False)
+    robot, task = robot_and_task(truth, None, None, None, True, False)
+    task = bare_task(robot, task)
     friction = friction_of(robot)
     settings = {"rate": rate, "encoder": (ENCODER,), "friction": friction}
     bare_log = excite.simulate(motion.design, **settings).measured
@@ -105,7 +108,7 @@ def repetitions(
     first = replace(logs[0], effort=logs[0].effort + sigma * rng.normal(size=logs[0].effort.shape))
     model = without_load(robot, task, [first], choice.recipe(logs, "all"), lambda _: None)
     part, (held,) = model.prepared[0], loaded_parts(model, [logs[1]], "all")
-    gains = stated_gains(drives_of(model.target.robot), 0.0, GAINS)
+    gains = stated_gains(drives_of_torques(model.target.robot, each=False)[0], 0.0, GAINS)
     equations = paired_equations(model, [held], model.recipe, gains)
     exact = [_torques(logs[0], part), held.measured]
     rows = []

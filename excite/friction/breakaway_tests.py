@@ -27,21 +27,12 @@ def broken_loose(
     breaks: list[BreakAway] = []
     balance = gravity_about(drive, sources) if settings.gravity == "none" and runs is not None else None
     for source in sources:
-        spans, controlled = None, None if runs is None else False  # a log without runs of the plan has its torque ramps
-        if source.ramped is not None:
-            spans = list(source.ramped)
+        spans: Sequence[tuple[float, float]] | None = source.ramped
+        controlled = None if runs is None else False  # a log without runs of the plan has its torque ramps
         if source.plan_match is not None and runs is not None:
             spans, controlled = _creeps(source, runs), True
-        breaks += break_aways(
-            source.measured,
-            drive,
-            source.model if settings.gravity == "model" else None,
-            source.number,
-            spans,
-            controlled=controlled,
-            balance=balance,
-            alone=spans is None,
-        )
+        gravity = source.model if settings.gravity == "model" else balance
+        breaks += break_aways(source.measured, drive, gravity, spans, controlled=controlled, alone=spans is None)
     return tuple(breaks)
 
 
@@ -116,11 +107,9 @@ def breakaway_notes(
     """How many of the plan's break-away tests end in a break-away, and why the others do not."""
     if runs is None:
         return []
-    followed = [source for source in sources if source.plan_match is not None]
-    others = [source for source in sources if source.plan_match is None]
-    creeps = [(source, span) for source in followed for span in _creeps(source, runs)]
+    creeps = [(source, span) for source in sources for span in _creeps(source, runs)]
     starts = [(source, span, runs.creep * (span[1] - span[0]) * _PART) for source, span in creeps]
-    ramps = [(source, span, _CAUGHT) for source in others for span in source.ramped or ()]
+    ramps = [(each, span, _CAUGHT) for each in sources if each.plan_match is None for span in each.ramped or ()]
     largest = max((ramp.torque for ramp in runs.ramps), default=0.0)
     cures = (
         "hardly moved the drive (give `plan_friction` a longer `creeping`, or take a stiffer controller)",
@@ -137,12 +126,11 @@ def breakaway_notes(
     ]
 
 
+_Asked = tuple[Source, tuple[float, float], float]  # a test's log, its begin and end, and the least path that is motion
+
+
 def _outcome_notes(
-    drive: str,
-    what: str,
-    asked: Sequence[tuple[Source, tuple[float, float], float]],
-    breaks: Sequence[BreakAway],
-    cures: tuple[str, str],
+    drive: str, what: str, asked: Sequence[_Asked], breaks: Sequence[BreakAway], cures: tuple[str, str]
 ) -> list[str]:
     if not asked:
         return []
@@ -155,7 +143,7 @@ def _outcome_notes(
 
 def _in(break_away: BreakAway, source: Source, span: tuple[float, float]) -> bool:
     since = break_away.time - float(source.measured.log.time[0])
-    return break_away.log == source.number and span[0] - _AFTER <= since <= span[1] + _AFTER
+    return break_away.log == source.measured.number and span[0] - _AFTER <= since <= span[1] + _AFTER
 
 
 def _cause(drive: str, source: Source, span: tuple[float, float], far: float) -> str:
@@ -163,9 +151,8 @@ def _cause(drive: str, source: Source, span: tuple[float, float], far: float) ->
     time = source.measured.log.time
     since, longest = time - time[0], longest_step(time)
     rows = (since >= span[0]) & (since <= span[1])
-    if span[0] < -longest or span[1] - _AFTER > since[-1] + longest or rows.sum() < 2:
-        return "missing"
-    if not unbroken(time[rows], longest):
+    within = span[0] >= -longest and span[1] - _AFTER <= since[-1] + longest
+    if not within or rows.sum() < 2 or not unbroken(time[rows], longest):
         return "missing"
     z = source.measured.z[:, source.measured.names.index(drive)]
     noise = float(position_noise(time, z[:, None])[0])
@@ -173,5 +160,6 @@ def _cause(drive: str, source: Source, span: tuple[float, float], far: float) ->
 
 
 def _creeps(source: Source, runs: PlannedRuns) -> list[tuple[float, float]]:
-    assert source.plan_match is not None
+    if source.plan_match is None:
+        return []
     return [(source.plan_match.seconds + a, source.plan_match.seconds + b + _AFTER) for a, b in runs.creeps]

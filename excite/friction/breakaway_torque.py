@@ -18,8 +18,8 @@ import scipy.ndimage
 import scipy.stats
 
 from excite.friction.constant_speed_windows import longest_step, position_noise, unbroken
-from excite.friction.points import DriveLog, Point, RigidModel, temperature_of
-from regressors.samples import Array, Samples
+from excite.friction.points import DriveLog, Point, RigidModel, rigid_torque, temperature_of
+from regressors.samples import Array
 
 _SHORTEST = 0.3  # of rest before, and of motion after, that is evaluated [s]
 _LENGTHS = (2.0, 1.4, 1.0, 0.7, 0.5, 0.3)  # of the ramp's end for a line fit; the first straight one is used [s]
@@ -52,12 +52,10 @@ class BreakAway:
 def break_aways(
     measured: DriveLog,
     drive: str,
-    rigid: RigidModel | None,
-    number: int = 0,
+    gravity: RigidModel | Callable[[Array], Array] | None,
     spans: Sequence[tuple[float, float]] | None = None,
     *,
     controlled: bool | None = None,
-    balance: Callable[[Array], Array] | None = None,
     alone: bool = False,
 ) -> tuple[BreakAway, ...]:
     """Find every slow, straight ramp of torque, 0.3 s or more at rest, that ends in motion in its direction."""
@@ -78,26 +76,19 @@ def break_aways(
         rested = _rested(log.time, z, row)
         if alone and not _still(log.time, z, others, noise, row, rested):
             continue
-        read = None if begun is None else _read(log.time, direction * tau, row, rested, *begun, controlled)
+        read = None if begun is None else _read(log.time, direction * tau, row, rested, begun, controlled)
         if read is None:
             continue
         torque, deviation, slope, at = read
         row = min(int(np.searchsorted(log.time, at)), log.count - 1)
-        gravity = 0.0 if rigid is None else _gravity(measured, k, row, rigid)
-        if rigid is None and balance is not None:
-            gravity = float(balance(z[row]))
-        breaks.append(
-            BreakAway(
-                direction,
-                direction * torque - gravity,
-                deviation,
-                rate=direction * slope,
-                time=at,
-                log=number,
-                temperature=temperature_of(measured, drive, slice(row, row + 1)),
-                load=None if rigid is None else abs(gravity),
-            )
-        )
+        warmth, load, carried = temperature_of(measured, drive, slice(row, row + 1)), None, 0.0
+        if isinstance(gravity, RigidModel):
+            carried = float(rigid_torque(measured, drive, slice(row, row + 1), gravity, 0.0, 0.0)[0])
+            load = abs(carried)
+        elif gravity is not None:
+            carried = float(gravity(z[row]))
+        friction, rate = direction * torque - carried, direction * slope
+        breaks.append(BreakAway(direction, friction, deviation, rate, at, measured.number, warmth, load))
     return tuple(breaks)
 
 
@@ -193,16 +184,10 @@ def _exceeded(time: Array, speed: Array, level: float, last: int) -> float:
 
 
 def _read(
-    time: Array,
-    tau: Array,
-    row: int,
-    rested: float,
-    begun: float,
-    reached: float,
-    doubt: float,
-    controlled: bool | None,
+    time: Array, tau: Array, row: int, rested: float, onset: tuple[float, float, float], controlled: bool | None
 ) -> tuple[float, float, float, float] | None:
     """Break-away torque, its standard deviation, the ramp's rate, and the time; None without a ramp."""
+    begun, reached, doubt = onset
     ramp = _line(time, tau, rested, begun)
     if ramp is None or ramp[2] <= 0:
         return None
@@ -248,16 +233,6 @@ def _line(time: Array, tau: Array, rested: float, end: float) -> tuple[float, fl
             if explained >= _STRAIGHT:
                 return float(at_end), deviation, float(slope) / length
     return None
-
-
-def _gravity(measured: DriveLog, k: int, row: int, rigid: RigidModel) -> float:
-    log = measured.log
-    columns = [log.joints.index(name) for name in rigid.joints]
-    q = log.q[row : row + 1, columns]
-    still = np.zeros_like(q)
-    carried = np.zeros((1, log.q.shape[1]))
-    carried[:, columns] = rigid.torque(Samples(log.time[row : row + 1], q, still, still, still))
-    return float(measured.torque(carried)[0, k])
 
 
 _LEVEL = 0.995  # quantile of a two-sided 99 % interval

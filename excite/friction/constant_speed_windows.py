@@ -31,7 +31,6 @@ class ConstantWindow:
     start: int
     stop: int
     speed: float  # path increment over time, ``(z2 - z1) / (t2 - t1)`` with its sign [rad/s or m/s]
-    change: float  # change of the speed over the window, of a parabola through the positions [rad/s or m/s]
 
 
 @dataclass(frozen=True)
@@ -113,13 +112,11 @@ def constant_window(
     excess = np.maximum(np.abs(change) - factor * doubt, 0.0)
     uneven = _unevenness(t, z[:, 0], noise[0])
     worst = max(float(excess.max()), uneven) / allowed
-    return (round(_STEPS * worst) / _STEPS, ConstantWindow(a, b, speed, float(change[0]))) if worst <= 1.0 else None
+    return (round(_STEPS * worst) / _STEPS, ConstantWindow(a, b, speed)) if worst <= 1.0 else None
 
 
 def _with_margin(time: Array, a: int, b: int, part: float) -> slice:
     """Rows of the window and a margin on both sides, so that no end of a ramp is in the window itself."""
-    if part == 0.0:
-        return slice(a, b)
     margin = part * float(time[b - 1] - time[a])
     return slice(int(np.searchsorted(time, time[a] - margin)), int(np.searchsorted(time, time[b - 1] + margin)) + 1)
 

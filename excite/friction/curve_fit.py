@@ -65,12 +65,6 @@ class CurveFit:
         """The curve, linear in temperature where the form is; `InputError` if its parameters are not possible."""
         return self.form.curve(self.values, self.measured)
 
-    def check(self) -> None:
-        """Raise `InputError` unless the curve is possible friction at both ends of the measured temperatures."""
-        curve = self.curve
-        for end in self.measured or ():
-            curve.at(end)
-
     def residuals(self, points: Sequence[Point]) -> Array:
         """Torque of each point less that of the curve under its conditions, shape (N,)."""
         at, tau, _ = _arrays(points, self.form.temperature)
@@ -84,26 +78,30 @@ class CurveFit:
 
 def fit(points: Sequence[Point], form: Form) -> CurveFit:
     """Parameters of a form by weighted least squares, with intervals from the Jacobian."""
-    at, tau, sigma = _arrays(points, form.temperature)
+    data = _arrays(points, form.temperature)
     free = np.ones(len(form.parameters), dtype=bool)
-    p, stuck = _minimum(form, at, tau, sigma, free)
-    unseen = _falls_unseen(form, at.v, p)
+    p, stuck = _minimum(form, data, free)
+    unseen = _falls_unseen(form, data[0].v, p)
     if unseen and set(stuck) <= set(unseen):
         free = np.array([name not in unseen for name in form.parameters])
-        p, stuck = _minimum(form, at, tau, sigma, free)
+        p, stuck = _minimum(form, data, free)
     if stuck:
         raise InputError(", ".join(f"{name} reaches its bound {end:.3g}" for name, end in stuck.items()))
-    return _with_covariance(form, p, free, (at, tau, sigma), _temperatures(points, form))
+    return _with_covariance(form, p, free, data, _temperatures(points, form))
 
 
-def _minimum(form: Form, at: Conditions, tau: Array, sigma: Array, free: Index) -> tuple[Array, dict[str, float]]:
+_Data = tuple[Conditions, Array, Array]  # conditions, torques and standard deviations of the points
+
+
+def _minimum(form: Form, data: _Data, free: Index) -> tuple[Array, dict[str, float]]:
     """Parameters with the least sum of squares, those that are not free held fixed, and the bounds that some end at."""
+    at, tau, _ = data
     if tau.size <= np.count_nonzero(free):
         raise InputError(f"{tau.size} points for {np.count_nonzero(free)} parameters")
     best = None
     for start, lower, upper in _starts(form, at.v, tau):
         whole = np.where(free, start, _unseen(form, at.v))
-        least = partial(_residuals, form, at, tau, sigma, free, whole)
+        least = partial(_residuals, form, data, free, whole)
         minimum = scipy.optimize.least_squares(
             lambda x, least=least: least(x)[0],
             start[free],
@@ -125,9 +123,8 @@ def _minimum(form: Form, at: Conditions, tau: Array, sigma: Array, free: Index) 
     }
 
 
-def _residuals(
-    form: Form, at: Conditions, tau: Array, sigma: Array, free: Index, whole: Array, x: Array
-) -> tuple[Array, Array]:
+def _residuals(form: Form, data: _Data, free: Index, whole: Array, x: Array) -> tuple[Array, Array]:
+    at, tau, sigma = data
     p = whole.copy()
     p[free] = x
     f, J = form.values(p, at)
@@ -148,11 +145,9 @@ def _falls_unseen(form: Form, v: Array, p: Array) -> list[str]:
     ]
 
 
-def _with_covariance(
-    form: Form, p: Array, free: Index, data: tuple[Conditions, Array, Array], measured: tuple[float, float] | None
-) -> CurveFit:
+def _with_covariance(form: Form, p: Array, free: Index, data: _Data, measured: tuple[float, float] | None) -> CurveFit:
     """A fit with its covariance and criteria."""
-    r, J = _residuals(form, *data, free, p, p[free])
+    r, J = _residuals(form, data, free, p, p[free])
     k, n = int(np.count_nonzero(free)), r.size
     scale = np.linalg.norm(J, axis=0)
     if np.any(scale == 0.0) or np.linalg.cond(J / scale) > _WORST_CONDITION:
@@ -180,7 +175,9 @@ def chosen_fit(
     for form in candidates:
         try:
             candidate = fit(points, form)
-            candidate.check()
+            curve = candidate.curve
+            for end in candidate.measured or ():
+                curve.at(end)  # possible friction at both ends of the measured temperatures
             fits.append(candidate)
         except InputError as error:
             failed[form.name] = str(error)
@@ -204,7 +201,7 @@ def table_of(points: Sequence[Point]) -> TableFriction:
     return TableFriction(speed, torque)
 
 
-def _arrays(points: Sequence[Point], temperature: float | None) -> tuple[Conditions, Array, Array]:
+def _arrays(points: Sequence[Point], temperature: float | None) -> _Data:
     """Conditions, torques and standard deviations of the points."""
     v, tau, sigma = (np.array([getattr(p, name) for p in points]) for name in ("speed", "torque", "deviation"))
     rise = [0.0 if temperature is None or p.temperature is None else p.temperature - temperature for p in points]
@@ -286,14 +283,7 @@ _SEEN = 3.0  # standard deviations of the mean
 
 
 def stiction_remarks(
-    rests: int,
-    breaks: Sequence[BreakAway],
-    best: CurveFit | None,
-    settings: FitSettings,
-    points: Sequence[Point],
-    speed_unit: str,
-    *,
-    alone: bool,
+    rests: int, breaks: Sequence[BreakAway], best: CurveFit | None, settings: FitSettings, slowest: str, *, alone: bool
 ) -> list[str]:
     """Remarks on how break-away torques enter the curve."""
     remarks = []
@@ -311,10 +301,7 @@ def stiction_remarks(
     if breaks and settings.gravity == "symmetric":
         remarks.append("break-away torques of one direction alone contain gravity")
     if best is not None and best.form.stribeck and not rests:
-        slowest = min(abs(p.speed) for p in points)
-        remarks.append(
-            f"the curve has no break-away torques: stiction is extrapolated below {slowest:.3g} {speed_unit}"
-        )
+        remarks.append(f"the curve has no break-away torques: stiction is extrapolated below {slowest}")
     if best is not None and best.held:
         remarks.append(
             "friction falls from its break-away value below the speed of the slowest window: "
@@ -346,27 +333,20 @@ def load_remarks(
 
 
 def temperature_remarks(
-    of_temperature: str,
-    reference: float | None,
-    best: CurveFit | None,
-    settings: FitSettings,
-    breaks: Sequence[BreakAway],
+    told: str, reference: float | None, best: CurveFit | None, settings: FitSettings, breaks: Sequence[BreakAway]
 ) -> list[str]:
     """Remarks on whether friction depends on temperature."""
     if reference is None:
-        return [of_temperature] if of_temperature else []
+        return [told] if told else []
     known = [each.temperature for each in breaks if each.temperature is not None]
     mixed = bool(known) and max(known) - min(known) >= WARMER
     rest = f"mean break-away torques are from {min(known):.3g} to {max(known):.3g} deg C" if mixed else ""
     if best is None or best.form.temperature is None:
         what = "enter a table: each row is the mean over all temperatures"
         what = what if best is None else f"change friction by {settings.criterion.upper()}"
-        return [f"temperature, {of_temperature}, does not {what}", *([rest] if mixed else [])]
+        return [f"temperature, {told}, does not {what}", *([rest] if mixed else [])]
     also = "; mean break-away torques are converted to it" if mixed else ""
-    return [
-        f"linear in temperature, {of_temperature}; the file holds the curve at {reference:.4g} deg C "
-        f"with its slopes{also}"
-    ]
+    return [f"linear in temperature, {told}; the file holds the curve at {reference:.4g} deg C with its slopes{also}"]
 
 
 def why_no_curve(points: Sequence[Point], failed: Mapping[str, str], unit: str, speed_unit: str) -> str:

@@ -11,15 +11,7 @@ from excite.friction.breakaway_tests import breakaway_notes, broken_loose, plaus
 from excite.friction.breakaway_torque import BreakAway, break_aways
 from excite.friction.constant_speed_windows import FitSettings, Found, WindowSearch, constant_windows
 from excite.friction.plan_match import PlanMatch, PlannedRuns, Source, match_plan, match_ramps, windows_of_plan
-from excite.friction.points import (
-    DriveLog,
-    Point,
-    RigidModel,
-    gravity_share,
-    never_loaded,
-    paired_points,
-    points_of,
-)
+from excite.friction.points import DriveLog, Point, RigidModel, gravity_share, never_loaded, paired_points, points_of
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 
@@ -152,13 +144,11 @@ def _points_at(
         if settings.gravity == "none":
             _check_cancelled(drive, source, windows, runs, whole=whole)
         if settings.gravity == "symmetric":
-            points += paired_points(source.measured, drive, windows.windows, source.number)
+            points += paired_points(source.measured, drive, windows.windows)
         else:
             folded = whole and subtracted is None
             settling = settings.speed != "averaged"
-            points += points_of(
-                source.measured, drive, windows.windows, subtracted, source.number, folded=folded, settling=settling
-            )
+            points += points_of(source.measured, drive, windows.windows, subtracted, folded=folded, settling=settling)
     if whole:
         return points, [*notes, _planned_windows_note(points, changing, settings)]
     what = "pairs of windows over the same path" if settings.gravity == "symmetric" else "windows"
@@ -258,8 +248,8 @@ def sources_of(
 ) -> dict[str, list[Source]]:
     """Logs in which each drive moves; with a plan, those that contain its runs, or ramps until it breaks away."""
     sources: dict[str, list[Source]] = {}
-    for number, part in enumerate(measured):
-        for name, source in _sources(Source(number, part, *_model(rigid, part.robot, settings)), plan).items():
+    for part in measured:
+        for name, source in _sources(Source(part, *_model(rigid, part.robot, settings)), plan).items():
             sources.setdefault(name, []).append(source)
     return sources
 

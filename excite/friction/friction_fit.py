@@ -74,9 +74,8 @@ class FrictionFit:
     @property
     def curves(self) -> FrictionCurves:
         """The curves with the covariance of their parameters."""
-        fits = {c.drive: c.fit for c in self.characteristics if c.fit is not None}
-        curves = {c.drive: c.curve for c in self.characteristics}
-        return FrictionCurves(curves, {drive: curve_uncertainty(fit) for drive, fit in fits.items()})
+        uncertain = {c.drive: curve_uncertainty(c.fit) for c in self.characteristics if c.fit is not None}
+        return FrictionCurves({c.drive: c.curve for c in self.characteristics}, uncertain)
 
     def __repr__(self) -> str:
         """One line."""
@@ -132,7 +131,7 @@ def characteristics(
     plan: Mapping[str, PlannedRuns] | None = None,
 ) -> tuple[Characteristic, ...]:
     """Fit friction curves of the drives that move in the logs."""
-    measured = [drive_log(log, robot) for log in logs]
+    measured = [drive_log(log, robot, number) for number, log in enumerate(logs)]
     shown = sources_of(measured, settings, rigid, plan)
     for name in drives or ():
         _check_shown(name, robot, shown, plan)
@@ -212,7 +211,8 @@ def _characteristic(
     notes += temperature_remarks(of_temperature, reference, best, settings, breaks)
     notes += load_remarks(loads, best, settings, unit)
     alone = runs is None and len(repeated_break_aways(breaks)) < len(breaks)
-    notes += stiction_remarks(len(rests), breaks, best, settings, points, _speed_unit(unit), alone=alone)
+    slowest = f"{min(abs(p.speed) for p in points):.3g} {_speed_unit(unit)}"
+    notes += stiction_remarks(len(rests), breaks, best, settings, slowest, alone=alone)
     notes += alike_remarks(others, settings)
     if not offset:
         notes.append(

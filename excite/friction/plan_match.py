@@ -77,12 +77,11 @@ class PlannedRuns:
 
     def path(self, measured: DriveLog) -> tuple[Array, float]:
         """Displacement of the drive from the pose in a log, shape (N,), and its ratio to that of the coordinate."""
-        joints = measured.log.joints
-        row = measured.rows[measured.names.index(self.drive)]
-        return (
-            measured.z[:, measured.names.index(self.drive)] - float(row @ [self.pose[name] for name in joints]),
-            float(row @ [self.direction[name] for name in joints]),
+        k = measured.names.index(self.drive)
+        pose, slope = (
+            float(measured.rows[k] @ [of[name] for name in measured.log.joints]) for of in (self.pose, self.direction)
         )
+        return measured.z[:, k] - pose, slope
 
 
 @dataclass(frozen=True)
@@ -182,21 +181,14 @@ def windows_of_plan(
     # time (N,); z (N,); others (N, k)
     columns = np.column_stack([z, others])
     noise = position_noise(time, columns)
-    longest = longest_step(time)
-    steadiest = [_steadiest(time, columns, noise, w, middle, search, longest) for w in planned]
+    steadiest = [_steadiest(time, columns, noise, w, middle, search) for w in planned]
     windows = tuple(sorted((w for w in steadiest if isinstance(w, ConstantWindow)), key=lambda w: w.start))
     missing = steadiest.count("missing")
     return Found(windows, len(planned) - len(windows) - missing, 0, missing)
 
 
 def _steadiest(
-    time: Array,
-    columns: Array,
-    noise: Array,
-    planned: PlannedWindow,
-    middle: float,
-    search: WindowSearch,
-    longest: float,
+    time: Array, columns: Array, noise: Array, planned: PlannedWindow, middle: float, search: WindowSearch
 ) -> ConstantWindow | Literal["changing", "missing"]:
     centre = middle + 0.5 * (planned.first + planned.last)
     late = _LATE * (planned.end - planned.start)
@@ -204,7 +196,7 @@ def _steadiest(
     away = np.abs(columns[begin:end, 0] - centre)
     at = int(np.searchsorted(time[begin:end] - time[0], 0.5 * (planned.start + planned.end)))
     candidates: list[tuple[float, ConstantWindow]] = []
-    recorded = False
+    recorded, longest = False, longest_step(time)
     for trimmed in _TRIMMED:
         a, b = _stretch(away, at, (1.0 - trimmed) * 0.5 * abs(planned.last - planned.first))
         if not _recorded(time[begin + a : begin + b], longest):
@@ -295,7 +287,6 @@ def _largest_share(m: Array, runs: PlannedRuns, part: float) -> tuple[float, flo
 class Source:
     """A log in which a drive moves."""
 
-    number: int  # of the log
     measured: DriveLog
     model: RigidModel | None  # without friction
     unknown: InputError | None = None  # why there is no model

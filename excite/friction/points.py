@@ -52,6 +52,7 @@ class DriveLog:
     log: Log
     names: tuple[str, ...]  # drives, k of them
     rows: Array  # (k, n) their rows of C; linearly independent
+    number: int = 0  # of the log
 
     @property
     def z(self) -> Array:
@@ -63,7 +64,7 @@ class DriveLog:
         return np.asarray(np.linalg.lstsq(self.rows.T, tau.T, rcond=None)[0].T)
 
 
-def drive_log(log: Log, robot: Robot) -> DriveLog:
+def drive_log(log: Log, robot: Robot, number: int = 0) -> DriveLog:
     """A log in coordinates of the robot's drives; of drives that depend linearly on each other the first is kept."""
     joints = [name for name in robot.joint_names if name in log.joints]
     if not joints:
@@ -79,7 +80,7 @@ def drive_log(log: Log, robot: Robot) -> DriveLog:
         if np.linalg.matrix_rank(np.vstack([rows, row])) > len(rows):
             names.append(name)
             rows = np.vstack([rows, row])
-    return DriveLog(part, log.of(joints), tuple(names), rows)
+    return DriveLog(part, log.of(joints), tuple(names), rows, number)
 
 
 def points_of(
@@ -87,7 +88,6 @@ def points_of(
     drive: str,
     windows: Sequence[ConstantWindow],
     rigid: RigidModel | None,
-    number: int = 0,
     *,
     folded: bool = False,
     settling: bool = False,
@@ -101,16 +101,14 @@ def points_of(
     points = []
     for w in windows:
         carried = np.zeros(1) if rigid is None else _carried(measured, drive, w, rigid)
-        point = _point(measured, drive, w, _torque(measured, drive, w) - carried, number, folded=folded)
+        point = _point(measured, drive, w, _torque(measured, drive, w) - carried, folded=folded)
         if rigid is not None and settling:
             point = _settled(point, measured, drive, w, rigid, carried)
         points.append(point if rigid is None else replace(point, load=float(np.mean(np.abs(carried)))))
     return tuple(points)
 
 
-def paired_points(
-    measured: DriveLog, drive: str, windows: Sequence[ConstantWindow], number: int = 0
-) -> tuple[Point, ...]:
+def paired_points(measured: DriveLog, drive: str, windows: Sequence[ConstantWindow]) -> tuple[Point, ...]:
     """Half the difference of torques there and back over the same path, without gravity, at positive speeds."""
     k = measured.names.index(drive)
     z, time = measured.z[:, k], measured.log.time
@@ -127,7 +125,7 @@ def paired_points(
         (low, high), back = max(matches, key=lambda match: match[0][1] - match[0][0])
         left.remove(back)
         parts = [_within(z, time, w, low, high) for w in (ahead, back)]
-        pair = [_point(measured, drive, w, _torque(measured, drive, w), number) for w in parts]
+        pair = [_point(measured, drive, w, _torque(measured, drive, w)) for w in parts]
         points.append(
             replace(
                 pair[0],
@@ -160,14 +158,26 @@ def _carried(
     measured: DriveLog, drive: str, window: ConstantWindow, rigid: RigidModel, more: Array | float = 0.0
 ) -> Array:
     """Torque of the drive over a window without friction, with some additional acceleration."""
-    part, log = slice(window.start, window.stop), measured.log
-    columns = [log.joints.index(name) for name in rigid.joints]
-    q = log.q[part][:, columns]
-    time = log.time[part]
-    dq, acceleration = _parabola(time, q)
-    ddq = np.broadcast_to(acceleration + more, q.shape)
-    tau = np.zeros((q.shape[0], log.q.shape[1]))
-    tau[:, columns] = rigid.torque(Samples(time, q, dq, np.array(ddq), np.full_like(q, np.nan)))
+    part = slice(window.start, window.stop)
+    dq, acceleration = _parabola(*_positions(measured, part, rigid))
+    return rigid_torque(measured, drive, part, rigid, dq, acceleration + more)
+
+
+def _positions(measured: DriveLog, rows: slice, rigid: RigidModel) -> tuple[Array, Array]:
+    """Instants, and positions of the model's joints."""
+    columns = [measured.log.joints.index(name) for name in rigid.joints]
+    return measured.log.time[rows], measured.log.q[rows][:, columns]
+
+
+def rigid_torque(
+    measured: DriveLog, drive: str, rows: slice, rigid: RigidModel, dq: Array | float, ddq: Array | float
+) -> Array:
+    """Torque of the drive without friction in some rows, for given velocities and accelerations, shape (N,)."""
+    time, q = _positions(measured, rows, rigid)
+    dq, ddq = (np.array(np.broadcast_to(x, q.shape)) for x in (dq, ddq))
+    tau = np.zeros((q.shape[0], len(measured.log.joints)))
+    columns = [measured.log.joints.index(name) for name in rigid.joints]
+    tau[:, columns] = rigid.torque(Samples(time, q, dq, ddq, np.full_like(q, np.nan)))
     return measured.torque(tau)[:, measured.names.index(drive)]
 
 
@@ -192,8 +202,7 @@ def _settled(
     point: Point, measured: DriveLog, drive: str, window: ConstantWindow, rigid: RigidModel, carried: Array
 ) -> Point:
     """A point with the mean acceleration between the window's ends, where the difference exceeds noise."""
-    part, log = slice(window.start, window.stop), measured.log
-    q, time = log.q[part][:, [log.joints.index(name) for name in rigid.joints]], log.time[part]
+    time, q = _positions(measured, slice(window.start, window.stop), rigid)
     count = max(_FEWEST, round(_END / float(np.median(np.diff(time)))))
     if count > time.size // _MOST:
         return point
@@ -208,9 +217,7 @@ def _settled(
     return replace(point, torque=point.torque - less, deviation=float(np.hypot(point.deviation, less / sure)))
 
 
-def _point(
-    measured: DriveLog, drive: str, window: ConstantWindow, friction: Array, number: int, *, folded: bool = False
-) -> Point:
+def _point(measured: DriveLog, drive: str, window: ConstantWindow, friction: Array, *, folded: bool = False) -> Point:
     log = measured.log
     time = log.time[window.start : window.stop]
     duration = float(time[-1] - time[0])
@@ -220,7 +227,7 @@ def _point(
         deviation=mean_deviation(_folded(friction) if folded else friction),
         time=float(time[0]),
         duration=duration,
-        log=number,
+        log=measured.number,
         temperature=temperature_of(measured, drive, slice(window.start, window.stop)),
     )
 
@@ -255,11 +262,10 @@ def _common(z: Array, a: ConstantWindow, b: ConstantWindow) -> tuple[float, floa
 
 
 def _within(z: Array, time: Array, window: ConstantWindow, low: float, high: float) -> ConstantWindow:
-    inside = window.start + np.flatnonzero(
-        (z[window.start : window.stop] >= low) & (z[window.start : window.stop] <= high)
-    )
+    part = z[window.start : window.stop]
+    inside = window.start + np.flatnonzero((part >= low) & (part <= high))
     a, b = int(inside[0]), int(inside[-1]) + 1
-    return ConstantWindow(a, b, float((z[b - 1] - z[a]) / (time[b - 1] - time[a])), window.change)
+    return ConstantWindow(a, b, float((z[b - 1] - z[a]) / (time[b - 1] - time[a])))
 
 
 def temperature_of(measured: DriveLog, drive: str, rows: slice) -> float | None:
@@ -339,7 +345,6 @@ def identified_model(result: Identification, robot: Robot) -> RigidModel:
         raise InputError(f"{result.name}: friction cannot be separated from its other parameters")
     values = np.where(of_friction, 0.0, result.coefficients)
 
-    def torque(samples: Samples) -> Array:
-        return np.asarray((model.instants(samples)[:, base.index] @ values).reshape(-1, target.robot.n))
-
-    return RigidModel(target.robot.joint_names, f"parameters identified in {result.name}", torque)
+    joints, n = target.robot.joint_names, target.robot.n
+    torque = lambda s: (model.instants(s)[:, base.index] @ values).reshape(-1, n)  # noqa: E731
+    return RigidModel(joints, f"parameters identified in {result.name}", torque)

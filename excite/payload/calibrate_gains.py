@@ -9,19 +9,13 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from excite.identification.preparation import drives_of_torques
 from excite.identification.procedure import LogLike
 from excite.payload.known_gains import KnownGains, stated_gains
 from excite.payload.load_estimate import LoadEstimate, estimate_load
-from excite.payload.load_rows import (
-    LogChoice,
-    check_pair,
-    described,
-    drives_of,
-    loaded_parts,
-    paired_equations,
-    without_load,
-)
+from excite.payload.load_rows import LogChoice, bare_task, check_pair, loaded_parts, paired_equations, without_load
 from excite.tasks.installation import Installation
+from excite.tasks.robot_of_task import robot_and_task
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName, percent
 from regressors.numerical import numerical_work
@@ -130,14 +124,15 @@ def calibrate_gains(
         raise UnknownName("kind of gains", kind, KINDS)
     check("known_mass", mass, "`mass`")
     choice = logs if logs is not None else LogChoice()
-    whole, task = described(robot, base_link, tip, installation, snap_angles, xacro)
+    whole, task = robot_and_task(robot, base_link, tip, installation, snap_angles, xacro)
+    task = bare_task(whole, task)
     with threadpool_limits(1):
         with_load = choice.read(loaded, whole, choice.rows, progress)
         bare = choice.read(without, whole, choice.without_rows, progress)
         check_pair(bare, with_load)
         model = without_load(whole, task, bare, choice.recipe([*bare, *with_load], choice.without_rows), progress)
         parts = loaded_parts(model, with_load, choice.rows)
-        drives = drives_of(model.target.robot)
+        drives, _ = drives_of_torques(model.target.robot, each=False)
         prior = stated_gains(drives, _FREE, _APART if kind == "each" else _ALIKE)
         equations = paired_equations(model, parts, model.recipe, prior)
         progress("estimating the gains")

@@ -6,14 +6,13 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from excite.identification.identification import Identification
 from excite.identification.prediction import instantaneous_target, without_friction
-from excite.identification.preparation import prepare
+from excite.identification.preparation import drives_of_torques, prepare
 from excite.identification.procedure import LogLike
 from excite.identification.result import provenance_of
 from excite.identification.result_json import load_result
@@ -24,11 +23,9 @@ from excite.payload.known_gains import KnownGains, read_gains, stated_gains
 from excite.payload.load_estimate import LoadEquations, LoadEstimate, estimate_load
 from excite.payload.load_rows import (
     LogChoice,
+    bare_task,
     calibrated_gains,
     check_pair,
-    described,
-    drives_of,
-    known_parameters,
     loaded_parts,
     modelled_equations,
     paired_equations,
@@ -38,6 +35,8 @@ from excite.payload.load_rows import (
 )
 from excite.payload.payload_result import PayloadResult
 from excite.tasks.installation import Installation
+from excite.tasks.robot_of_task import robot_and_task
+from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError, percent
 from regressors.models.load import LoadModel, Sensor
@@ -53,6 +52,8 @@ _POSSIBLE = (
     "no body has the estimated inertia, which the motion shows too little; stated is the possible body that the logs "
     "exclude least"
 )
+
+_Gains = KnownGains | float | None  # those that are given, or the deviation of stated ones
 
 
 @checked
@@ -133,8 +134,9 @@ def identify_payload(
     check("known_mass", rated, "`rated`")
     x, usual = frame_numbers(frame), "frame of the last link" if frame is None else "given frame"
     place = Frame(usual if frame_name is None else frame_name, rotation_from_rpy(x[3:]), x[:3])
-    gains = read_gains(Path(gains)) if isinstance(gains, str | Path) else gains
-    whole, task = described(robot, base_link, tip, installation, snap_angles, xacro)
+    stated = read_gains(Path(gains)) if isinstance(gains, str | Path) else gain_deviation if gains is None else gains
+    whole, task = robot_and_task(robot, base_link, tip, installation, snap_angles, xacro)
+    task = bare_task(whole, task)
     with threadpool_limits(1):
         with_load = choice.read(loaded, whole, choice.rows, progress)
         bare = choice.read(without, whole, choice.without_rows, progress) if given else []
@@ -142,11 +144,11 @@ def identify_payload(
         if wrench:
             equations, known = _of_wrench(whole, task, bare, with_load, choice, place), None
         elif result is not None:
-            equations, known = _of_model(whole, result, with_load, choice, gains, gain_deviation)
+            equations, known = _of_model(whole, result, with_load, choice, stated)
         else:
             model = without_load(whole, task, bare, choice.recipe([*bare, *with_load], choice.without_rows), progress)
             parts = loaded_parts(model, with_load, choice.rows)
-            known = _gains(drives_of(model.target.robot), gains, gain_deviation, with_load)
+            known = _gains(model.target.robot, stated, with_load)
             equations = paired_equations(model, parts, model.recipe, known)
         progress("estimating the load")
         estimate = estimate_load(equations)
@@ -184,16 +186,16 @@ def _check_given(without: bool, result: object, wrench: bool, gains: object, gai
         )
 
 
-def _gains(
-    drives: Sequence[str], gains: KnownGains | None, deviation: float | None, loaded: Sequence[Log]
-) -> KnownGains:
-    if gains is not None:
+def _gains(robot: Robot, gains: _Gains, loaded: Sequence[Log]) -> KnownGains:
+    """Gains of the drives that are given, or as stated, with a deviation that may be given."""
+    drives, _ = drives_of_torques(robot, each=False)
+    if isinstance(gains, KnownGains):
         return gains.of(drives).later(log.sha256 for log in loaded)
-    return stated_gains(drives) if deviation is None else stated_gains(drives, deviation, 0.0)
+    return stated_gains(drives) if gains is None else stated_gains(drives, gains, 0.0)
 
 
 def _of_wrench(
-    robot: Robot, task: Any, bare: Sequence[Log], loaded: Sequence[Log], choice: LogChoice, place: Frame
+    robot: Robot, task: Task, bare: Sequence[Log], loaded: Sequence[Log], choice: LogChoice, place: Frame
 ) -> LoadEquations:
     model = LoadModel(robot, Sensor(None, place.rotation, place.translation))
     target = target_of(robot, task.changed(model=model, joint_rotors=False, offset=False, load_share=False))
@@ -204,12 +206,7 @@ def _of_wrench(
 
 
 def _of_model(
-    robot: Robot,
-    result: Identification | str | Path,
-    loaded: Sequence[Log],
-    choice: LogChoice,
-    gains: KnownGains | None,
-    deviation: float | None,
+    robot: Robot, result: Identification | str | Path, loaded: Sequence[Log], choice: LogChoice, gains: _Gains
 ) -> tuple[LoadEquations, KnownGains]:
     result = load_result(result) if isinstance(result, str | Path) else result
     if result.robot.sha256() != robot.sha256():
@@ -226,12 +223,14 @@ def _of_model(
     parts = [replace(prepare(log, robot, target, recipe), standing=()) for log in loaded]
     if (friction := result.friction) is not None:
         parts = [without_friction(part, target, friction, recipe) for part in parts]
-    drives, calibrated = drives_of(target.robot), calibrated_gains(result)
-    if calibrated is not None and (gains is not None or deviation is not None):
+    calibrated = calibrated_gains(result)
+    if calibrated is not None and gains is not None:
         raise InputError(f"{result.name} has calibrated gains of its own; leave out `gains` and `gain_deviation`")
-    known = calibrated.of(drives) if calibrated is not None else _gains(drives, gains, deviation, loaded)
-    beta, covariance = known_parameters(result)
-    return modelled_equations(target, parts, recipe, known, beta, covariance), known
+    if calibrated is None:
+        known = _gains(target.robot, gains, loaded)
+    else:
+        known = calibrated.of(drives_of_torques(target.robot, each=False)[0])
+    return modelled_equations(target, parts, recipe, known, result), known
 
 
 def _notes(held: PayloadResult, equations: LoadEquations) -> tuple[str, ...]:

@@ -98,8 +98,10 @@ class _Problem:
         self.x[self.width :] = 1.0 / start - 1.0
         self.prior = self._prior()
         e = equations
-        self.reduced = [(Q.T @ e.observations.y[rows], R) for rows, (Q, R) in zip(e.groups, e.factors, strict=True)]
-        self.weight = np.ones(len(e.groups))
+        factors = [np.linalg.qr(e.rows[rows]) for rows in e.groups]
+        self.reduced = [(Q.T @ e.observations.y[rows], R) for rows, (Q, R) in zip(e.groups, factors, strict=True)]
+        sizes = [float(np.sqrt(np.mean(e.observations.y[rows] ** 2))) for rows in e.groups]
+        self.weight = 1.0 / np.maximum(sizes, 1e-9 * max(*sizes, 1e-300))  # equal sizes at first
         self.effective = float(e.observations.y.size)
 
     def _prior(self) -> Array:
@@ -108,24 +110,22 @@ class _Problem:
         blocks = []
         if e.known is not None and e.covariance is not None:
             blocks.append(_placed(_precision_factor(e.covariance), np.arange(p), self.size))
-        if e.changes.size:
-            place = np.arange(e.place.stop, self.width)
-            blocks.append(_placed(np.diag(1.0 / e.changes), place, self.size))
+        place = np.arange(e.place.stop, self.width)
+        blocks.append(_placed(np.diag(1.0 / e.changes), place, self.size))
         if self.k:
             blocks.append(_placed(_precision_factor(e.gains), np.arange(self.width, self.size), self.size))
-        return np.concatenate(blocks) if blocks else np.zeros((0, self.size))
+        return np.concatenate(blocks)
 
     def iterate(self) -> None:
-        step = np.zeros(self.size)
         for number in range(_ROUNDS):
-            if number < _WEIGHTED + 1:
-                self._reweight(first=number == 0)
+            if 0 < number <= _WEIGHTED:
+                self._reweight()
             step = self._step()
             self.x += step
             moved = np.abs(step[self.places]).max() < _SETTLED * max(np.abs(self.x[self.places]).max(), 1e-12)
             if moved and number > _WEIGHTED:
                 break
-        self._reweight(first=False)
+        self._reweight()
 
     def _jacobian(self, R: Array, j: int) -> tuple[Array, Array]:
         """Prediction and its derivative for rows of equation j, from rows of ``[W, K, F]`` or a factor of them."""
@@ -138,13 +138,9 @@ class _Problem:
             J[:, self.width + j] = R[:, scaled] @ self.x[scaled]
         return J[:, : self.width] @ self.x[: self.width], J
 
-    def _reweight(self, *, first: bool) -> None:
+    def _reweight(self) -> None:
         """One over the noise of each group, for as many rows as are independent."""
         e = self.equations
-        if first:  # equal sizes at first
-            sizes = [float(np.sqrt(np.mean(e.observations.y[rows] ** 2))) for rows in e.groups]
-            self.weight = 1.0 / np.maximum(sizes, 1e-9 * max(*sizes, 1e-300))
-            return
         weights, effective = [], 0.0
         for rows, j in zip(e.groups, e.equation, strict=True):
             error = e.observations.y[rows] - self._jacobian(e.rows[rows], int(j))[0]
@@ -198,22 +194,13 @@ class _Problem:
         covariance = covariance * np.outer(ratio, ratio)
         whole = np.zeros((self.size, self.size))
         whole[np.ix_(self.free, self.free)] = covariance
-        gains = self.prior[-self.k :, self.free] @ half if self.k else np.zeros((0, half.shape[1]))
+        of_gains = self.prior[-self.k :, self.free] @ half if self.k else np.zeros((0, half.shape[1]))
         by_gains = np.zeros((self.size, self.size))
-        by_gains[np.ix_(self.free, self.free)] = half @ (gains.T @ gains) @ half.T
+        by_gains[np.ix_(self.free, self.free)] = half @ (of_gains.T @ of_gains) @ half.T
         freedom = max(_LEAST_FREEDOM, int((self.effective - sigma.size) / (_PER_DEGREE * max(1, len(e.groups)))))
         own, k = np.ix_(self.places, self.places), slice(self.width, self.size)
-        return LoadEstimate(
-            self.x[self.places],
-            whole[own],
-            by_gains[own],
-            self.x[k],
-            whole[k, k],
-            self.x[: e.p],
-            freedom,
-            errors,
-            self.effective,
-        )
+        phi, gains, beta = self.x[self.places], self.x[k], self.x[: e.p]
+        return LoadEstimate(phi, whole[own], by_gains[own], gains, whole[k, k], beta, freedom, errors, self.effective)
 
     def _check_shown(self, null: Array, scale: Array) -> None:
         """Refuse motions that do not show all of the load's parameters."""
@@ -307,11 +294,6 @@ class LoadEquations:
         """Rows of each log and equation that has any."""
         group = self.observations.group
         return tuple(rows for g in range(int(group.max()) + 1) if (rows := np.flatnonzero(group == g)).size)
-
-    @cached_property
-    def factors(self) -> tuple[tuple[Array, Array], ...]:
-        """Q and R of each group's rows."""
-        return tuple(np.linalg.qr(self.rows[rows]) for rows in self.groups)
 
     @property
     def equation(self) -> Index:

@@ -20,8 +20,6 @@ from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
 from excite.payload.known_gains import KnownGains
 from excite.payload.load_estimate import LoadEquations
-from excite.tasks.installation import Installation
-from excite.tasks.robot_of_task import robot_and_task
 from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError
@@ -39,24 +37,18 @@ def paired_equations(
 ) -> LoadEquations:
     """Equations of logs without and with the load, in torques of the drives and corrected gains."""
     parts = [*(replace(part, standing=()) for part in bare.prepared), *loaded]
-    carries = [False] * len(bare.prepared) + [True] * len(loaded)
-    observations, load = _rows(bare.target, parts, carries, recipe)
+    observations, load = _rows(bare.target, parts, len(bare.prepared), recipe)
     friction, size = _friction(bare.target.base, observations, load, bare.estimate.coefficients)
     corrected = replace(observations, y=observations.y * gains.factor[observations.equation])
     return LoadEquations(corrected, load, friction, size, gains.relative)
 
 
 def modelled_equations(
-    target: IdentificationTarget,
-    loaded: Sequence[PreparedLog],
-    recipe: Recipe,
-    gains: KnownGains,
-    known: Array,
-    covariance: Array,
+    target: IdentificationTarget, logs: Sequence[PreparedLog], recipe: Recipe, gains: KnownGains, result: Identification
 ) -> LoadEquations:
     """Equations of logs with the load of a robot whose parameters are known, in torques as they were identified."""
-    # known (p,); covariance (p, p)
-    observations, load = _rows(target, loaded, [True] * len(loaded), recipe)
+    known, covariance = known_parameters(result)
+    observations, load = _rows(target, logs, 0, recipe)
     friction, size = _friction(target.base, observations, load, known)
     load = load / gains.factor[observations.equation, None]
     return LoadEquations(observations, load, friction, size, gains.relative, known, covariance, scales_all=False)
@@ -82,11 +74,12 @@ def wrench_equations(
 
 
 def _rows(
-    target: IdentificationTarget, parts: Sequence[PreparedLog], carries: Sequence[bool], recipe: Recipe
+    target: IdentificationTarget, parts: Sequence[PreparedLog], bare: int, recipe: Recipe
 ) -> tuple[Observations, Array]:
+    """Rows of some logs, the first of them without the load, and its own, which are zero in those."""
     names, D = drives_of_torques(target.robot, each=True)
     observations = join_observations([at_drives(equations_of(target, part, recipe), D, names) for part in parts])
-    load = [load_rows(part, target, recipe, D) * float(c) for part, c in zip(parts, carries, strict=True)]
+    load = [load_rows(part, target, recipe, D) * float(k >= bare) for k, part in enumerate(parts)]
     return observations, np.concatenate(load)
 
 
@@ -148,18 +141,10 @@ class LogChoice:
         return read_logs(given, robot, self.mapping, tuple(self.drop), progress, only)
 
 
-def described(
-    robot: Robot | str,
-    base_link: str | None,
-    tip: str | None,
-    installation: Installation | None,
-    snap_angles: bool,
-    xacro: bool,
-) -> tuple[Robot, Task]:
-    """The robot, and the task of its model, with friction that grows with the load where bodies are described."""
-    robot, task = robot_and_task(robot, base_link, tip, installation, snap_angles, xacro)
+def bare_task(robot: Robot, task: Task) -> Task:
+    """The task of a robot's model, with friction that grows with the load where bodies are described."""
     known = all(link.theta is not None for link in robot.bodies)
-    return robot, task.changed(joint_rotors=True, offset=True, load_share=known)
+    return task.changed(joint_rotors=True, offset=True, load_share=known)
 
 
 def without_load(
@@ -178,11 +163,6 @@ def loaded_parts(bare: Identification, logs: Sequence[Log], rows: str) -> list[P
     """The logs with the load, for the model of those without."""
     recipe = replace(bare.recipe, rows=rows)
     return [replace(prepare(log, bare.robot, bare.target, recipe), standing=()) for log in logs]
-
-
-def drives_of(bare_robot: Robot) -> tuple[str, ...]:
-    """Drives, or joints where these do not determine the torques of the drives."""
-    return drives_of_torques(bare_robot, each=False)[0]
 
 
 def check_pair(without: Sequence[Log], loaded: Sequence[Log]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -20,6 +21,11 @@ from regressors.samples import Array, Samples
 TRUTH = Stribeck(Side(20.0, 26.0, 28.0, 0.08, 1.0), Side(17.0, 22.0, 24.0, 0.1, 1.0))
 SPEEDS = (0.05, 0.1, 0.15, 0.2, 0.3, 0.45, 0.6, 0.8)
 ALONG_Q2 = np.array([0.0, 1.0, -1.0, 0.0, 0.0])  # drive 2 alone: z3 = q2 + q3 rests
+
+
+def unknown() -> Robot:
+    """An IRp-6 whose inertias are not known."""
+    return irp6().replace(links=tuple(replace(link, theta=None) for link in irp6().links))
 
 
 def pieces(parts: list[tuple[float, float]], rate: float = 250.0) -> tuple[Array, Array, Array, Array]:

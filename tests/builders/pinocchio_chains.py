@@ -92,3 +92,10 @@ def whole_motion(robot: Robot, joints: tuple[str, ...], samples: Samples) -> Sam
     for whole, part in zip(motion, (samples.q, samples.dq, samples.ddq, samples.dddq), strict=True):
         whole[:, index] = part
     return Samples(samples.time, *motion)
+
+
+def gravity_along(robot: Robot, poses: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """Gravity's torque on a coordinate along a line in some poses."""
+    model = chain_model(robot)
+    data = model.createData()
+    return np.array([pin.computeGeneralizedGravity(model, data, pose).copy() for pose in poses]) @ line

@@ -19,7 +19,7 @@ import numpy as np
 from constraints.certificate import LimitUse
 from constraints.geometry import World
 from excite.design.friction_runs.pose import Place
-from excite.design.friction_runs.runs import Pace, Part, Runs, samples_of
+from excite.design.friction_runs.runs import Pace, Part, Runs
 from excite.design.friction_runs.schedule import Schedule, TorqueRamps, file_name, scheduled_runs
 from excite.storage.atomic import read_json
 from excite.storage.codec import INLINE, Beside, named
@@ -179,7 +179,11 @@ class CoordinatePlan:
 
     def samples(self) -> tuple[Samples, list[str]]:
         """Motion of every joint at the samples, and the segment of each."""
-        return samples_of(self.runs, self.place.pose, self.line)
+        runs = self.runs
+        time = np.arange(runs.steps + 1) / runs.rate
+        values, number = runs.values(time)
+        q, dq, ddq, dddq = (np.outer(row, self.line) + 0.0 for row in values)
+        return Samples(time, q + self.place.pose, dq, ddq, dddq), [runs.parts[k].segment for k in number]
 
     def write_runs(self, path: Path) -> None:
         """Write the motion with its segments."""

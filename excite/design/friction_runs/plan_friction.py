@@ -30,13 +30,7 @@ from excite.design.friction_runs.friction_plan import (
 )
 from excite.design.friction_runs.pose import CollisionChecks, Place, PlaceSearch, gravity_of
 from excite.design.friction_runs.runs import Part, Runs, certificates, pace_of, torque_uses
-from excite.design.friction_runs.schedule import (
-    Schedule,
-    plan_prediction,
-    scheduled_runs,
-    torque_ramps,
-    turning_drives,
-)
+from excite.design.friction_runs.schedule import Schedule, plan_prediction, scheduled_runs, torque_ramps, turning_drives
 from excite.tasks.limit_choice import LimitChoice
 from excite.trajectories.transfer import check_pose
 from regressors.arguments import checked
@@ -216,13 +210,12 @@ def _placed(
         ends = (pace.ramp(fastest) + 0.5 * fastest * seconds for seconds in (schedule.shortest, schedule.longest))
         enough, wanted = (min(end, schedule.stroke) for end in ends)
         place = search.found(enough, wanted, seed)
-        runs = runs_at(place)
     else:
         place = search.given(about, balanced=balanced)
+    runs = runs_at(place)
+    if about is not None and not runs.strokes and place.obstacle:
+        place = replace(search, checks=None).given(about, balanced=balanced)
         runs = runs_at(place)
-        if not runs.strokes and place.obstacle:
-            place = replace(search, checks=None).given(about, balanced=balanced)
-            runs = runs_at(place)
     if not runs.strokes:
         slowest = min(schedule.percent)
         raise InputError(

@@ -288,7 +288,6 @@ class CollisionChecks:
     """Distances that a robot has to keep."""
 
     def __init__(self, robot: Robot, world: World) -> None:
-        self.world = world
         self.limits = collision_limits(robot, world, of_joints(robot, range(robot.n)))
         self.notes = self.limits[0].notes if self.limits else ()
         self._labels = [*(label for limit in self.limits for label in limit.labels), ""]

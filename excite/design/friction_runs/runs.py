@@ -180,14 +180,6 @@ def _part_extrema(part: Part, order: int) -> Extrema:
     return piecewise_extrema(part.begin + part.law.breaks, pieces)
 
 
-def samples_of(runs: Runs, pose: Array, line: Array) -> tuple[Samples, list[str]]:
-    """Motion of every joint at the samples, ``q = p + N s``, and the segment of each."""
-    time = np.arange(runs.steps + 1) / runs.rate
-    values, number = runs.values(time)
-    q, dq, ddq, dddq = (np.outer(row, line) + 0.0 for row in values)
-    return Samples(time, q + pose, dq, ddq, dddq), [runs.parts[k].segment for k in number]
-
-
 def certificates(runs: Runs, pose: Array, motion: PartialMotion, limits: Sequence[LinearConstraint]) -> list[LimitUse]:
     """Use that the motion makes of every limit of joints and drives, exact over continuous time."""
     extrema = runs.extrema()

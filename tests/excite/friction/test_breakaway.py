@@ -59,16 +59,19 @@ def test_noise_does_not_make_torque_ramps_of_a_plan_those_of_a_controller() -> N
     for seed in range(24):
         part = drive_log(recorded(*ramps(14.1, 9.0, 1e-5, controlled=False), noise=1.0, seed=seed), irp6())
         by_itself += [abs(one.torque) for one in break_aways(part, "z1", None)]
-        by_plan += [abs(one.torque) for one in broken_loose("z1", [Source(0, part, None)], settings, plan)]
+        by_plan += [abs(one.torque) for one in broken_loose("z1", [Source(part, None)], settings, plan)]
     assert max(by_itself) > 14.7
     assert by_plan == pytest.approx([14.1] * 48, abs=0.45)
 
 
-def test_ramps_alone_are_not_enough() -> None:
-    ahead = recorded(*ramps(14.1, 9.0, 1e-5, controlled=False), noise=0.1)
-    plan = planned("z1", 1.0)
-    with pytest.raises(InputError, match="z1: the logs contain break-away tests, but no runs at constant speed"):
-        characteristics(irp6(), [ahead], FitSettings(), described_model, None, {"z1": plan})
+def test_ramps_alone_are_not_enough_nor_a_log_that_ends_before_the_first_window_of_its_plan() -> None:
+    for controlled, begin, message in (
+        (False, 1.0, "z1: the logs contain break-away tests, but no runs at constant speed"),
+        (True, 51.0, r"z1: ramps.csv ends after 7.798 s, before the first window .* begins 51 s"),
+    ):
+        log = recorded(*ramps(14.1, 9.0, 1e-5, controlled=controlled), noise=0.1)
+        with pytest.raises(InputError, match=message):
+            characteristics(irp6(), [log], FitSettings(), described_model, None, {"z1": planned("z1", begin)})
 
 
 def with_runs(t: Array, z: Array, tau: Array) -> Log:
@@ -94,12 +97,7 @@ ALONE = "without a plan, a break-away torque counts only if another one in the s
     [
         ({}, 1.0, 4, "4 break-away torques are points of the curve at speed zero"),
         ({"stiction": "report"}, 1.0, 0, "break-away torques are not in the curve: `stiction='report'`"),
-        (
-            {"model": "coulomb-viscous"},
-            1.0,
-            0,
-            "break-away torques are not in the curve: `model='coulomb-viscous'` has",
-        ),
+        ({"model": "coulomb-viscous"}, 1.0, 0, "break-away torques are not in the curve: `model='coulomb-viscous'`"),
         ({"model": "table"}, 1.0, 0, "break-away torques are not in the curve: `model='table'` has no stiction"),
         ({"gravity": "symmetric"}, 1.0, 2, "2 pairs of break-away torques are points of the curve at speed zero"),
         (None, 1.0, 0, ALONE),
@@ -124,7 +122,7 @@ def test_gravity_about_a_balanced_pose_is_taken_off() -> None:
     t, z, tau = ramps(14.1, 9.0, 1e-5, controlled=True)
     measured = drive_log(recorded(t, z, tau - 60.0 * (z - 0.01), noise=0.1), irp6())
     plain, level = (
-        [one.torque for one in break_aways(measured, "z1", None, controlled=True, balance=balance)]
+        [one.torque for one in break_aways(measured, "z1", balance, controlled=True)]
         for balance in (None, lambda z: -60.0 * (z - 0.01))
     )
     assert level == pytest.approx([14.1, -14.1], rel=0.03)
@@ -169,11 +167,7 @@ def test_points_at_rest_are_as_doubtful_as_the_repeats_scatter() -> None:
 def test_a_curve_at_rest_has_a_value_in_each_direction(asymmetric: bool) -> None:
     form, at = Form("any", True, asymmetric), Conditions.of(np.array([0.0, -0.0]))
     p = np.array([9.0, 25.0, 14.1, 0.1, *([7.0, 20.0, 10.6, 0.2] if asymmetric else [0.5])])
-    f, J = form.values(p, at)
-    assert f == pytest.approx([14.1, -10.6] if asymmetric else [14.6, -13.6])
-    for k, step in enumerate(1e-6 * np.eye(p.size)):
-        slope = (form.values(p + step, at)[0] - form.values(p - step, at)[0]) / 2e-6
-        assert J[:, k] == pytest.approx(slope, abs=1e-6)
+    assert form.values(p, at)[0] == pytest.approx([14.1, -10.6] if asymmetric else [14.6, -13.6])
 
 
 TUSTIN = Form("tustin", stribeck=True)
@@ -287,7 +281,7 @@ def test_ramps_that_do_not_break_it_away_are_said_to_be_too_small() -> None:
 def slow_starts(log: Log) -> list[str]:
     """What is said of z1's slow starts, at 2 mrad/s, in a log that plays the plan from its first row."""
     runs = replace(planned("z1", creep=2e-3), creeps=tuple((a, b - 0.3) for a, b in SPANS))
-    source = Source(0, drive_log(log, irp6()), None, None, PlanMatch(0.0, runs.windows, 0.0, 0, 0.0))
+    source = Source(drive_log(log, irp6()), None, None, PlanMatch(0.0, runs.windows, 0.0, 0, 0.0))
     return breakaway_notes("z1", broken_loose("z1", [source], NONE, runs), [source], runs)
 
 
@@ -336,13 +330,7 @@ def test_without_a_plan_ramps_count_while_all_others_rest() -> None:
     part = drive_log(replace(log, q=moving), irp6())
     assert len(break_aways(part, "z1", None)) == 2
     assert break_aways(part, "z1", None, alone=True) == ()
-    assert broken_loose("z1", [Source(0, part, None)], NONE, None) == ()
+    assert broken_loose("z1", [Source(part, None)], NONE, None) == ()
     assert len(break_aways(drive_log(log, irp6()), "z1", None, alone=True)) == 2
     shaken = replace(log, q=log.q @ np.diag([1.0, 1.0, 1.0, 10.0, 1.0]))  # z4 moves twice as far, as the ramp ends
     assert break_aways(drive_log(shaken, irp6()), "z1", None, alone=True) == ()
-
-
-def test_a_log_that_ends_before_the_first_window_of_its_plan() -> None:
-    log = recorded(*ramps(14.1, 9.0, 1e-5, controlled=True), noise=0.1)
-    with pytest.raises(InputError, match=r"z1: ramps.csv ends after 7.798 s, before the first window .* begins 51 s"):
-        characteristics(irp6(), [log], FitSettings(), described_model, None, {"z1": planned("z1")})

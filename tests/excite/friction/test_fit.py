@@ -10,7 +10,7 @@ from operator import attrgetter
 import numpy as np
 import pytest
 from commands import Here
-from friction_runs import ALONG_Q2, SPEEDS, TRUTH, pieces, run, there_and_back
+from friction_runs import ALONG_Q2, SPEEDS, TRUTH, pieces, run, there_and_back, unknown
 from played import irp6, torques
 
 from excite.friction.constant_speed_windows import ConstantWindow, FitSettings, WindowSearch, constant_windows
@@ -32,18 +32,12 @@ from excite.tasks.friction_file import read_friction, write_friction
 from regressors.errors import InputError
 from regressors.robot.friction.curve import CoulombViscous, Stribeck
 from regressors.robot.friction.curves import Side
-from regressors.robot.robot import Robot
 from regressors.samples import Samples
 
 
 def fitted(log: Log, drive: str = "z2", **settings: object) -> Characteristic:
     (one,) = characteristics(irp6(), [log], FitSettings(**settings), described_model, (drive,))
     return one
-
-
-def unknown() -> Robot:
-    """An IRp-6 whose inertias are not known."""
-    return irp6().replace(links=tuple(replace(link, theta=None) for link in irp6().links))
 
 
 def test_windows_lie_where_the_speed_is_constant() -> None:
@@ -88,7 +82,7 @@ def test_a_speed_that_settles_is_no_friction(noise: float, sees: bool) -> None:
     effort[:, 0] += motor.ratio.value**2 * motor.rotor_inertia * ddz + 12.0
     q += np.random.default_rng(0).normal(0.0, 1.0, q.shape) * noise
     measured = drive_log(Log("run.csv", "", robot.joint_names, t, q, effort=effort), robot)
-    windows = [ConstantWindow(0, t.size, 0.5, 0.0)]
+    windows = [ConstantWindow(0, t.size, 0.5)]
     (before,) = points_of(measured, "z1", windows, described_model(robot))
     (after,) = points_of(measured, "z1", windows, described_model(robot), settling=True)
     assert abs(before.torque - 12.0) > 0.1
@@ -144,8 +138,8 @@ def test_derivatives_by_the_parameters(stribeck: bool, asymmetric: bool) -> None
     form = Form("any", stribeck, asymmetric, 1.5, True, 30.0, True)
     rng = np.random.default_rng(0)
     p = rng.uniform(0.3, 1.0, len(form.parameters))
-    v, rise, load = rng.uniform(-1, 1, 20), rng.uniform(-5, 5, 20), rng.uniform(0, 9, 20)
-    at = Conditions(v, np.sign(v), rise, load)
+    v, rise, load = np.r_[0.0, -0.0, rng.uniform(-1, 1, 18)], rng.uniform(-5, 5, 20), rng.uniform(0, 9, 20)
+    at = Conditions(v, np.copysign(1.0, v), rise, load)
     _, J = form.values(p, at)
     for k in range(p.size):
         step = 1e-6 * np.eye(p.size)[k]
@@ -309,7 +303,7 @@ def test_paired_points_scatter_as_they_state() -> None:
     q[:, 0] = np.concatenate([half, half[::-1]])
     time = np.arange(2 * count) / 100.0
     speed = 1.0 / (time[count - 1] - time[0])
-    windows = [ConstantWindow(0, count, speed, 0.0), ConstantWindow(count, 2 * count, -speed, 0.0)]
+    windows = [ConstantWindow(0, count, speed), ConstantWindow(count, 2 * count, -speed)]
     values, stated = [], []
     for seed in range(60):
         effort = sigma * np.random.default_rng(seed).standard_normal(q.shape)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from breakaway_ramps import ramps, recorded, without
-from friction_runs import CURVE, LINE, RATE, fitted, log, runs
+from friction_runs import CURVE, LINE, RATE, fitted, log, runs, unknown
 from played import irp6, torques
 
 from excite.friction.breakaway_tests import gravity_about
@@ -19,7 +19,6 @@ from excite.friction.plan_match import PlannedWindow, Source, _stretch, match_pl
 from excite.friction.points import described_model, drive_log, points_of
 from excite.logs.log import Log
 from regressors.errors import InputError
-from regressors.robot.robot import Robot
 from regressors.samples import Samples
 
 
@@ -28,10 +27,6 @@ def as_recorded(log: Log, before: float = 0.0, cut: float = 0.0, rate: float = R
     t = np.arange(cut - before, log.time[-1], 1 / rate)
     q, effort = (np.column_stack([np.interp(t, log.time, column) for column in x.T]) for x in (log.q, log.effort))
     return Log(log.source, "", log.joints, t - t[0] + start, q, effort=effort)
-
-
-def unknown() -> Robot:
-    return irp6().replace(links=tuple(replace(link, theta=None) for link in irp6().links))
 
 
 @pytest.mark.parametrize(("before", "rate", "start"), [(0.0, RATE, 1e4), (3.217, RATE, 0.0), (3.217, 187.0, 1e4)])
@@ -129,7 +124,7 @@ def test_gravity_that_cancels_over_whole_windows_needs_no_model(gravity: str) ->
 def test_gravity_near_the_pose_is_seen_in_the_windows() -> None:
     robot, line = irp6(), np.array(LINE["z2"])
     part = drive_log(log(), robot)
-    balance = gravity_about("z2", [Source(0, part, None, None, match_plan(part, runs()))])
+    balance = gravity_about("z2", [Source(part, None, None, match_plan(part, runs()))])
     still = np.outer([-0.3, 0.3], line)
     below, above = torques(robot, Samples(np.arange(2.0), still, *[0 * still] * 3), 0) @ line
     assert balance(np.array([0.0, 1.0])) == pytest.approx([0.0, (above - below) / 0.6], rel=0.05, abs=1e-6)

@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from breakaway_ramps import away
 from pinocchio_chains import chain_model
 
-from excite.friction.breakaway_torque import BreakAway, mean_break_aways
+from excite.friction.breakaway_torque import mean_break_aways
 from excite.friction.constant_speed_windows import FitSettings
 from excite.friction.curve_fit import (
     CurveFit,
@@ -48,7 +49,7 @@ def curve(v: np.ndarray) -> np.ndarray:
 
 
 def remarks(best: CurveFit, rests: int, settings: FitSettings | None = None) -> list[str]:
-    return stiction_remarks(rests, (), best, settings or FitSettings(), windows(curve), "rad/s", alone=False)
+    return stiction_remarks(rests, (), best, settings or FitSettings(), "0.05 rad/s", alone=False)
 
 
 def test_stiction_that_no_break_away_shows_is_extrapolated() -> None:
@@ -92,10 +93,6 @@ def test_a_table_over_temperature_is_not_that_of_one() -> None:
     assert alike.friction[1] == pytest.approx(12.0, abs=0.05)
 
 
-def warm(torque: float, temperature: float) -> BreakAway:
-    return BreakAway(1 if torque > 0 else -1, torque, 0.1, 1.0, 5.0, 0, temperature)
-
-
 @pytest.mark.parametrize("asymmetric", [False, True])
 def test_means_of_break_aways_are_at_the_reference_temperature(asymmetric: bool) -> None:
     form = Form("warm", True, asymmetric, 1.0, True, 30.0)
@@ -104,7 +101,8 @@ def test_means_of_break_aways_are_at_the_reference_temperature(asymmetric: bool)
     best = CurveFit(form, values, np.zeros((values.size, values.size)), 1.0, 2.6, 0.0, 0.0)
     at = Conditions(np.array([0.0, 0.0, -0.0]), np.array([1.0, 1.0, -1.0]), np.array([-10.0, 15.0, 15.0]), np.zeros(3))
     torque = form.values(values, at)[0]
-    found = tuple(warm(x, 30.0 + w) for x, w in zip(torque.tolist(), at.temperature_rise.tolist(), strict=True))
+    temperatures = (30.0 + at.temperature_rise).tolist()
+    found = tuple(replace(away(x), temperature=w) for x, w in zip(torque.tolist(), temperatures, strict=True))
     one = Characteristic("z1", "Nm", "none", (), (), best, (best,), {}, found, ())
     ahead, behind = mean_break_aways(one.break_aways)
     assert (ahead.torque, behind.torque) == pytest.approx((14.0, -14.0))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -30,20 +31,13 @@ REAL = Path(__file__).parents[4] / "shared" / "data" / "ur10e"
 MAPPING = Path(__file__).parents[3] / "benchmarks" / "identification" / "ur10e.yaml"
 
 
-@dataclass
-class Played:
-    """One motion, played without and with a load, exact."""
-
-    motion: excite.PayloadMotion
-    bare: Any
-    held: Any
-
-
 @pytest.fixture(scope="module")
-def played() -> Played:
+def played() -> SimpleNamespace:
+    """One motion, played without and with a load, exact."""
     motion = excite.design_payload_motion("panda", 0.2, pose=POSE, period=3.0, harmonics=2)
     bare = excite.simulate(motion.design, rate=100.0)
-    return Played(motion, bare, excite.simulate(motion.design, rate=100.0, load=Payload(PHI)))
+    held = excite.simulate(motion.design, rate=100.0, load=Payload(PHI))
+    return SimpleNamespace(motion=motion, bare=bare, held=held)
 
 
 def noisy(simulation: Any, seed: int, gain: float = 1.0) -> excite.Log:
@@ -69,7 +63,7 @@ def test_the_payload_model_is_what_a_body_adds_to_the_inverse_dynamics(name: str
 
 
 @pytest.mark.slow
-def test_the_motion_stays_in_its_box_and_is_at_rest_at_both_ends(played: Played) -> None:
+def test_the_motion_stays_in_its_box_and_is_at_rest_at_both_ends(played: Any) -> None:
     design, box = played.motion.design, played.motion.box
     assert design.feasible
     sides = np.array(box, dtype=float)
@@ -80,7 +74,7 @@ def test_the_motion_stays_in_its_box_and_is_at_rest_at_both_ends(played: Played)
     assert np.all((at >= sides[:, 0] - 1e-9) & (at <= sides[:, 1] + 1e-9))
 
 
-def test_the_load_is_found_from_a_pair_of_logs_and_read_back_as_written(played: Played, tmp_path: Path) -> None:
+def test_the_load_is_found_from_a_pair_of_logs_and_read_back_as_written(played: Any, tmp_path: Path) -> None:
     pair = {"without": noisy(played.bare, 2), "gain_deviation": 0.0}
     result = excite.identify_payload("panda", noisy(played.held, 1), **pair, rated=1.0)
     assert result.mass == pytest.approx(1.5, rel=0.02)
@@ -109,7 +103,7 @@ def test_the_load_is_found_from_a_pair_of_logs_and_read_back_as_written(played: 
 
 
 @pytest.mark.slow
-def test_gains_from_a_known_mass_correct_another_load(played: Played, tmp_path: Path) -> None:
+def test_gains_from_a_known_mass_correct_another_load(played: Any, tmp_path: Path) -> None:
     pair = noisy(played.held, 3, gain=0.9), noisy(played.bare, 4, gain=0.9)
     found = excite.calibrate_gains("panda", *pair, 1.5, kind="common")
     np.testing.assert_allclose(found.gains.factor, 0.9, rtol=0.02)
@@ -127,7 +121,7 @@ def test_gains_from_a_known_mass_correct_another_load(played: Played, tmp_path: 
 
 
 @pytest.mark.slow
-def test_a_wrench_gives_the_load_and_the_frame_turns_it(played: Played, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wrench_gives_the_load_and_the_frame_turns_it(played: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     wrench = played.held.wrench_log
     found = excite.identify_payload("panda", wrench, wrench=True)
     np.testing.assert_allclose(found.estimate.phi, PHI, atol=1e-5)
@@ -142,7 +136,7 @@ def test_a_wrench_gives_the_load_and_the_frame_turns_it(played: Played, monkeypa
 
 
 @pytest.mark.slow
-def test_the_model_of_a_result_replaces_the_log_without_the_load(played: Played, tmp_path: Path) -> None:
+def test_the_model_of_a_result_replaces_the_log_without_the_load(played: Any, tmp_path: Path) -> None:
     robot = excite.identify("panda", [noisy(played.bare, seed) for seed in (7, 9, 10, 11)], choose=False, offset=True)
     robot.save(tmp_path / "robot")
     for given in (robot, tmp_path / "robot"):
@@ -154,7 +148,7 @@ def test_the_model_of_a_result_replaces_the_log_without_the_load(played: Played,
         excite.identify_payload("ur10e", noisy(played.held, 8), result=robot)
 
 
-def test_what_does_not_fit_is_refused(played: Played) -> None:
+def test_what_does_not_fit_is_refused(played: Any) -> None:
     held, bare = noisy(played.held, 1), noisy(played.bare, 2)
     for change, message in (
         ({"without": ()}, "give a log `without` the load, or the `result`"),

@@ -9,10 +9,9 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from commands import Here, files_below
-from pinocchio_chains import chain_model, drive_torques, joint_torques
+from pinocchio_chains import drive_torques, gravity_along, joint_torques
 
 from constraints.linear import LinearConstraint
 from excite.cli.summary import print_verdict, print_view
@@ -52,10 +51,7 @@ def plan_of(name: str) -> FrictionPlan:
 
 def along(robot: Robot, plan: CoordinatePlan, s: Array) -> Array:
     """Gravity's torque on a coordinate by Pinocchio."""
-    model = chain_model(robot)
-    data = model.createData()
-    poses = plan.place.pose + s[:, None] * plan.line
-    return np.array([pin.computeGeneralizedGravity(model, data, pose).copy() for pose in poses]) @ plan.line
+    return gravity_along(robot, plan.place.pose + s[:, None] * plan.line, plan.line)
 
 
 def by(plan: FrictionPlan, label: str) -> CoordinatePlan:
@@ -207,8 +203,6 @@ def test_the_stroke_can_be_bounded() -> None:
     q = c.samples()[0].q[:, 2]
     assert c.stroke == pytest.approx(1.2)
     assert np.abs(q - c.place.pose[2]).max() == pytest.approx(1.2, abs=1e-9)
-    (whole,) = plan_friction(built_in("ur10e"), SHORT, drives=("3",)).coordinates
-    assert whole.stroke > 2.0
 
 
 def test_windows_may_be_as_long_as_the_range_allows(tmp_path: Path) -> None:
@@ -394,13 +388,10 @@ def test_the_command(here: Here) -> None:
     given = ("--pose", "0,0,0,0,0", "--drives", "2", "--force", *QUICK.split())
     assert here.run("friction", "plan", "irp6", "--out", "runs", *given).returncode == 0
     assert files_below(folder) == common
-    for arguments, message in (
-        (("--drives", "9"), "no drive named '9'"),
-        (("--pose", "0,0"), "pose needs 5 numbers"),
-        (("--speeds", "fast"), "expected numbers separated by commas"),
-    ):
-        assert message in here.refused("friction", "plan", "irp6", "--out", "other", *arguments)
-        assert not (here.cwd / "other").exists()
+    refused = here.refused("friction", "plan", "irp6", "--out", "other", "--speeds", "fast")
+    assert "expected numbers separated by commas" in refused
+    assert "no drive named '9'" in here.refused("friction", "plan", "irp6", "--out", "other", "--drives", "9")
+    assert not (here.cwd / "other").exists()
 
 
 def test_joints_without_a_range_are_not_moved() -> None:

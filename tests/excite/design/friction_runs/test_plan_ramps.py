@@ -8,10 +8,9 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from commands import Here, files_below
-from pinocchio_chains import chain_model
+from pinocchio_chains import gravity_along
 
 from excite.design.friction_runs.friction_plan import CoordinatePlan, FrictionPlan
 from excite.design.friction_runs.plan_friction import plan_friction
@@ -20,7 +19,6 @@ from excite.simulation.simulation_files import read_motion
 from regressors.errors import InputError
 from regressors.readers.library import built_in
 from regressors.robot.robot import Robot
-from regressors.samples import Array
 
 SHORT = Schedule(percent=(50.0,), warm_up=0.0, breakaways=2, creeping=0.5, rate=200.0, pause=1.3, ramping=2.5)
 
@@ -40,12 +38,6 @@ def limited(robot: Robot, torque: float) -> Robot:
 
 def coordinate(robot: Robot, *drives: str, **options: object) -> CoordinatePlan:
     return plan_friction(robot, SHORT, drives=drives, **options).coordinates[0]  # type: ignore[arg-type]
-
-
-def along(robot: Robot, pose: Array, line: Array) -> float:
-    """Gravity's torque on a coordinate by Pinocchio."""
-    model = chain_model(robot)
-    return float(pin.computeGeneralizedGravity(model, model.createData(), pose) @ line)
 
 
 def test_torque_rises_in_proportion_to_time_to_the_largest_one_and_is_zero_elsewhere() -> None:
@@ -125,7 +117,7 @@ def test_files_hold_the_ramps(tmp_path: Path) -> None:
         told = written["torque_ramps"]
         assert (told["file"], told["drive"], told["unit"]) == (f"{c.label}.stiction.csv", c.label, "Nm")
         assert (told["largest"], told["gravity"]) == (c.ramps.largest, c.ramps.gravity)
-        assert told["gravity"] == pytest.approx(along(robot, c.place.pose, c.line), abs=1e-9)
+        assert told["gravity"] == pytest.approx(gravity_along(robot, [c.place.pose], c.line)[0], abs=1e-9)
         for ramp, each in zip(c.ramps.ramps, told["ramps"], strict=True):
             assert all(each[key] == getattr(ramp, key) for key in ("start", "end", "rate", "direction"))
         table = np.loadtxt(tmp_path / told["file"], dtype=str, delimiter=",", comments=None)

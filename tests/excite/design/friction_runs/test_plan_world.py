@@ -181,8 +181,6 @@ def test_distances_are_stored(tmp_path: Path) -> None:
         assert [d["label"] for d in written["distances"]] == [d.use.label for d in c.distances]
         assert [d["at"] for d in written["distances"]] == [d.at for d in c.distances]
         assert all(d["holds"] and d["method"] == "enclosed" for d in written["distances"])
-    (alone,) = plan_friction(built_in("irp6"), SHORT, drives=("5",)).coordinates
-    assert alone.distances is None
 
 
 def test_worlds_that_do_not_fit() -> None:
