@@ -16,15 +16,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 79_069,
-    "lines of code": 48_776,
-    "files": 374,
+    "lines": 78_907,
+    "lines of code": 48_675,
+    "files": 367,
     "classes": 659,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 18,
     "imports inside functions": 63,
     "look-ups of built-in parts by name": 17,
-    "lines of code of tests": 35_355,
+    "lines of code of tests": 35_321,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 140,
