@@ -152,9 +152,11 @@ class RunInformation:
             return cls(target, precision, inverse_half(W), rows, seconds, in_hand)
         usual, typical = usual_speeds(target.robot, [samples]), typical_speed(target.robot, [samples])
         least = least_speeds(target, samples, np.minimum(usual, typical)).ravel()  # a slower drive by its own speed
-        near, far = (H @ H.T for H in (inverse_half(W[least >= share]) for share in (SLOW, 2.0 * SLOW)))
-        if np.any(np.diag(far) < 0.999 * np.diag(near)):  # fewer rows know more only where they are too few for all
+        length = np.linalg.norm(W, axis=0)
+        A, fast = (rows / np.where(length > 0, length, 1.0) for rows in (W, W[least >= 2.0 * SLOW]))
+        if np.linalg.matrix_rank(fast.T @ fast, hermitian=True) < np.linalg.matrix_rank(A.T @ A, hermitian=True):
             raise InputError(_TOO_SLOW)
+        near, far = (H @ H.T for H in (inverse_half(W[least >= share]) for share in (SLOW, 2.0 * SLOW)))
         chi2 = scipy.special.chdtri(1, 1.0 - precision.probability)
         C = (1.0 - chi2) * near + chi2 * far
         size = np.sqrt(np.diag(C))

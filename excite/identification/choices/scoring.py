@@ -125,7 +125,14 @@ def pulled_least_squares(
     prior = np.zeros((len(columns) + 1,) * 2)
     prior[np.ix_(known, known)] = information
     prior[known, -1] = prior[-1, known] = information @ center[known]
-    return lambda products, weights: least_squares_of_products(products, weights, prior)
+    places = [*range(len(columns)), -1]  # further columns, of which nothing is known, stand before the last
+
+    def estimate(products: Array, weights: Array) -> Array:
+        beside = np.zeros(products.shape[1:])
+        beside[np.ix_(places, places)] = prior
+        return least_squares_of_products(products, weights, beside)
+
+    return estimate
 
 
 _WORTH = 0.005  # of the score: what is as good
