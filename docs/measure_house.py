@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 78_916,
-    "lines of code": 48_682,
+    "lines": 78_918,
+    "lines of code": 48_684,
     "files": 367,
     "classes": 659,
     "public names": 95,

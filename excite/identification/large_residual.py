@@ -159,6 +159,7 @@ def _explained(e: Array, columns: list[Array]) -> float:
 
 
 _WINDOW = 0.15  # [s] that residuals are averaged over
+_LEAST_UNIT = 1e-3  # of the torque: residuals of a log without noise are rounding
 _INSTANTS = 2000
 _ROUNDS, _TRIMMED = 6, 3.0  # of the fit without residuals of more than so many times the usual
 _RARE, _LONG, _LARGE = 3, 0.15, 4.0  # stretches at most, share of the log, and their size over that of the next
@@ -178,8 +179,9 @@ def with_external_forces(robot: Robot, target: IdentificationTarget, log: Log, r
         return log
     some = some[np.unique(np.linspace(0, some.size - 1, _INSTANTS).astype(int))]
     size, time = _unexplained(target, part.samples.rows(some), part.measured[some]), part.samples.time[some]
-    stretches = sorted(runs(size > _TRIMMED * np.median(size)), key=lambda ends: -size[slice(*ends)].max())
-    peaks = [float(size[slice(*ends)].max()) for ends in stretches] + [float(_TRIMMED * np.median(size))]
+    usual = _TRIMMED * max(1.0, float(np.median(size)))
+    stretches = sorted(runs(size > usual), key=lambda ends: -size[slice(*ends)].max())
+    peaks = [float(size[slice(*ends)].max()) for ends in stretches] + [usual]
     count = max((k for k in range(1, min(_RARE, len(stretches)) + 1) if peaks[k - 1] > _LARGE * peaks[k]), default=0)
     spans = tuple((float(time[a]) - _WINDOW, float(time[b - 1]) + _WINDOW) for a, b in stretches[:count])
     return replace(log, external_forces=spans) if 0 < within(log.time, spans).mean() < _LONG else log
@@ -197,8 +199,8 @@ def _unexplained(target: IdentificationTarget, motion: Samples, measured: Array)
         A, b = W[kept] / scale[:, None], measured[kept] / scale
         residual = measured - W @ np.linalg.lstsq(A.reshape(-1, W.shape[2]), b.ravel(), rcond=1e-9)[0]
         scale = np.sqrt(np.mean(residual[kept] ** 2, axis=0))
-        middle = np.median(np.abs(residual), axis=0)
+        middle = np.maximum(np.median(np.abs(residual), axis=0), _LEAST_UNIT * np.std(measured, axis=0))
         squares = np.mean((residual / np.where(middle > 0, middle, 1.0)) ** 2, axis=1)
         size = np.sqrt(np.maximum(scipy.ndimage.uniform_filter1d(squares, count, mode="nearest"), 0.0))
-        kept = size < _TRIMMED * np.median(size)
+        kept = size <= _TRIMMED * max(1.0, float(np.median(size)))
     return np.asarray(size)
