@@ -168,8 +168,8 @@ _RARE, _LONG, _LARGE = 3, 0.15, 4.0  # stretches at most, share of the log, and 
 def with_external_forces(robot: Robot, target: IdentificationTarget, log: Log, recipe: Recipe) -> Log:
     """The log with the stretches in which something else pushed the robot, as where it was touched, which are left out.
 
-    What friction does, a fit with all its terms explains, or leaves over again and again. So up to three stretches
-    count whose residuals, in units of their usual size, are more than four times those of any other.
+    What friction does, a fit of the log itself explains, or leaves over again and again. So up to three stretches count
+    whose residuals, in units of their usual size, are more than four times those of any other.
     """
     if target.model.channel != "effort" or recipe.rows == ALL:
         return log
