@@ -56,11 +56,17 @@ class GridLimits:
 
     def with_broken(self, x: Array) -> GridLimits:
         """With those that hold by default, but not for this x, among the others; itself if there are none."""
-        broken = tuple(limit for limit in self.stated if not limit.holds(x))
-        if not broken:
+        return self._with([limit for limit in self.stated if not limit.holds(x)])
+
+    def with_near(self, motions: Sequence[Array]) -> GridLimits:
+        """With those that hold by default, and that some motions use almost whole, among the others."""
+        return self._with([limit for limit in self.stated if any(limit.is_near(x) for x in motions)])
+
+    def _with(self, more: Sequence[GridConstraint]) -> GridLimits:
+        if not more:
             return self
-        kept = tuple(limit for limit in self.stated if limit not in broken)
-        return GridLimits(self.linear, (*self.nonlinear, *broken), kept, (*self.together, *broken))
+        kept = tuple(limit for limit in self.stated if limit not in more)
+        return GridLimits(self.linear, (*self.nonlinear, *more), kept, (*self.together, *more))
 
     def with_expected(self, motions: Sequence[Array]) -> GridLimits:
         """With those that hold by default, but not for all of some motions, among the others, evaluated as one."""
@@ -82,6 +88,12 @@ class GridLimits:
     def nonlinear_in_x(self) -> tuple[GridConstraint, ...]:
         """Constraints that enter a programme as tangents."""
         return tuple(limit for limit in (*self.linear, *self.together) if not limit.linear)
+
+    @property
+    def instructions(self) -> int:
+        """Those of the nonlinear limits at one instant."""
+        functions = [limit.function for limit in self.together]
+        return sum(f.constraint.function.instructions for f in functions if isinstance(f, JointFunction))
 
     def linear_values(self, x: Array) -> list[Array]:
         """Values of the linear limits' functions on the grid."""
@@ -182,6 +194,10 @@ class GridConstraint:
             return False
 
         return holds
+
+    def is_near(self, x: Array) -> bool:
+        """Whether the motion uses a bound almost whole: others like it are likely to break it."""
+        return bool(self.sampled(x)[2].max(initial=-np.inf) > _NEAR)
 
     def largest_part(self, value: Array, change: Array) -> float:
         """Largest s for which ``value + s change`` stays within the bounds, each of shape (k, N); infinite if any."""

@@ -60,6 +60,7 @@ from regressors.robot.symbolic.vectorised import evaluation, interpreted_note
 from regressors.samples import Array
 
 _PACKAGES = ("excite-trajectories", "casadi", "numpy", "scipy", "daqp", "ruckig")
+_TIME = 20.0  # typical processor time of a search whose rounds are not stated [s]
 _ENDED = "Ctrl-C ends it, and the best so far is saved"
 _NONE = "no start has a result: the process of each ended unexpectedly; try fewer `workers`"
 
@@ -185,7 +186,7 @@ def solve(
     kept = starts if isinstance(starts, KeptStarts) else keep_starts(starts, formulation)
     began, date = time.monotonic(), datetime.now(UTC)
     interrupted, search = False, formulation.task.search
-    rounds = Rounds(search)
+    rounds = Rounds(search, _TIME / formulation.problem.seconds)
     running = RunningRounds(rounds, kept, progress, in_processes=search.executor != "serial")
     try:
         execute = part("executor", search.executor)
@@ -202,7 +203,8 @@ def solve(
         raise KeyboardInterrupt if interrupted else NoFeasibleMotionError(_NONE)
     provenance = _provenance(formulation, date, time.monotonic() - began, running.spent)
     if search.budget is not None and not interrupted:  # with the rounds that it was enough for, it gives the same again
-        task = formulation.task.changed(search=replace(search, budget=None, rounds=rounds.count))
+        random = None if search.starts is None else rounds.first
+        task = formulation.task.changed(search=replace(search, budget=None, starts=random, rounds=rounds.count))
         formulation = replace(formulation, task=task)
     with threadpool_limits(1), suspecting(robot):
         design = certify(robot, formulation, results, provenance, interrupted=interrupted)

@@ -20,6 +20,7 @@ from excite.trajectories.family import Family
 from regressors.samples import Array
 
 _WITHIN = 1.0 - 1e-9  # of what the limits allow, against rounding
+_CALLS, _INSTRUCTIONS = 3e-4, (6e-7, 5e-7)  # seconds, and for each instruction of the regressor and of the limits
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +75,12 @@ class Problem:
         """Shape (n, size) of the coefficients in which motions are linear."""
         return len(self.centre), self.family.size
 
+    @property
+    def seconds(self) -> float:
+        """Typical processor time of an evaluation, with its step, by the size of the equations; right within two."""
+        sizes = self.information.instructions, self.limits.instructions
+        return _CALLS + sum(each * size for each, size in zip(_INSTRUCTIONS, sizes, strict=True))
+
     @cached_property
     def rest(self) -> Array:
         """The x of rest in the centre pose."""
@@ -94,6 +101,11 @@ class Problem:
     def with_broken(self, x: Array) -> Problem:
         """The problem with the limits that hold by default, but not for this x; itself if there are none."""
         limits = self.limits.with_broken(x)
+        return self if limits is self.limits else replace(self, limits=limits)
+
+    def with_near(self, motions: Sequence[Array]) -> Problem:
+        """The problem with the limits that hold by default, and that some motions use almost whole."""
+        limits = self.limits.with_near(motions)
         return self if limits is self.limits else replace(self, limits=limits)
 
     def violation(self, x: Array) -> float:

@@ -2,9 +2,9 @@
 
 The first round is random. Later ones combine the best motions so far, until a few rounds in a row bring next to
 nothing; then another population begins with random motions. The search ends where three populations have come to the
-same best end, and after a number of rounds at the latest; it estimates what one more population would bring: had each
-one been left out, how much worse would the best be, on average? The clock, the number of workers and the order in which
-starts end have no say, so that the same seed gives the same motion.
+same best end, and at the latest after a number of rounds, and of evaluations that usually take some 20 s; it estimates
+what one more population would bring: had each one been left out, how much worse would the best be, on average? The
+clock, the number of workers and the order in which starts end have no say, so that the same seed gives the same motion.
 """
 
 from __future__ import annotations
@@ -52,9 +52,12 @@ _ROUNDS = 32  # largest number of rounds after the first, where neither rounds n
 class Rounds:
     """Plan of the rounds of one search."""
 
-    def __init__(self, search: Search) -> None:
+    def __init__(self, search: Search, evaluations: float = np.inf) -> None:
         self.search = search
-        self.planned = self.count = 0
+        self._evaluations = (
+            evaluations  # after which no further round begins, where neither rounds nor budget are stated
+        )
+        self.planned = self.first = self.count = 0  # starts, those of the first round, and rounds after it
         self.population = Population()
         self.ends: list[float] = []
         self._stall = 0
@@ -68,11 +71,12 @@ class Rounds:
 
     def following(self, results: Sequence[StartResult], spent: float = 0.0) -> Starts:
         """Starts of the next round, given the results of the last one; none at the end."""
-        if self.planned == 0:
-            return self._random(self.search.first)
-        if self._over or not self.search.adaptive:
+        if self.planned and (self._over or not self.search.adaptive):
             return ()
-        self._take(results)
+        if self.planned:
+            self._take(results)
+        if not self.planned or (self.first < self.search.first and not self._is_spent(spent)):
+            return self._first_round()
         if self._best is None:
             return ()
         if self._ends_here(spent):
@@ -100,6 +104,7 @@ class Rounds:
         before = self.population.best
         self.population.add(results)
         for result in sorted(results, key=lambda result: result.index):
+            self._evaluations -= result.evaluations
             if np.isfinite(result.value) and (self._best is None or result.value < self._best.value):
                 self._best = result
         gained = self.population.best < before * (1.0 - _GAIN)
@@ -110,6 +115,13 @@ class Rounds:
             self.ends.append(best)
             self.population, self._stall = Population(), 0
 
+    def _first_round(self) -> range:
+        """Its starts; a few of them at a time where their time is bounded."""
+        left = self.search.first - self.first
+        count = left if self.search.budget is None else min(left, RANDOM_STARTS)
+        self.first += count
+        return self._random(count)
+
     def _random(self, count: int) -> range:
         self.planned += count
         return range(self.planned - count, self.planned)
@@ -117,14 +129,19 @@ class Rounds:
     def _descending(self, kind: Kind, count: int, parents: tuple[StartResult, ...]) -> tuple[PlannedStart, ...]:
         return tuple(PlannedStart(index, kind, parents) for index in self._random(count))
 
+    def _is_spent(self, spent: float) -> bool:
+        return self.search.budget is not None and spent >= self.search.budget
+
     def _ends_here(self, spent: float) -> bool:
+        if self._is_spent(spent):
+            return True
         if self.search.rounds is not None:
             return self.count >= self.search.rounds
         if self.search.budget is not None:
-            return spent >= self.search.budget
+            return False
         ends = np.sort(self.ends)[:_REPETITIONS]
         found_again = ends.size == _REPETITIONS and ends[-1] <= (1.0 + _GAIN) * ends[0]
-        return bool(found_again) or self.count >= _ROUNDS
+        return bool(found_again) or self.count >= _ROUNDS or self._evaluations <= 0
 
 
 _SAME = 3e-3  # two motions whose criteria differ by less are taken to be in one basin: mirrored and reversed ones are

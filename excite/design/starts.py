@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -154,22 +155,46 @@ def optimise_starts(
     A start's processor time is its share of that of all that were at work with it.
     """
     planned = [start if isinstance(start, PlannedStart) else PlannedStart(start) for start in starts]
-    times = _SharedTime(len(planned))
-    results = []
     with threadpool_limits(1), np.errstate(all="ignore"):  # a point that overflows is worse than any, and left behind
-        attempts = [_attempt(problem, start, seed, _Snapshots(start, folder, answer, origin)) for start in planned]
-        for k, first in method.attempt(problem, attempts):
-            outcome = _within_broken(problem, method, attempts[k], first)
-            if not np.all(np.isfinite(outcome.x)):
-                raise NumericalError(
-                    f"start {planned[k].index} ended at a motion that is not finite; check `period` and the limits"
-                )
-            value = problem.exact_value(outcome.x)
-            end = value, outcome.status.value, outcome.history, outcome.evaluations, times.end(k)
-            results.append(_result(planned[k], outcome.x, end))
-            if folder is not None:
-                write_start(folder, results[-1], origin)
-    return results
+        return [
+            result
+            for parents, family in groupby(planned, key=lambda start: start.parents)
+            for result in _optimised(
+                problem.with_near([parent.coefficients for parent in parents]),
+                method,
+                seed,
+                list(family),
+                folder,
+                answer,
+                origin,
+            )
+        ]
+
+
+def _optimised(
+    problem: Problem,
+    method: Solver,
+    seed: int,
+    planned: Sequence[PlannedStart],
+    folder: Path | None,
+    answer: Callable[[], None],
+    origin: Origin | None,
+) -> Iterator[StartResult]:
+    """Optimise the starts that descend from the same motions."""
+    times = _SharedTime(len(planned))
+    attempts = [_attempt(problem, start, seed, _Snapshots(start, folder, answer, origin)) for start in planned]
+    for k, first in method.attempt(problem, attempts):
+        outcome = _within_broken(problem, method, attempts[k], first)
+        if not np.all(np.isfinite(outcome.x)):
+            raise NumericalError(
+                f"start {planned[k].index} ended at a motion that is not finite; check `period` and the limits"
+            )
+        value = problem.exact_value(outcome.x)
+        end = value, outcome.status.value, outcome.history, outcome.evaluations, times.end(k)
+        result = _result(planned[k], outcome.x, end)
+        if folder is not None:
+            write_start(folder, result, origin)
+        yield result
 
 
 def _result(start: PlannedStart, x: Array, so_far: tuple[float, str, list[float], int, float]) -> StartResult:
@@ -233,12 +258,11 @@ def _within_broken(problem: Problem, method: Solver, attempt: Attempt, outcome: 
 
     Most motions break none or few of them, and each makes an evaluation more expensive.
     """
-    guesses, watch = attempt.starts, attempt.watch
+    watch = attempt.watch
     while method.takes_nonlinear_limits and (limited := problem.with_broken(outcome.x)) is not problem:
         problem, evaluations = limited, outcome.evaluations
         if isinstance(watch, _Snapshots):
             watch.restart()
-        guesses = [shrunk(problem, x) for x in (outcome.x, *guesses)]
-        outcome = method.solve(problem, guesses, watch)
+        outcome = method.solve(problem, [shrunk(problem, outcome.x)], watch)
         outcome = replace(outcome, evaluations=evaluations + outcome.evaluations)
     return outcome

@@ -55,6 +55,11 @@ class Information:
         self._blocks = _blocks(*self._place, Y.shape[1], self._equations, self._count)
         self._weights = None if np.all(noise == 1.0) else 1.0 / noise[:, None]
 
+    @property
+    def instructions(self) -> int:
+        """Those of the regressor at one instant."""
+        return self._function.instructions
+
     def trajectory(self, x: Array) -> Trajectory:
         """Motion of every joint, from that of the moving coordinates."""
         return Trajectory(self._family, x).carried(self._motion.matrix, self._motion.offset)

@@ -112,7 +112,8 @@ def _asked(design: Design) -> Iterator[str]:
     worth = ""  # of more rounds of the search
     if design.search is not None and design.search.left is not None:
         more = design.number_of_starts // design.search.populations
-        worth = f"; another {more} would bring about {100 * design.search.left:.1f} %"
+        longer = float(design.provenance["cpu_seconds"]) / design.search.populations
+        worth = f"; another {more} ({longer:.2g} s) would bring about {100 * design.search.left:.1f} %"
     yield (
         f"{design.robot.name}: {name_of(task.model.model)} model, {', '.join(design.target.motion.labels)} move, "
         f"{design.base.rank} base parameters; {task.trajectory.period:g} s, {design.trajectory.family.described}; "

@@ -174,9 +174,23 @@ class NearRows:
         return peak
 
 
+def _telling(use: Array, instants: Index) -> Index:
+    """Numbers of instants at which a programme looks: those of a coarse grid, and around peaks near a bound."""
+    peak: NDArray[np.bool_] = use > _ROW
+    peak[:, 1:] &= use[:, 1:] >= use[:, :-1]
+    peak[:, :-1] &= use[:, :-1] >= use[:, 1:]
+    at_peak = peak.any(axis=0)
+    around = at_peak.copy()
+    around[1:] |= at_peak[:-1]
+    around[:-1] |= at_peak[1:]
+    return np.flatnonzero(around | (instants % _STRIDE == 0))
+
+
 def _near(limit: GridConstraint, x: Array) -> tuple[Array, Index, Array]:
     """Value, bounds, scale and reserve of each function near a bound at an instant; its number; its row."""
     instants, values, use = limit.sampled(x)
+    some = _telling(use, instants)
+    instants, values, use = instants[some], values[:, some], use[:, some]
     near = use > _LINEARISED
     near[~limit.function.varies] = False
     function, place = np.nonzero(near)

@@ -149,6 +149,11 @@ class VectorisedFunction:
         _check(self._function)
         self._reverse: Callable[[Sequence[Array]], Array] | None = None
 
+    @property
+    def instructions(self) -> int:
+        """Number of them, for one instant."""
+        return int(self._function.n_instructions())
+
     @cached_property
     def _forward(self) -> Callable[[Sequence[Array]], Array]:
         return _program(self._function)

@@ -129,6 +129,21 @@ def test_a_budget_ends_after_the_round_that_uses_it_up() -> None:
     assert rounds.count == 1
 
 
+def test_a_budget_binds_stated_starts_and_rounds() -> None:
+    rounds = Rounds(Search(starts=100, rounds=50, budget=5.0))
+    assert rounds.following([], 0.0) == range(RANDOM_STARTS)
+    assert rounds.following([ended(k, random_value(k)) for k in range(4)], 1.0) == range(RANDOM_STARTS, 8)
+    assert plain([rounds.following([ended(4, 1.0)], 5.0)])[0][0] == ("refinement", 8, (4,))
+    assert not rounds.following([ended(8, 0.9)], 5.0)
+
+
+def test_evaluations_end_a_search_whose_rounds_are_not_stated() -> None:
+    evaluations = ended(0, 1.0).evaluations
+    for search, count in ((Search(), 4), (Search(rounds=9), 11)):
+        planned = plain(run(Rounds(search, 2.5 * RANDOM_STARTS * evaluations), lambda number: 100.0 / (1.0 + number)))
+        assert (len(planned), planned[-1][0][0]) == (count, "refinement")
+
+
 def test_no_motion_that_identifies_the_parameters_ends_the_search() -> None:
     assert len(run(Rounds(Search()), lambda _: np.inf)) == 1
 
