@@ -176,14 +176,14 @@ class NearRows:
 
 def _telling(use: Array, instants: Index) -> Index:
     """Numbers of instants at which a programme looks: those of a coarse grid, and around peaks near a bound."""
-    peak: NDArray[np.bool_] = use > _ROW
+    peak = np.greater(use, _ROW)
     peak[:, 1:] &= use[:, 1:] >= use[:, :-1]
     peak[:, :-1] &= use[:, :-1] >= use[:, 1:]
-    at_peak = peak.any(axis=0)
-    around = at_peak.copy()
-    around[1:] |= at_peak[:-1]
-    around[:-1] |= at_peak[1:]
-    return np.flatnonzero(around | (instants % _STRIDE == 0))
+    at_peaks = np.flatnonzero(peak.any(axis=0))
+    told = instants % _STRIDE == 0
+    for step in (-1, 0, 1):
+        told[np.clip(at_peaks + step, 0, instants.size - 1)] = True
+    return np.flatnonzero(told)
 
 
 def _near(limit: GridConstraint, x: Array) -> tuple[Array, Index, Array]:
