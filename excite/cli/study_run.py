@@ -77,18 +77,20 @@ def predict_and_write(folder: Path, parts: tuple[str, ...], **given: Any) -> Non
     show(accuracy_view(prediction), files, content=lambda: json_of(prediction), all_in=files[0].name)
 
 
-def bound_and_write(folder: Path, criteria: tuple[str, ...], seed: int, parts: tuple[str, ...], force: bool) -> None:
+def bound_and_write(
+    folder: Path, criteria: tuple[str, ...], seed: int, parts: tuple[str, ...], force: bool, what_ifs: bool
+) -> None:
     """Bound the criteria of a design, or read what was computed of the same problem before."""
     design = excite.load_design(folder, parts)
     known = None if force else stored_bound(design)
     files: list[Path] = []
     if known is not None and {each.name for each in known.criteria} >= set(criteria):
         result = known
-        if known.sensitivity is None:
+        if known.sensitivity is None and what_ifs:
             result = replace(known, sensitivity=sensitivity(design, tell))
             files = result.save(_place(folder))
     else:
-        result = excite.bound(design, criteria, seed=seed, progress=tell)
+        result = excite.bound(design, criteria, seed=seed, what_ifs=what_ifs, progress=tell)
         others = () if known is None else (each for each in known.criteria if each.name not in criteria)
         result = replace(result, criteria=(*result.criteria, *others))
         files = result.save(_place(folder))

@@ -20,7 +20,7 @@ from excite.trajectories.family import Family
 from regressors.samples import Array
 
 _WITHIN = 1.0 - 1e-9  # of what the limits allow, against rounding
-_CALLS, _INSTRUCTIONS = 3e-4, (6e-7, 5e-7)  # seconds, and for each instruction of the regressor and of the limits
+_CALLS, _INSTRUCTIONS = 3e-4, (6e-7, 3.5e-7)  # seconds, and for each instruction of the regressor and of the limits
 
 
 @dataclass(frozen=True, eq=False)

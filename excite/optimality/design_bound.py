@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -151,6 +152,7 @@ def bound(
     *,
     rounds: int = _ROUNDS,
     seed: int = 0,
+    what_ifs: bool = True,
     progress: Callable[[str], None] = lambda _: None,
 ) -> DesignBound:
     """Bound criteria from below over all motions of a design's family within the limits of its problem.
@@ -169,6 +171,8 @@ def bound(
     rounds : int
         Largest number of rounds of cutting planes.
     seed : int
+    what_ifs : bool
+        Find what changes of the problem would bring, too; Ctrl-C ends that, and the bounds are returned without it.
     progress : callable, optional
         Takes a sentence on the progress.
 
@@ -197,8 +201,11 @@ def bound(
     with threadpool_limits(1):
         formulation = formulate(design.robot, design.task)
         planes = cutting_planes(formulation, design)
-        changes = sensitivity(design, progress)
         found = tuple(_bound(BOUNDED[name], planes, design, rounds, seed, progress) for name in criteria)
+        changes = None
+        if what_ifs:
+            with suppress(KeyboardInterrupt):
+                changes = sensitivity(design, progress)
     problem, said = bounded_problem_sha256(design), _assumptions(formulation, planes)
     return DesignBound(design.name, problem, found, said, design.coefficients_sha256, changes)
 

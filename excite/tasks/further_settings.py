@@ -43,6 +43,7 @@ class BoundSettings:
         flag="criterion",
     )
     seed: int = essential(0, "integer", "Seed of the search for states.")
+    what_ifs: bool = essential(True, "flag", "Find what changes of the problem would bring, too.")
 
 
 @dataclass(frozen=True)

@@ -133,6 +133,9 @@ def _measures(judgements: Sequence[Judgement], *, marked: bool) -> ViewTable:
     return ViewTable("comparison", "Measures of each design", columns, tuple(rows), note=note, marked=best)
 
 
+_NO_CHANGES = "what changes of the problem would bring is not known yet; `excite bound` without --no-what-ifs finds it"
+
+
 def bound_view(bound: DesignBound) -> View:
     """View of the bounds on a design's criteria, and of what changes of its problem would bring."""
     changes = bound.sensitivity if bound.sensitivity is not None and bound.sensitivity.rows else None
@@ -145,7 +148,7 @@ def bound_view(bound: DesignBound) -> View:
             f"{bound.name}: bounds over all motions of the family within the limits; smaller criteria are better",
             *meaning,
         ),
-        remarks=bound.assumptions,
+        remarks=(*(() if bound.sensitivity is not None else (_NO_CHANGES,)), *bound.assumptions),
         tables=(_criteria(bound), *(() if changes is None else (_changes(changes),))),
     )
 

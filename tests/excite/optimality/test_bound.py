@@ -43,6 +43,16 @@ def test_bound_of_one_joint_is_proven_and_below_every_motion(folder: Path) -> No
     assert 0.2 < found.efficiency <= 1.0
 
 
+def test_interrupted_changes_leave_the_bound(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("excite.optimality.design_bound.sensitivity", interrupted)
+    found = excite.bound(load_design(folder), rounds=1)
+    assert (found.sensitivity, len(found.criteria)) == (None, 1)
+    assert excite.bound(load_design(folder), rounds=1, what_ifs=False).criteria[0].value == found.criteria[0].value
+
+
 def test_a_bound_is_read_again_for_the_same_problem_only(folder: Path) -> None:
     one = load_design(folder)
     bound = replace(known(str(folder), bounded_problem_sha256(one)), coefficients=one.coefficients_sha256)
