@@ -210,6 +210,17 @@ def test_joints_are_exchanged_mirrored_and_renewed() -> None:
     assert (0, 0, 0) in seen, "between"
 
 
+def test_limits_that_motions_come_near_are_imposed_and_no_others() -> None:
+    problem = formulate(load_robot("ur10e"), Task("ur10e", harmonics=3)).problem
+    rng = np.random.default_rng(1)
+    xs = [random_motion(problem, rng) for _ in range(12)]
+    used = {limit for limit in problem.limits.stated if any(limit.uses(limit.values(x)).max() > 0.95 for x in xs)}
+    imposed = set(problem.with_near(xs).limits.nonlinear) - set(problem.limits.nonlinear)
+    assert imposed == used
+    assert 0 < len(used) < len(problem.limits.stated)
+    assert problem.with_near([]) is problem
+
+
 @pytest.mark.slow
 def test_the_search_is_the_same_in_processes(undisturbed: excite.Design, tmp_path: Path) -> None:
     assert ends(design(tmp_path / "2", executor="process", workers=2).starts) == ends(undisturbed.starts)
