@@ -133,7 +133,7 @@ def _measures(judgements: Sequence[Judgement], *, marked: bool) -> ViewTable:
     return ViewTable("comparison", "Measures of each design", columns, tuple(rows), note=note, marked=best)
 
 
-_NO_CHANGES = "what changes of the problem would bring is not known yet; `excite bound` without --no-what-ifs finds it"
+_NO_CHANGES = "what changes of the problem would bring was left out or interrupted; `what_ifs` finds it"
 
 
 def bound_view(bound: DesignBound) -> View:
