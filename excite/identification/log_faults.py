@@ -20,12 +20,23 @@ from excite.information.target import IdentificationTarget
 from excite.logs.event import within
 from regressors.errors import percent
 from regressors.models.load import PayloadModel
+from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
 
 Flags = NDArray[np.bool_]
 
 LEAST_ERROR = 2e-3  # of the torques: a smaller one is no further evidence
 ODD_GAIN = 1.25  # a gain nearer to one is not a fault
+
+
+@dataclass(frozen=True)
+class Moment:
+    """When an instant of a log was."""
+
+    log: str
+    time: float  # [s]
+    row: int
+    passed: float  # share of the log before it
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +53,7 @@ class Fault:
     longest: float = 0.0  # of them [s]
     positions: tuple[Array, Array] | None = None  # ``A (n, n), b (n,)``: true positions ``A q + b``
     errors: Array = field(default_factory=lambda: np.zeros(0))  # (n,) of each equation, over its torque, without it
+    parameters: Array = field(default_factory=lambda: np.zeros(0))  # of that fit
 
     @property
     def size(self) -> float:
@@ -149,7 +161,9 @@ def gain_fault(names: tuple[str, ...], j: int, log_gain: float) -> Fault:
 
 _FREEDOM = 0.1  # of each value that is fitted
 _ODD_SCALE = 3.0  # masses of descriptions are off by less
-_LEVEL = np.deg2rad(5.0)  # a smaller tilt is not a fault
+_LEVEL, _MOVED = np.deg2rad([5.0, 2.0])  # a smaller tilt is not a fault, nor a smaller one from some time on
+_DRIFT = 0.1  # a smaller change of friction is not stated
+_OTHER_LENGTH = 0.1  # a smaller change of lengths is not a fault
 
 
 def gains_fault(names: tuple[str, ...], gains: Array, shown: Flags, *, known: bool) -> Fault:
@@ -174,11 +188,16 @@ def gains_fault(names: tuple[str, ...], gains: Array, shown: Flags, *, known: bo
 
 def gravity_fault(described: Array, gravity: Array) -> Fault:
     """Gravity acts in another direction than described, unless it is nearly the same."""
-    angle = np.arccos(np.clip(described @ gravity / np.linalg.norm(described) / np.linalg.norm(gravity), -1.0, 1.0))
+    angle = _angle(described, gravity)
     x = ",".join(f"{x:.2f}" for x in gravity)
     what = f"the base is tilted by {np.rad2deg(angle):.0f} degrees: gravity is ({x}) in its axes, and not as described"
     cure = f"use `gravity={x}`, or `gravity: [{x}]` in the robot's file"
     return Fault("gravity" if angle > _LEVEL else NO_FAULT.kind, (), what, cure, freedom=_FREEDOM)
+
+
+def _angle(a: Array, b: Array) -> float:
+    """Between two vectors [rad]."""
+    return float(np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1.0, 1.0)))
 
 
 def delay_fault(names: tuple[str, ...], late: Index, step: float) -> Fault:
@@ -193,6 +212,52 @@ def delay_fault(names: tuple[str, ...], late: Index, step: float) -> Fault:
         kind, cure = "late", f"use `delay={delay:.3g}`"
         what = f"all torques are {1e3 * abs(delay):.3g} ms {how} than the positions"
     return Fault(kind, concerned, what, cure, late=late, longest=abs(delay))
+
+
+def late_from_fault(names: tuple[str, ...], late: Index, delay: float, moment: Moment) -> Fault:
+    """Torques that were recorded later than the positions from some time on, as where rows of them were lost."""
+    how = "later" if delay > 0 else "earlier"
+    what = f"from {moment.time:.3g} s on all torques are {1e3 * abs(delay):.3g} ms {how} than before"
+    cure = f"a clock jumped, or rows of one of them were lost: {_before(moment)}"
+    return Fault("late from", names, what, cure, late=late, longest=abs(delay), freedom=_FREEDOM)
+
+
+def moved_fault(before: Array, after: Array, moment: Moment) -> Fault:
+    """Gravity changes its direction in the axes of the base, unless it hardly does."""
+    angle, x = _angle(before, after), ",".join(f"{x:.2f}" for x in after)
+    what = f"from {moment.time:.3g} s on the base is tilted by {np.rad2deg(angle):.2g} degrees: gravity is ({x})"
+    cure = f"fix the base and record again, or {_before(moment)}"
+    kind = "moved base" if angle > _MOVED else NO_FAULT.kind
+    return Fault(kind, (), what, cure, freedom=2 * _FREEDOM)
+
+
+def _before(moment: Moment) -> str:
+    """The line that leaves out what comes after some instant."""
+    return f"use the rows of {moment.log} before it (`rows=1:{moment.row}`)"
+
+
+def drift_fault(names: tuple[str, ...], falls: Array) -> Fault:
+    """Friction that falls, or rises, in the time of a log, as where drives grow warm."""
+    off = np.flatnonzero(np.abs(falls) > _DRIFT)
+    joints, values = ", ".join(names[j] for j in off), ", ".join(f"{100 * falls[j]:.0f}" for j in off)
+    what = f"the friction of {joints} falls by {values} % over the log"
+    cure = "record it again with warm drives, or use a part in which they are (`rows`)"
+    kind = "drift" if off.size else NO_FAULT.kind
+    return Fault(kind, tuple(names[j] for j in off), what, cure, freedom=_FREEDOM * len(names))
+
+
+def lengths_fault(robot: Robot, factors: Array, shown: Flags) -> Fault:
+    """The lengths up to some joints are others than described."""
+    long = np.flatnonzero(shown)
+    factors = factors[long]
+    joints = ", ".join(robot.joint_names[j] for j in long)
+    what = (
+        f"the lengths up to {joints} are {', '.join(f'{x:.2f}' for x in factors)} times those described: it is from "
+        "another robot"
+    )
+    kind = "other lengths" if np.any(np.abs(factors - 1) > _OTHER_LENGTH) else NO_FAULT.kind
+    cure = f"give the description of the robot that was recorded, such as another one of the family of {robot.name}"
+    return Fault(kind, (), what, cure, freedom=_FREEDOM * (robot.n - 1))
 
 
 def zero_fault(names: tuple[str, ...], j: int, zero: float) -> Fault:

@@ -10,7 +10,7 @@ one joint could take up shows all the same.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from itertools import product
@@ -27,12 +27,17 @@ from excite.identification.log_faults import (
     UNTOLD_LOAD,
     Fault,
     Flags,
+    Moment,
     column_faults,
     delay_fault,
+    drift_fault,
     every_joint_moves,
     gain_fault,
     gains_fault,
     gravity_fault,
+    late_from_fault,
+    lengths_fault,
+    moved_fault,
     obvious_faults,
     zero_fault,
 )
@@ -42,7 +47,7 @@ from excite.logs.event import within
 from regressors.errors import percent
 from regressors.models.base import base_parameters, few_states, random_states
 from regressors.models.load import PayloadModel
-from regressors.robot.columns import COULOMB, OFFSET, ROTOR
+from regressors.robot.columns import COULOMB, OFFSET, ROTOR, VISCOUS
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import drives_with_friction, friction_rows, moving_drive_numbers
 from regressors.robot.robot import Robot
@@ -64,6 +69,10 @@ _IN_MOTION = 0.1  # of the root mean square speed of each drive
 _OF_LOG = 0.1  # of the shortest log: longer delays are not searched
 _LOG_GAIN, _OFF, _SHOWN = (-14.0, 14.0), 1.5, 0.1  # a factor shows where so many times it explains so much less
 _OBLIQUE, _ASIDE = np.array([3.0, 4.0, -5.0]), 0.3  # gravity along no axis; first steps of its direction
+_SPLITS = 10  # instants from which on something may have changed, before the best is refined
+_SHORT = 0.02  # lengths that are not fitted [m]
+_LENGTH_ROUNDS, _COMMON, _STEP = 6, 2, 1e-3  # of their fit, those with one factor for all, and of the differences
+_LONGER, _SHORTEST = 0.3, 0.3  # most by which a factor changes at once; least and, inverted, largest
 _ZEROS = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0])
 _GAINS = np.log([1e-3, 1e-2, 0.05, 0.1, 0.2, 0.35, 0.6, 0.8, 1.25, 1.6, 2.8, 5.0, 10.0, 20.0, 100.0, 1e3])
 
@@ -89,7 +98,9 @@ def spoilt_log(
     if not doubtful and not np.any(none.errors > np.maximum(_NOISY * search.noise, _SMALL)):
         return None
     fits = [search.with_load(), *search.fits(), *FaultSearch.of(target, parts, friction, _IN_MOTION).late_joints(none)]
-    return named(none, [fit for fit in fits if not timed or fit.kind != "late" or fit.longest > LONGEST])
+    fits = [fit for fit in fits if not timed or fit.kind != "late" or fit.longest > LONGEST]
+    best = min(fits, key=lambda fit: fit.size)
+    return named(none, fits if np.all(best.errors < _NOISY * search.noise) else [*fits, search.with_lengths()])
 
 
 def named(none: Fault, fits: list[Fault]) -> Doubt | None:
@@ -121,8 +132,9 @@ class FaultSearch:
     samples: Samples  # (N,)
     step: float  # [s]
     longest: float  # delay that is searched [s]
-    # those measured some steps later than the instants, (n,) -> (N, n): whole steps, since noise between two measured
-    # values is less than in each
+    moments: tuple[Moment, ...]  # (N,)
+    # those measured some steps later than the instants, (n,) or (N, n) -> (N, n): whole steps, since noise between two
+    # measured values is less than in each
     torques: Callable[[Index], Array]
     noise: Array  # (n,) white noise of the torques, over them
     described: Array | None  # (b,) base parameters of the description
@@ -142,22 +154,29 @@ class FaultSearch:
         joined = Samples.joined(samples)
         uniform = [_on_grid(part) for part in parts]
 
-        def torques(late: Index) -> Array:
-            pairs = zip(uniform, chosen, strict=True)
-            return np.concatenate([_later(y, rows, late) for y, rows in pairs])
+        ends = np.cumsum([rows.size for rows in chosen])[:-1]
 
+        def torques(late: Index) -> Array:
+            each = np.split(np.broadcast_to(late, joined.q.shape), ends)
+            return np.concatenate([_later(*one) for one in zip(uniform, chosen, each, strict=True)])
+
+        moments = tuple(moment for pair in zip(parts, samples, strict=True) for moment in _moments(*pair))
         described = described_coefficients(target)
         step = float(np.median(np.diff(parts[0].samples.time)))
         signs = signs_of_bodies(target.base)
         longest = _OF_LOG * min(float(np.ptp(part.samples.time)) for part in parts)
-        return FaultSearch(target, joined, step, longest, torques, _noise(uniform), described, signs, friction)
+        noise = _noise(uniform)
+        return FaultSearch(target, joined, step, longest, moments, torques, noise, described, signs, friction)
 
     @cached_property
     def plain(self) -> Equations:
         """The equations as the log has them."""
-        return Equations.of(
-            self, self.samples, self.columns, self.torques(np.zeros(self.samples.q.shape[1], dtype=int))
-        )
+        return Equations.of(self, self.samples, self.columns, self.measured)
+
+    @cached_property
+    def measured(self) -> Array:
+        """The torques at the instants, shape (N, n)."""
+        return self.torques(np.zeros(self.samples.q.shape[1], dtype=int))
 
     @cached_property
     def columns(self) -> Array:
@@ -173,7 +192,7 @@ class FaultSearch:
         """Fits with each fault undone."""
         names, n = self.target.robot.joint_names, self.samples.q.shape[1]
         fits = [*map(self._fit, column_faults(names)), self._with_gains(), *self._tilted()]
-        fits.append(self._delayed(np.ones(n, dtype=int)))
+        fits += [self._delayed(np.ones(n, dtype=int)), self._late_from(), self._drifting(), self._moved()]
         fits += [self._at_best(partial(zero_fault, names, j), _ZEROS, 0.14, maxiter=7) for j in range(n)]
         fits += [self._at_best(partial(gain_fault, names, j), _GAINS, 0.6, xatol=0.01) for j in range(n)]
         return [fit for fit in fits if fit.kind != NO_FAULT.kind]
@@ -188,8 +207,46 @@ class FaultSearch:
         """Fit where the robot may carry a load that is not described."""
         n = self.samples.q.shape[1]
         K = PayloadModel(self.target.robot).instants(self.samples).reshape(-1, n, 10)
-        measured = self.torques(np.zeros(n, dtype=int))
-        return Equations.of(self, self.samples, self.columns, measured, K).fit(UNTOLD_LOAD)
+        return Equations.of(self, self.samples, self.columns, self.measured, K).fit(UNTOLD_LOAD)
+
+    def with_lengths(self) -> Fault:
+        """The lengths between joints that fit best, by the Gauss-Newton method with all parameters beside them."""
+        robot, b = self.target.robot, self.target.base.rank
+        search = replace(self, described=None)  # whose bodies are not those of another robot
+        described = np.array([joint.translation for joint in robot.joints])
+        places = np.argwhere((np.abs(described) > _SHORT) & (np.arange(robot.n) > 0)[:, None])
+
+        def columns(translations: Array) -> Array:
+            pairs = zip(robot.joints, translations, strict=True)
+            joints = tuple(replace(joint, translation=translation) for joint, translation in pairs)
+            model = self.target.model.on(robot.replace(joints=joints))
+            return replace(search, target=replace(self.target, model=model)).columns_of(self.samples)
+
+        def fit(W: Array, further: Array | None = None) -> Fault:
+            return Equations.of(search, self.samples, W, self.measured, further).fit(NO_FAULT)
+
+        units = np.zeros((len(places), *described.shape))
+        units[np.arange(len(places)), *places.T] = described[*places.T]
+        now, found = described, [(search.plain.fit(NO_FAULT), described)]
+        for k in range(_LENGTH_ROUNDS if len(places) else 0):
+            steps = units.sum(axis=0)[None] if k < _COMMON else units
+            W, parameters = columns(now), found[-1][0].parameters[:b]
+            changes = [(columns(now + _STEP * step) - W) @ parameters / _STEP for step in steps]
+            change = fit(W, np.stack(changes, axis=2)).parameters[-len(steps) :]
+            now = now + np.tensordot(np.clip(change, -_LONGER, _LONGER), steps, 1)
+            now = np.where(described > 0, 1, -1) * np.clip(
+                np.abs(now), _SHORTEST * np.abs(described), np.abs(described) / _SHORTEST
+            )
+            found.append((fit(columns(now)), now))
+        none, (best, now) = found[0][0], min(found, key=lambda one: one[0].size)
+        lengths = np.linalg.norm(described, axis=1)
+        shown = np.zeros(robot.n, dtype=bool)
+        for j in np.unique(places[:, 0]).tolist():
+            without = np.where(np.arange(robot.n)[:, None] == j, described, now)
+            shown[j] = fit(columns(without)).size - best.size > _SHOWN
+        fault = lengths_fault(robot, np.linalg.norm(now, axis=1) / np.where(lengths > 0, lengths, 1.0), shown)
+        fault = replace(fault, errors=best.errors)
+        return fault if none.size - fault.size > GAIN else NO_FAULT
 
     def _fit(self, fault: Fault) -> Fault:
         """Fit with a fault undone."""
@@ -233,21 +290,15 @@ class FaultSearch:
 
     def _tilted(self) -> list[Fault]:
         """The best directions of gravity, in which rows are affine; where it is oblique, all base parameters show."""
-        down, robot = self.target.robot.gravity, self.target.robot
+        down = self.target.robot.gravity
         length = float(np.linalg.norm(down))
         if length == 0:
             return []
-        oblique, *models = (self.target.model.on(robot.replace(gravity=g)) for g in (_OBLIQUE, np.zeros(3), *np.eye(3)))
-        base = base_parameters(oblique, states=random_states(robot, few_states(oblique)))
-        still, *along = (replace(self.target, model=model, base=base) for model in models)
-        search = replace(self, target=still, described=described_coefficients(still), signs=signs_of_bodies(base))
-        W0 = search.columns
-        changes = np.array([replace(search, target=target).columns_of(self.samples) - W0 for target in along])
-        measured = self.torques(np.zeros(robot.n, dtype=int))
+        search, W0, changes = self._in_gravity
 
         def fit(direction: Array) -> Fault:
             g = length / float(np.linalg.norm(direction)) * direction
-            rows = Equations.of(search, self.samples, W0 + np.tensordot(g, changes, 1), measured)
+            rows = Equations.of(search, self.samples, W0 + np.tensordot(g, changes, 1), self.measured)
             return rows.fit(gravity_fault(down, g))
 
         grid = [np.array(g) / np.linalg.norm(g) for g in product((-1.0, 0.0, 1.0), repeat=3) if any(g)]
@@ -258,6 +309,87 @@ class FaultSearch:
             found.append(scipy.optimize.minimize(lambda g: fit(g).size, start, method="Nelder-Mead", options=options).x)
         best, other = sorted(found, key=lambda g: fit(g).size)
         return [fit(best), *([fit(other)] if gravity_fault(best, other).kind != NO_FAULT.kind else [])]
+
+    @cached_property
+    def _in_gravity(self) -> tuple[FaultSearch, Array, Array]:
+        """The search with the base of an oblique gravity, its rows without gravity, and what each component adds."""
+        robot = self.target.robot
+        oblique, *models = (self.target.model.on(robot.replace(gravity=g)) for g in (_OBLIQUE, np.zeros(3), *np.eye(3)))
+        base = base_parameters(oblique, states=random_states(robot, few_states(oblique)))
+        still, *along = (replace(self.target, model=model, base=base) for model in models)
+        search = replace(self, target=still, described=described_coefficients(still), signs=signs_of_bodies(base))
+        W0 = search.columns
+        return search, W0, np.array([replace(search, target=one).columns_of(self.samples) - W0 for one in along])
+
+    def _moved(self) -> Fault:
+        """The best gravity after the best instant, linear in small changes of it, by the Gauss-Newton method."""
+        down = self.target.robot.gravity
+        length = float(np.linalg.norm(down))
+        if length == 0:
+            return NO_FAULT
+        search, W0, changes = self._in_gravity
+        level = W0 + np.tensordot(down, changes, 1)
+        first = Equations.of(search, self.samples, level, self.measured).fit(NO_FAULT)
+
+        def fit(split: int, gravity: Array, before: Fault | None = None) -> Fault:
+            """Fit with that gravity from an instant on, or with three more columns for its change."""
+            after = (np.arange(len(level)) >= split)[:, None, None]
+            W = level + after * np.tensordot(gravity - down, changes, 1)
+            K = None if before is None else after * np.moveaxis(changes @ before.parameters[: W.shape[2]], 0, 2)
+            return Equations.of(search, self.samples, W, self.measured, K).fit(
+                moved_fault(down, gravity, self.moments[split])
+            )
+
+        def at_best(split: int, rounds: int) -> Fault:
+            gravity, found = down, first
+            for _ in range(rounds):
+                change = fit(split, gravity, found).parameters[-3:]
+                gravity = length / float(np.linalg.norm(gravity + change)) * (gravity + change)
+                found = fit(split, gravity)
+            return found
+
+        return at_best(self._best_split(lambda k: at_best(k, 2).size), _ROUNDS)
+
+    def _drifting(self) -> Fault:
+        """Friction of every drive that changes in proportion to the time of each log."""
+        columns, lacking = _friction_columns(self.target, self.friction, self.samples)
+        passed = np.array([moment.passed for moment in self.moments])
+        further = passed[:, None, None] * columns
+        fit = Equations.of(self, self.samples, self.columns, self.measured, further).fit(NO_FAULT)
+        of_model = np.array([self.target.base.columns[j].kind in (COULOMB, VISCOUS) for j in self.target.base.index])
+        own, added = np.split(fit.parameters, [of_model.size])
+        at_first = self.columns[:, :, of_model] @ own[of_model]
+        at_first += columns[:, :, lacking] @ added[: np.count_nonzero(lacking)]
+        change = columns @ added[-columns.shape[2] :]
+        size = np.sum(at_first**2, axis=0)
+        falls = -np.sum(at_first * change, axis=0) / np.where(size > 0, size, 1.0)
+        return replace(drift_fault(self.target.robot.joint_names, falls), errors=fit.errors)
+
+    def _late_from(self) -> Fault:
+        """All torques late from the best instant on."""
+        N, n = self.samples.q.shape
+        names = self.target.robot.joint_names
+        steps = np.unique(np.round(np.clip(_DELAYS, -self.longest, self.longest) / self.step).astype(int))
+
+        def fit(split: int, late: int) -> Fault:
+            rows = late * np.repeat(np.arange(N) >= split, n).reshape(N, n)
+            return self._fit(late_from_fault(names, rows, self.step * late, self.moments[split]))
+
+        grid = product(range(N // _SPLITS, N, N // _SPLITS), steps[steps != 0].tolist())
+        _, late = min(grid, key=lambda one: fit(*one).size)
+        for stride in (4, 2, 1):
+            split = self._best_split(lambda k, late=late: fit(k, late).size)
+            late = min((late - stride, late, late + stride), key=lambda k, split=split: fit(split, k).size)
+        return fit(split, late)
+
+    def _best_split(self, size: Callable[[int], float]) -> int:
+        """The instant from which on a change explains most: the best of a few, refined."""
+        N = len(self.moments)
+        size, stride = cache(size), N // _SPLITS
+        best = min(range(stride, N - stride + 1, stride), key=size)
+        while stride := stride // 2:
+            best = min((k for k in (best - stride, best, best + stride) if 0 < k < N), key=size)
+        return best
 
     def _delayed(self, which: Index) -> Fault:
         """The torques of some joints late by the best delay."""
@@ -291,6 +423,14 @@ def _on_grid(part: PreparedLog) -> Array:
     """Torques as recorded, at the instants of the motion, shape (N, n)."""
     assert part.log.effort is not None
     return np.column_stack([np.interp(part.samples.time, part.log.time, y) for y in part.log.effort.T])
+
+
+def _moments(part: PreparedLog, samples: Samples) -> Iterator[Moment]:
+    """When each instant of a log was."""
+    log, first, last = part.log, part.samples.time[0], part.samples.time[-1]
+    for time in samples.time.tolist():
+        row = int(log.row_numbers[min(int(np.searchsorted(log.time, time)), log.count - 1)])
+        yield Moment(log.source, time, row, (time - first) / (last - first))
 
 
 def _noise(logs: list[Array]) -> Array:
@@ -354,7 +494,7 @@ class Equations:
             x = _of_one_sign(np.tensordot(weight, normal, 1), weight @ right_all, self.signs, bound)
             square = np.einsum("b,jbc,c->j", x, normal, x) - 2 * right_all @ x + size
             square = np.maximum(square + _BELIEF * dd * np.any(self.believed), 0.0)
-        return replace(fault, errors=np.sqrt(square / size))
+        return replace(fault, errors=np.sqrt(square / size), parameters=x)
 
 
 _EXCHANGES, _AT_ONCE = 60, 6
@@ -386,20 +526,27 @@ def _added_columns(
 ) -> tuple[Array, Array]:
     """What drives have and a model may lack, in the equation of each joint, shape (N, n, k), with the signs."""
     n = samples.q.shape[1]
-    modelled = {(target.base.columns[j].kind, target.base.columns[j].owner) for j in target.base.index}
-    kinds = {kind for kind, _ in modelled}
-    numbers = moving_drive_numbers(target.robot)
-    columns = [np.zeros((len(samples.q), n, 0))]
-    signs: list[float] = []
-    for name, row in drives_with_friction(target.robot):
-        speed = samples.dq @ row
-        known = None if friction is None else friction.curve(name)
-        torques = [np.sign(speed), speed] if known is None else [known.torque(speed)]
-        if (COULOMB, numbers[name]) not in modelled:
-            columns += [(torque[:, None] * row)[:, :, None] for torque in torques]
-            signs += [1.0] * len(torques)
+    kinds = {target.base.columns[j].kind for j in target.base.index}
+    of_friction, lacking = _friction_columns(target, friction, samples)
+    columns, signs = [of_friction[:, :, lacking]], [1.0] * np.count_nonzero(lacking)
     for kind, values, sign in ((ROTOR, samples.ddq, 1.0), (OFFSET, np.ones_like(samples.q), 0.0)):
         if kind not in kinds:
             columns.append(values[:, :, None] * np.eye(n))
             signs += [sign] * n
     return np.concatenate(columns, axis=2), np.array(signs)
+
+
+def _friction_columns(
+    target: IdentificationTarget, friction: FrictionCurves | None, samples: Samples
+) -> tuple[Array, Flags]:
+    """Friction of all drives in the equation of each joint, shape (N, n, k), and which of it the model lacks, (k,)."""
+    modelled = {(target.base.columns[j].kind, target.base.columns[j].owner) for j in target.base.index}
+    numbers = moving_drive_numbers(target.robot)
+    columns, lacking = [np.zeros((*samples.q.shape, 0))], []
+    for name, row in drives_with_friction(target.robot):
+        speed = samples.dq @ row
+        known = None if friction is None else friction.curve(name)
+        torques = [np.sign(speed), speed] if known is None else [known.torque(speed)]
+        columns += [(torque[:, None] * row)[:, :, None] for torque in torques]
+        lacking += [(COULOMB, numbers[name]) not in modelled] * len(torques)
+    return np.concatenate(columns, axis=2), np.array(lacking, dtype=bool)
