@@ -16,6 +16,7 @@ from functools import cache, cached_property, partial
 from itertools import product
 
 import numpy as np
+import scipy.linalg
 import scipy.optimize
 
 from excite.identification.choices.cutoff_and_timing import LONGEST
@@ -68,6 +69,7 @@ _DELAYS = np.array([-0.03, -0.01, 0.01, 0.03, 0.06, 0.1])  # [s]
 _IN_MOTION = 0.1  # of the root mean square speed of each drive
 _OF_LOG = 0.1  # of the shortest log: longer delays are not searched
 _LOG_GAIN, _OFF, _SHOWN = (-14.0, 14.0), 1.5, 0.1  # a factor shows where so many times it explains so much less
+_TILT = np.deg2rad(15.0)  # first of a base that moved
 _OBLIQUE, _ASIDE = np.array([3.0, 4.0, -5.0]), 0.3  # gravity along no axis; first steps of its direction
 _SPLITS = 10  # instants from which on something may have changed, before the best is refined
 _SHORT = 0.02  # lengths that are not fitted [m]
@@ -329,26 +331,33 @@ class FaultSearch:
             return NO_FAULT
         search, W0, changes = self._in_gravity
         level = W0 + np.tensordot(down, changes, 1)
-        first = Equations.of(search, self.samples, level, self.measured).fit(NO_FAULT)
 
         def fit(split: int, gravity: Array, before: Fault | None = None) -> Fault:
             """Fit with that gravity from an instant on, or with three more columns for its change."""
             after = (np.arange(len(level)) >= split)[:, None, None]
             W = level + after * np.tensordot(gravity - down, changes, 1)
             K = None if before is None else after * np.moveaxis(changes @ before.parameters[: W.shape[2]], 0, 2)
-            return Equations.of(search, self.samples, W, self.measured, K).fit(
-                moved_fault(down, gravity, self.moments[split])
-            )
+            rows = Equations.of(search, self.samples, W, self.measured, K)
+            return rows.fit(moved_fault(down, gravity, self.moments[split]))
 
-        def at_best(split: int, rounds: int) -> Fault:
-            gravity, found = down, first
-            for _ in range(rounds):
-                change = fit(split, gravity, found).parameters[-3:]
-                gravity = length / float(np.linalg.norm(gravity + change)) * (gravity + change)
-                found = fit(split, gravity)
-            return found
+        def better(split: int, gravity: Array) -> tuple[float, Array]:
+            """A step of gravity from some direction, and how well it fits."""
+            change = fit(split, gravity, fit(split, gravity)).parameters[-3:]
+            gravity = length / float(np.linalg.norm(gravity + change)) * (gravity + change)
+            return fit(split, gravity).size, gravity
 
-        return at_best(self._best_split(lambda k: at_best(k, 2).size), _ROUNDS)
+        aside = scipy.linalg.null_space(down[None]).T * np.tan(_TILT) * length
+        tilted = [length * g / np.linalg.norm(g) for side in aside for g in (down + side, down - side)]
+        N = len(level)
+        split, k = min(
+            product(range(N // _SPLITS, N, N // _SPLITS), range(len(tilted))),
+            key=lambda one: fit(one[0], tilted[one[1]]).size,
+        )
+        gravity = tilted[k]
+        for _ in range(_ROUNDS):
+            _, gravity = better(split, gravity)
+            split = self._best_split(lambda k, gravity=gravity: fit(k, gravity).size)
+        return fit(split, better(split, gravity)[1])
 
     def _drifting(self) -> Fault:
         """Friction of every drive that changes in proportion to the time of each log."""
