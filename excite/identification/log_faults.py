@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
-from excite.logs.event import within
+from excite.logs.event import gaps, within
+from excite.logs.log import Log
 from regressors.errors import percent
 from regressors.models.load import PayloadModel
 from regressors.robot.robot import Robot
@@ -71,9 +72,10 @@ UNTOLD_LOAD = Fault("untold load", (), "", "")
 
 
 def obvious_faults(names: tuple[str, ...], parts: tuple[PreparedLog, ...]) -> Iterator[Fault]:
-    """Faults that the torques show without a model: magnitudes, and values that are cut off."""
+    """Faults that need no model: magnitudes, values that are cut off, and clocks that jump."""
     for part in parts:
         y, dq = part.log.effort, part.samples.dq
+        yield from _clock_jumps(part.log)
         if y is None:
             continue
         yield from _clipped(names, y[~within(part.log.time, part.saturated)])
@@ -85,6 +87,29 @@ def obvious_faults(names: tuple[str, ...], parts: tuple[PreparedLog, ...]) -> It
                 "the torques of all joints are never negative although all of them move both ways: they are magnitudes",
                 "record torques with their signs, or map the columns of the signed currents (`current`)",
             )
+
+
+_NEAR, _JUMP, _LEAST_MOTION = 5, 0.1, 0.01  # rows on either side [-], least jump [s], motion in it [rad or m]
+_BETTER = 0.2  # part of the difference to the motion of the whole step that the motion of one row may leave
+
+
+def _clock_jumps(log: Log) -> Iterator[Fault]:
+    """Gaps in which the robot has moved by no more than from one row to the next: no row is missing."""
+    step = float(np.median(np.diff(log.time)))
+    for gap in gaps(log):
+        k = gap.row
+        if gap.length < _JUMP or not _NEAR <= k < log.count - _NEAR - 1:
+            continue
+        ends = (k - _NEAR, k), (k + 1, k + 1 + _NEAR)
+        speed = np.mean([(log.q[b] - log.q[a]) / (log.time[b] - log.time[a]) for a, b in ends], axis=0)
+        moved = log.q[k + 1] - log.q[k]
+        off = [float(np.linalg.norm(moved - duration * speed)) for duration in (step, gap.length)]
+        if np.linalg.norm(gap.length * speed) > _LEAST_MOTION and off[0] < _BETTER * off[1]:
+            what = (
+                f"the clock jumps by {gap.length - step:.3g} s after row {gap.number}, while the robot moves by one row"
+            )
+            cure = f"subtract this from the times that follow, or use the rows before it (`rows=1:{gap.number}`)"
+            yield Fault("clock jump", (), what, cure)
 
 
 _CLIPPED = 10  # rows in succession, and 1 % of all

@@ -94,7 +94,7 @@ def spoilt_log(
     if not every_joint_moves(target):
         return None
     for fault in obvious_faults(target.robot.joint_names, parts):
-        return Doubt(f"{SPOILT} {fault.what}", "no robot measures such torques", fault.cure, about="torques")
+        return Doubt(f"{SPOILT} {fault.what}", "no sound log has this, whatever the robot", fault.cure, about="torques")
     search = FaultSearch.of(target, parts, friction)
     none = search.plain.fit(NO_FAULT)
     if not doubtful and not np.any(none.errors > np.maximum(_NOISY * search.noise, _SMALL)):
