@@ -184,7 +184,7 @@ def gain_fault(names: tuple[str, ...], j: int, log_gain: float) -> Fault:
     return Fault(kind, (names[j],), what, cure, torques)
 
 
-_FREEDOM = 0.1  # of each value that is fitted
+_FREEDOM, _FREEDOM_OF_TIME = 0.1, 0.3  # of each value that is fitted; of a change from the best time on
 _ODD_SCALE = 3.0  # masses of descriptions are off by less
 _LEVEL, _MOVED = np.deg2rad([5.0, 2.0])  # a smaller tilt is not a fault, nor a smaller one from some time on
 _DRIFT = 0.1  # a smaller change of friction is not stated
@@ -244,7 +244,7 @@ def late_from_fault(names: tuple[str, ...], late: Index, delay: float, moment: M
     how = "later" if delay > 0 else "earlier"
     what = f"from {moment.time:.3g} s on all torques are {1e3 * abs(delay):.3g} ms {how} than before"
     cure = f"a clock jumped, or rows of one of them were lost: {_before(moment)}"
-    return Fault("late from", names, what, cure, late=late, longest=abs(delay), freedom=_FREEDOM)
+    return Fault("late from", names, what, cure, late=late, longest=abs(delay), freedom=_FREEDOM_OF_TIME)
 
 
 def moved_fault(before: Array, after: Array, moment: Moment) -> Fault:
@@ -253,7 +253,7 @@ def moved_fault(before: Array, after: Array, moment: Moment) -> Fault:
     what = f"from {moment.time:.3g} s on the base is tilted by {np.rad2deg(angle):.2g} degrees: gravity is ({x})"
     cure = f"fix the base and record again, or {_before(moment)}"
     kind = "moved base" if angle > _MOVED else NO_FAULT.kind
-    return Fault(kind, (), what, cure, freedom=2 * _FREEDOM)
+    return Fault(kind, (), what, cure, freedom=_FREEDOM_OF_TIME)
 
 
 def _before(moment: Moment) -> str:

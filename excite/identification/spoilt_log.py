@@ -176,6 +176,11 @@ class FaultSearch:
         return Equations.of(self, self.samples, self.columns, self.measured)
 
     @cached_property
+    def added(self) -> tuple[Array, Array]:
+        """What drives have and the model may lack at the instants, with the signs."""
+        return _added_columns(self.target, self.friction, self.samples)
+
+    @cached_property
     def measured(self) -> Array:
         """The torques at the instants, shape (N, n)."""
         return self.torques(np.zeros(self.samples.q.shape[1], dtype=int))
@@ -468,7 +473,8 @@ class Equations:
         """The equations along a motion, with further columns of any sign, shape (N, n, k)."""
         base, n = search.target.base, measured.shape[1]
         inertial = inertial_columns(base)
-        added, added_signs = _added_columns(search.target, search.friction, samples)
+        of_log = samples is search.samples
+        added, added_signs = search.added if of_log else _added_columns(search.target, search.friction, samples)
         if further is not None:
             added = np.concatenate([added, further], axis=2)
             added_signs = np.concatenate([added_signs, np.zeros(further.shape[2])])
