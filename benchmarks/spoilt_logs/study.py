@@ -216,11 +216,15 @@ def runs(given: tuple[str, int, Log | None, list[str], bool]) -> list[Outcome]:
     how = {"choose": choose, "real": recorded is not None}
     log = clean_log(robot, seed) if recorded is None else recorded
     clean, sound = run(robot, seed, log, "clean", None, **how)
-    outcomes = [clean, *(run(robot, seed, log, kind, sound, **how)[0] for kind in kinds)]
+    outcomes = [shown(clean), *(shown(run(robot, seed, log, kind, sound, **how)[0]) for kind in kinds)]
     clean_log.cache_clear()
-    for o in outcomes:
-        print(o.robot, o.seed, o.kind, o.outcome, o.shows, f"{o.seconds:.1f} s", o.said[:160], flush=True)
     return outcomes
+
+
+def shown(o: Outcome) -> Outcome:
+    """The same, printed."""
+    print(o.robot, o.seed, o.kind, o.outcome, o.shows, f"{o.seconds:.1f} s", o.said[:160], flush=True)
+    return o
 
 
 def printed(files: list[Path]) -> list[Outcome]:
