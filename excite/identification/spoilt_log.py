@@ -345,24 +345,19 @@ class FaultSearch:
             rows = Equations.of(search, self.samples, W, self.measured, K)
             return rows.fit(moved_fault(down, gravity, self.moments[split]))
 
-        def better(split: int, gravity: Array) -> tuple[float, Array]:
-            """A step of gravity from some direction, and how well it fits."""
-            change = fit(split, gravity, fit(split, gravity)).parameters[-3:]
-            gravity = length / float(np.linalg.norm(gravity + change)) * (gravity + change)
-            return fit(split, gravity).size, gravity
+        def size(gravity: Array, split: int) -> float:
+            return fit(split, gravity).size
 
         aside = scipy.linalg.null_space(down[None]).T * np.tan(_TILT) * length
         tilted = [length * g / np.linalg.norm(g) for side in aside for g in (down + side, down - side)]
-        N = len(level)
-        split, k = min(
-            product(range(N // _SPLITS, N, N // _SPLITS), range(len(tilted))),
-            key=lambda one: fit(one[0], tilted[one[1]]).size,
-        )
+        starts = [(size(g, split), k, split) for split in self._splits for k, g in enumerate(tilted)]
+        _, k, split = min(starts, default=(0.0, 0, 0))
         gravity = tilted[k]
-        for _ in range(_ROUNDS):
-            _, gravity = better(split, gravity)
-            split = self._best_split(lambda k, gravity=gravity: fit(k, gravity).size)
-        return fit(split, better(split, gravity)[1])
+        for _ in range(_ROUNDS if starts else 0):
+            change = fit(split, gravity, fit(split, gravity)).parameters[-3:]
+            gravity = length / float(np.linalg.norm(gravity + change)) * (gravity + change)
+            split = self._refined(split, partial(size, gravity))
+        return fit(split, gravity) if starts else NO_FAULT
 
     def _drifting(self) -> Fault:
         """Friction of every drive that changes in proportion to the time of each log."""
@@ -389,21 +384,28 @@ class FaultSearch:
             rows = late * np.repeat(np.arange(N) >= split, n).reshape(N, n)
             return self._fit(late_from_fault(names, rows, self.step * late, self.moments[split]))
 
-        grid = product(range(N // _SPLITS, N, N // _SPLITS), steps[steps != 0].tolist())
-        _, late = min(grid, key=lambda one: fit(*one).size)
-        for stride in (4, 2, 1):
-            split = self._best_split(lambda k, late=late: fit(k, late).size)
-            late = min((late - stride, late, late + stride), key=lambda k, split=split: fit(split, k).size)
-        return fit(split, late)
+        def size(late: int, split: int) -> float:
+            return fit(split, late).size if abs(late) * self.step <= self.longest else np.inf
 
-    def _best_split(self, size: Callable[[int], float]) -> int:
-        """The instant from which on a change explains most: the best of a few, refined."""
+        starts = [(size(late, split), late, split) for split in self._splits for late in steps[steps != 0].tolist()]
+        _, late, split = min(starts, default=(0.0, 0, 0))
+        for stride in (8, 4, 2, 1) if starts else ():
+            split = self._refined(split, partial(size, late))
+            late = min((size(x, split), x) for x in (late - stride, late, late + stride))[1]
+        return fit(split, late) if late else NO_FAULT
+
+    @property
+    def _splits(self) -> range:
+        """Instants from which on something may have changed."""
         N = len(self.moments)
-        size, stride = cache(size), N // _SPLITS
-        best = min(range(stride, N - stride + 1, stride), key=size)
+        return range(N // _SPLITS, N, N // _SPLITS) if N >= _SPLITS else range(0)
+
+    def _refined(self, split: int, size: Callable[[int], float]) -> int:
+        """The instant near another one from which on a change explains most."""
+        size, stride = cache(size), len(self.moments) // _SPLITS
         while stride := stride // 2:
-            best = min((k for k in (best - stride, best, best + stride) if 0 < k < N), key=size)
-        return best
+            split = min((k for k in (split - stride, split, split + stride) if 0 < k < len(self.moments)), key=size)
+        return split
 
     def _delayed(self, which: Index) -> Fault:
         """The torques of some joints late by the best delay."""
