@@ -175,7 +175,8 @@ def changed_from(log: Log, kind: str, rng: np.random.Generator, robot: str, seed
                 held[start : start + int(rng.integers(3, 20))] = start
             q, y = q[held], y[held]
     label = f"{log.source} {kind}"
-    return Spoilt(replace(log, time=time, q=q, dq=None, effort=y, source=label, sha256=label), kind, (), truth)
+    log = replace(log, time=time, q=q, dq=None, effort=y, numbers=None, removed=(), source=label, sha256=label)
+    return Spoilt(log, kind, (), truth)
 
 
 def with_repeated_rows(log: Log, rng: np.random.Generator, folder: Path) -> Path:

@@ -75,7 +75,7 @@ def obvious_faults(names: tuple[str, ...], parts: tuple[PreparedLog, ...]) -> It
     """Faults that need no model: magnitudes, values that are cut off, and clocks that jump."""
     for part in parts:
         y, dq = part.log.effort, part.samples.dq
-        yield from _clock_jumps(part.log)
+        yield from clock_jumps(part.log)
         if y is None:
             continue
         yield from _clipped(names, y[~within(part.log.time, part.saturated)])
@@ -93,7 +93,7 @@ _NEAR, _JUMP, _LEAST_MOTION = 5, 0.1, 0.01  # rows on either side [-], least jum
 _BETTER = 0.2  # part of the difference to the motion of the whole step that the motion of one row may leave
 
 
-def _clock_jumps(log: Log) -> Iterator[Fault]:
+def clock_jumps(log: Log) -> Iterator[Fault]:
     """Gaps in which the robot has moved by no more than from one row to the next: no row is missing."""
     step = float(np.median(np.diff(log.time)))
     for gap in gaps(log):
