@@ -108,7 +108,7 @@ def clock_jumps(log: Log) -> Iterator[Fault]:
             what = (
                 f"the clock jumps by {gap.length - step:.3g} s after row {gap.number}, while the robot moves by one row"
             )
-            cure = f"subtract this from the times that follow, or use the rows before it (`rows=1:{gap.number}`)"
+            cure = f"subtract this from the times that follow, or use the rows before it (`rows='1:{gap.number}'`)"
             yield Fault("clock jump", (), what, cure)
 
 
@@ -258,7 +258,7 @@ def moved_fault(before: Array, after: Array, moment: Moment) -> Fault:
 
 def _before(moment: Moment) -> str:
     """The line that leaves out what comes after some instant."""
-    return f"use the rows of {moment.log} before it (`rows=1:{moment.row}`)"
+    return f"use the rows of {moment.log} before it (`rows='1:{moment.row}'`)"
 
 
 def drift_fault(names: tuple[str, ...], falls: Array) -> Fault:

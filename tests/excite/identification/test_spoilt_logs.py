@@ -83,7 +83,7 @@ CASES = {
     "all torques late from some time on": (
         effort(later_half),
         "s on all torques are 20 ms later than before",
-        "`rows=1:39",
+        "`rows='1:39",
     ),
     "magnitudes": (effort(np.abs), "never negative", "record torques with their signs"),
 }
@@ -135,7 +135,7 @@ def test_a_clock_that_jumps_is_named_and_a_real_gap_is_not() -> None:
     jumped = replace(log, time=log.time + 0.3 * after, sha256="jumped")
     (doubt,) = found(TASK, jumped, recipe=Recipe(rows="all")).doubts
     assert "the clock jumps by 0.3 s after row 300" in doubt.what
-    assert "`rows=1:300`" in doubt.cure
+    assert "`rows='1:300'`" in doubt.cure
     gap = log.rows(np.flatnonzero((log.time < 1.5) | (log.time > 1.8)))
     assert not any("clock" in doubt.what for doubt in found(TASK, gap, recipe=Recipe(rows="all")).doubts)
 
