@@ -73,7 +73,7 @@ _TILT = np.deg2rad(15.0)  # first of a base that moved
 _OBLIQUE, _ASIDE = np.array([3.0, 4.0, -5.0]), 0.3  # gravity along no axis; first steps of its direction
 _SPLITS = 10  # instants from which on something may have changed, before the best is refined
 _SHORT = 0.02  # lengths that are not fitted [m]
-_LENGTH_ROUNDS, _COMMON, _STEP = 6, 2, 1e-3  # of their fit, those with one factor for all, and of the differences
+_LENGTH_ROUNDS, _COMMON, _STEP = 7, 2, 1e-3  # of their fit, those with one factor for all, and of the differences
 _LONGER, _SHORTEST = 0.3, 0.3  # most by which a factor changes at once; least and, inverted, largest
 _ZEROS = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0])
 _GAINS = np.log([1e-3, 1e-2, 0.05, 0.1, 0.2, 0.35, 0.6, 0.8, 1.25, 1.6, 2.8, 5.0, 10.0, 20.0, 100.0, 1e3])
@@ -217,14 +217,19 @@ class FaultSearch:
         return Equations.of(self, self.samples, self.columns, self.measured, K).fit(UNTOLD_LOAD)
 
     def with_lengths(self) -> Fault:
-        """The lengths between joints that fit best, by the Gauss-Newton method with all parameters beside them."""
+        """The lengths between joints that fit best, by the Gauss-Newton method with free bodies."""
         robot, b = self.target.robot, self.target.base.rank
-        search = replace(self, described=None)  # whose bodies are not those of another robot
+        search = replace(self, described=None)
         described = np.array([joint.translation for joint in robot.joints])
-        places = np.argwhere((np.abs(described) > _SHORT) & (np.arange(robot.n) > 0)[:, None])
+        places = np.nonzero((np.abs(described) > _SHORT) & (np.arange(robot.n) > 0)[:, None])
 
-        def columns(translations: Array) -> Array:
-            pairs = zip(robot.joints, translations, strict=True)
+        def lengths(factors: Array) -> Array:
+            scaled = described.copy()
+            scaled[places] *= factors
+            return scaled
+
+        def columns(factors: Array) -> Array:
+            pairs = zip(robot.joints, lengths(factors), strict=True)
             joints = tuple(replace(joint, translation=translation) for joint, translation in pairs)
             model = self.target.model.on(robot.replace(joints=joints))
             return replace(search, target=replace(self.target, model=model)).columns_of(self.samples)
@@ -232,28 +237,21 @@ class FaultSearch:
         def fit(W: Array, further: Array | None = None) -> Fault:
             return Equations.of(search, self.samples, W, self.measured, further).fit(NO_FAULT)
 
-        units = np.zeros((len(places), *described.shape))
-        units[np.arange(len(places)), *places.T] = described[*places.T]
-        now, found = described, [(search.plain.fit(NO_FAULT), described)]
-        for k in range(_LENGTH_ROUNDS if len(places) else 0):
-            steps = units.sum(axis=0)[None] if k < _COMMON else units
-            W, parameters = columns(now), found[-1][0].parameters[:b]
-            changes = [(columns(now + _STEP * step) - W) @ parameters / _STEP for step in steps]
-            change = fit(W, np.stack(changes, axis=2)).parameters[-len(steps) :]
-            now = now + np.tensordot(np.clip(change, -_LONGER, _LONGER), steps, 1)
-            now = np.where(described > 0, 1, -1) * np.clip(
-                np.abs(now), _SHORTEST * np.abs(described), np.abs(described) / _SHORTEST
-            )
-            found.append((fit(columns(now)), now))
-        none, (best, now) = found[0][0], min(found, key=lambda one: one[0].size)
-        lengths = np.linalg.norm(described, axis=1)
-        shown = np.zeros(robot.n, dtype=bool)
-        for j in np.unique(places[:, 0]).tolist():
-            without = np.where(np.arange(robot.n)[:, None] == j, described, now)
-            shown[j] = fit(columns(without)).size - best.size > _SHOWN
-        fault = lengths_fault(robot, np.linalg.norm(now, axis=1) / np.where(lengths > 0, lengths, 1.0), shown)
-        fault = replace(fault, errors=best.errors)
-        return fault if none.size - fault.size > GAIN else NO_FAULT
+        factors, fits = np.ones(places[0].size), []
+        for k in range(_LENGTH_ROUNDS if factors.size else 0):
+            W = columns(factors)
+            fits.append((fit(W), factors))
+            steps = np.ones((1, factors.size)) if k < _COMMON else np.eye(factors.size)
+            changes = [(columns(factors + _STEP * step) - W) @ fits[-1][0].parameters[:b] / _STEP for step in steps]
+            change = np.clip(fit(W, np.stack(changes, axis=2)).parameters[-len(steps) :], -_LONGER, _LONGER)
+            factors = np.clip(factors + change @ steps, _SHORTEST, 1 / _SHORTEST)
+        if not fits:
+            return NO_FAULT
+        best, factors = min(fits, key=lambda one: one[0].size)
+        others = [fit(columns(np.where(places[0] == j, 1.0, factors))).size for j in range(robot.n)]
+        ratios = np.linalg.norm(lengths(factors), axis=1) / np.maximum(np.linalg.norm(described, axis=1), _SHORT)
+        fault = lengths_fault(robot, ratios, np.array(others) - best.size > _SHOWN)
+        return replace(fault, errors=best.errors) if fits[0][0].size - best.size > GAIN + fault.freedom else NO_FAULT
 
     def _fit(self, fault: Fault) -> Fault:
         """Fit with a fault undone."""
@@ -346,7 +344,7 @@ class FaultSearch:
             return rows.fit(moved_fault(down, gravity, self.moments[split]))
 
         def size(gravity: Array, split: int) -> float:
-            return fit(split, gravity).size
+            return fit(split, gravity).size if 0 < split < len(level) else np.inf
 
         aside = scipy.linalg.null_space(down[None]).T * np.tan(_TILT) * length
         tilted = [length * g / np.linalg.norm(g) for side in aside for g in (down + side, down - side)]
@@ -356,20 +354,18 @@ class FaultSearch:
         for _ in range(_ROUNDS if starts else 0):
             change = fit(split, gravity, fit(split, gravity)).parameters[-3:]
             gravity = length / float(np.linalg.norm(gravity + change)) * (gravity + change)
-            split = self._refined(split, partial(size, gravity))
+            split = _refined(split, len(level) // _SPLITS // 2, partial(size, gravity))
         return fit(split, gravity) if starts else NO_FAULT
 
     def _drifting(self) -> Fault:
         """Friction of every drive that changes in proportion to the time of each log."""
-        columns, lacking = _friction_columns(self.target, self.friction, self.samples)
-        passed = np.array([moment.passed for moment in self.moments])
-        further = passed[:, None, None] * columns
-        fit = Equations.of(self, self.samples, self.columns, self.measured, further).fit(NO_FAULT)
+        F, lacking = _friction_columns(self.target, self.friction, self.samples)
+        passed = np.array([moment.passed for moment in self.moments])[:, None, None]
+        fit = Equations.of(self, self.samples, self.columns, self.measured, passed * F).fit(NO_FAULT)
         of_model = np.array([self.target.base.columns[j].kind in (COULOMB, VISCOUS) for j in self.target.base.index])
-        own, added = np.split(fit.parameters, [of_model.size])
-        at_first = self.columns[:, :, of_model] @ own[of_model]
-        at_first += columns[:, :, lacking] @ added[: np.count_nonzero(lacking)]
-        change = columns @ added[-columns.shape[2] :]
+        x, added = np.split(fit.parameters, [of_model.size])
+        at_first = self.columns[:, :, of_model] @ x[of_model] + F[:, :, lacking] @ added[: np.count_nonzero(lacking)]
+        change = F @ added[added.size - F.shape[2] :]
         size = np.sum(at_first**2, axis=0)
         falls = -np.sum(at_first * change, axis=0) / np.where(size > 0, size, 1.0)
         return replace(drift_fault(self.target.robot.joint_names, falls), errors=fit.errors)
@@ -378,19 +374,18 @@ class FaultSearch:
         """All torques late from the best instant on."""
         N, n = self.samples.q.shape
         names = self.target.robot.joint_names
-        steps = np.unique(np.round(np.clip(_DELAYS, -self.longest, self.longest) / self.step).astype(int))
 
         def fit(split: int, late: int) -> Fault:
             rows = late * np.repeat(np.arange(N) >= split, n).reshape(N, n)
             return self._fit(late_from_fault(names, rows, self.step * late, self.moments[split]))
 
         def size(late: int, split: int) -> float:
-            return fit(split, late).size if abs(late) * self.step <= self.longest else np.inf
+            return fit(split, late).size if 0 < split < N and abs(late) * self.step <= self.longest else np.inf
 
-        starts = [(size(late, split), late, split) for split in self._splits for late in steps[steps != 0].tolist()]
+        starts = [(size(late, split), late, split) for split in self._splits for late in self._delays if late]
         _, late, split = min(starts, default=(0.0, 0, 0))
         for stride in (8, 4, 2, 1) if starts else ():
-            split = self._refined(split, partial(size, late))
+            split = _refined(split, N // _SPLITS // 2, partial(size, late))
             late = min((size(x, split), x) for x in (late - stride, late, late + stride))[1]
         return fit(split, late) if late else NO_FAULT
 
@@ -400,29 +395,32 @@ class FaultSearch:
         N = len(self.moments)
         return range(N // _SPLITS, N, N // _SPLITS) if N >= _SPLITS else range(0)
 
-    def _refined(self, split: int, size: Callable[[int], float]) -> int:
-        """The instant near another one from which on a change explains most."""
-        size, stride = cache(size), len(self.moments) // _SPLITS
-        while stride := stride // 2:
-            split = min((k for k in (split - stride, split, split + stride) if 0 < k < len(self.moments)), key=size)
-        return split
+    @property
+    def _delays(self) -> list[int]:
+        """Delays that are tried first, in steps."""
+        steps = np.clip(_DELAYS, -self.longest, self.longest) / self.step
+        return sorted({round(x) for x in steps.tolist()})
 
     def _delayed(self, which: Index) -> Fault:
         """The torques of some joints late by the best delay."""
         names = self.target.robot.joint_names
-        grid = np.unique(np.round(np.clip(_DELAYS, -self.longest, self.longest) / self.step).astype(int))
 
-        @cache
         def size(steps: int) -> float:
             if not steps or abs(steps) * self.step > self.longest:
                 return np.inf
             return self._fit(delay_fault(names, steps * which, self.step)).size
 
-        best, stride = min(grid.tolist(), key=size), max(1, round(0.01 / self.step))
-        while stride:
-            best = min((best - stride, best, best + stride), key=size)
-            stride //= 2
+        best = _refined(min(self._delays, key=size), max(1, round(0.01 / self.step)), size)
         return self._fit(delay_fault(names, best * which, self.step))
+
+
+def _refined(best: int, stride: int, size: Callable[[int], float]) -> int:
+    """The best whole number near one, by steps that are halved."""
+    size = cache(size)
+    while stride:
+        best = min((best - stride, best, best + stride), key=size)
+        stride //= 2
+    return best
 
 
 def _chosen(part: PreparedLog, robot: Robot, most: int, least_speed: float) -> Index:
@@ -446,7 +444,7 @@ def _moments(part: PreparedLog, samples: Samples) -> Iterator[Moment]:
     log, first, last = part.log, part.samples.time[0], part.samples.time[-1]
     for time in samples.time.tolist():
         row = int(log.row_numbers[min(int(np.searchsorted(log.time, time)), log.count - 1)])
-        yield Moment(log.source, time, row, (time - first) / (last - first))
+        yield Moment(log.source, time, row, (time - first) / max(last - first, 1e-9))
 
 
 def _noise(logs: list[Array]) -> Array:
