@@ -242,7 +242,7 @@ def delay_fault(names: tuple[str, ...], late: Index, step: float) -> Fault:
 def late_from_fault(names: tuple[str, ...], late: Index, delay: float, moment: Moment) -> Fault:
     """Torques that were recorded later than the positions from some time on, as where rows of them were lost."""
     how = "later" if delay > 0 else "earlier"
-    what = f"from {moment.time:.3g} s on all torques are {1e3 * abs(delay):.3g} ms {how} than before"
+    what = f"from {moment.time:.2f} s on all torques are {1e3 * abs(delay):.3g} ms {how} than before"
     cure = f"a clock jumped, or rows of one of them were lost: {_before(moment)}"
     return Fault("late from", names, what, cure, late=late, longest=abs(delay), freedom=_FREEDOM_OF_TIME)
 
@@ -250,7 +250,7 @@ def late_from_fault(names: tuple[str, ...], late: Index, delay: float, moment: M
 def moved_fault(before: Array, after: Array, moment: Moment) -> Fault:
     """Gravity changes its direction in the axes of the base, unless it hardly does."""
     angle, x = _angle(before, after), ",".join(f"{x:.2f}" for x in after)
-    what = f"from {moment.time:.3g} s on the base is tilted by {np.rad2deg(angle):.2g} degrees: gravity is ({x})"
+    what = f"from {moment.time:.2f} s on the base is tilted by {np.rad2deg(angle):.2g} degrees: gravity is ({x})"
     cure = f"fix the base and record again, or {_before(moment)}"
     kind = "moved base" if angle > _MOVED else NO_FAULT.kind
     return Fault(kind, (), what, cure, freedom=_FREEDOM_OF_TIME)
