@@ -198,7 +198,11 @@ def gains_fault(names: tuple[str, ...], gains: Array, shown: Flags, *, known: bo
     if odd.size < 2 or (np.ptp(np.log(gains[shown])) < 2 * np.log(ODD_GAIN) and size.max() < np.log(_ODD_SCALE)):
         return NO_FAULT
     joints, values = (", ".join(x) for x in (np.array(names)[odd], [f"{1 / g:.2g}" for g in gains[odd]]))
-    whose, scale = ("the described robot", "as right as its masses") if known else ("all together", "up to one factor")
+    whose, scale = (
+        ("the described robot", "as right as its masses, which another robot has otherwise")
+        if known
+        else ("all together", "up to one factor")
+    )
     hidden = "".join(f"; that of {name} does not show" for name in np.array(names)[~shown])
     return Fault(
         "gains",
