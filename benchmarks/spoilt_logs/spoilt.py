@@ -4,22 +4,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import random_motion
 from excite.logs.log import Log
+from excite.logs.log_reading import write_log
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion
 from excite.tasks.installation import Installation
 from excite.tasks.payload import installed
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
+from regressors.models.differential import DifferentialModel
 from regressors.readers.library import load_robot
+from regressors.robot.columns import BODY_KINDS
 from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.friction.load_and_temperature import drives_with_friction
 from regressors.robot.locked_joints import with_joint_rotors
 from regressors.robot.robot import Robot
+from regressors.samples import Samples
 
 ROBOTS = ("irp6", "ur10e", "panda", "iiwa7")
 COULOMB, VISCOUS, ROTOR = 0.02, 0.02, 0.002  # of the torque limit: Nm, Nm s/rad, kg m^2
@@ -28,8 +34,11 @@ KINDS = (
     "torques swapped", "torques shifted", "torque sign", "positions swapped", "position sign",
     "torque gain, 0.6 or 1.6",
     "torque gain, 1000", "magnitudes", "late", "channel late", "zero, 90 degrees", "zero, 5 degrees", "clipped",
-    "currents", "drive units", "gravity, tilted", "gravity, wall or ceiling",
+    "currents", "drive units", "gravity, tilted", "gravity, wall or ceiling", "moved base", "late from", "drift",
+    "other lengths", "untold load", "clock jump", "lost rows", "stale rows", "repeated rows",
 )  # fmt: skip
+LOADS = {"irp6": 6.0, "ur10e": 10.0, "panda": 3.0, "iiwa7": 7.0}  # rated [kg]
+LEVEL, DOWN = (0.0, 0.0, 0.0), np.array([0.0, 0.0, -9.81])
 
 
 @dataclass(frozen=True)
@@ -76,10 +85,44 @@ def mount(kind: str, rng: np.random.Generator) -> tuple[float, float, float]:
     return [(0.0, np.pi / 2, 0.0), (-np.pi / 2, 0.0, 0.0), (np.pi, 0.0, 0.0)][int(rng.integers(3))]
 
 
+def load(name: str, rng: np.random.Generator) -> tuple[float, float, float, float]:
+    """Mass of a load and its centre in the frame of the last link [kg, m]."""
+    x, y, z = rng.uniform(-0.08, 0.08, 3).tolist()
+    return LOADS[name] * float(rng.uniform(0.3, 0.8)), x, y, z
+
+
+def relative(robot: Robot, rng: np.random.Generator) -> Robot:
+    """Another robot of the family, whose arms are shorter or longer, and lighter or heavier: a UR5e has 0.6 and 0.7."""
+    scale = float(rng.choice([rng.uniform(0.6, 0.8), rng.uniform(1.25, 1.6)]))
+    joints = tuple(replace(j, translation=j.translation * scale * rng.uniform(0.9, 1.1)) for j in robot.joints)
+    powers = scale ** np.array([2, 3, 3, 3, 4, 4, 4, 4, 4, 4])
+    links = tuple(replace(k, theta=None if k.theta is None else k.theta * powers) for k in robot.links)
+    return robot.replace(joints=joints, links=links, shapes=())
+
+
+def gravity_torque(robot: Robot, q: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+    """Torques that hold the robot, shape (N, n)."""
+    model = DifferentialModel(robot.replace(gravity=gravity))
+    still = Samples(np.arange(len(q), dtype=float), q, *np.zeros((3, *q.shape)))
+    theta = np.concatenate([link.theta for link in robot.links])
+    Y = model.instants(still)[:, [c.kind in BODY_KINDS for c in model.columns]]
+    return (Y @ theta).reshape(q.shape)
+
+
+def friction_torque(robot: Robot, q: np.ndarray, step: float) -> np.ndarray:
+    """Friction in the equation of each joint, shape (N, n)."""
+    dq, curves, n = np.gradient(q, step, axis=0), FrictionCurves.of_robot(robot), q.shape[1]
+    rows = ((name, row[:n]) for name, row in drives_with_friction(robot))  # joints that the log lacks rest
+    return sum(curves.curve(name).torque(dq @ row)[:, None] * row for name, row in rows)
+
+
 @cache
-def clean_log(name: str, seed: int, mounted: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Log:
+def clean_log(
+    name: str, seed: int, mounted: tuple[float, float, float] = LEVEL, payload: tuple[float, ...] | None = None
+) -> Log:
     """A random Fourier motion of 10 s within the limits, at 200 Hz, with noise of 2 % of each torque."""
-    robot, task = installed(true_robot(name, seed), Installation(mount=mounted)), Task(name, harmonics=5, period=10.0)
+    robot = installed(true_robot(name, seed), Installation(mount=mounted, payload=payload))
+    task = Task(name, harmonics=5, period=10.0)
     problem = formulate(load_robot(name), task).problem
     x = random_motion(problem, np.random.default_rng(seed))
     settings = SimulationSettings(rate=200.0, seed=seed, position_step=(1e-5,))
@@ -96,6 +139,55 @@ def clean_log(name: str, seed: int, mounted: tuple[float, float, float] = (0.0, 
 
 def _columns(x: np.ndarray, order: list[int]) -> np.ndarray:
     return np.ascontiguousarray(x[:, order])
+
+
+def changed_from(log: Log, kind: str, rng: np.random.Generator, robot: str, seed: int, real: bool) -> Spoilt:
+    """The log of a robot with a fault that begins at some time, or grows."""
+    k, step = round(rng.uniform(0.3, 0.7) * log.count), log.duration / (log.count - 1)
+    after, time, q, y = np.arange(log.count) >= k, log.time.copy(), log.q.copy(), log.effort.copy()
+    truth: tuple[float, ...] = (float(time[k]),)
+    match kind:
+        case "moved base":
+            tilt, towards = np.deg2rad(rng.uniform(10.0, 30.0)), rng.uniform(0.0, 2 * np.pi)
+            mounted = (float(tilt * np.cos(towards)), float(tilt * np.sin(towards)), 0.0)
+            gravity = installed(load_robot(robot), Installation(mount=mounted)).gravity
+            if real:
+                change = gravity_torque(load_robot(robot), q, gravity) - gravity_torque(load_robot(robot), q, DOWN)
+            else:
+                change = clean_log(robot, seed, mounted).effort - y
+            y, truth = y + after[:, None] * change, (*truth, *gravity.tolist())
+        case "late from":
+            rows = round(rng.uniform(0.02, 0.08) / step) * int(rng.choice([-1, 1]))
+            late = np.clip(np.arange(log.count) - rows * after, 0, log.count - 1)
+            y = y[late]
+        case "drift":
+            falls = rng.uniform(0.3, 0.5, y.shape[1])
+            y -= falls * np.linspace(0.0, 1.0, log.count)[:, None] * friction_torque(true_robot(robot, seed), q, step)
+            truth = tuple(falls.tolist())
+        case "clock jump":
+            time[k:] += rng.uniform(0.2, 1.0)
+        case "lost rows":
+            kept = np.delete(np.arange(log.count), np.arange(k, k + round(rng.uniform(0.03, 0.2) / step)))
+            time, q, y = time[: kept.size], q[kept], y[kept]
+        case "stale rows":
+            held = np.arange(log.count)
+            for start in rng.integers(50, log.count - 50, 8).tolist():
+                held[start : start + int(rng.integers(3, 20))] = start
+            q, y = q[held], y[held]
+    label = f"{log.source} {kind}"
+    log = replace(log, time=time, q=q, dq=None, effort=y, numbers=None, removed=(), source=label, sha256=label)
+    return Spoilt(log, kind, (), truth)
+
+
+def with_repeated_rows(log: Log, rng: np.random.Generator, folder: Path) -> Path:
+    """File of the log in which some rows are written twice."""
+    path = folder / "repeated.csv"
+    write_log(log, path)
+    head, *rows = path.read_text().splitlines()
+    twice = rng.random(len(rows)) < 0.02
+    lines = [line for row, again in zip(rows, twice, strict=True) for line in [row] * (1 + int(again))]
+    path.write_text("\n".join([head, *lines]) + "\n")
+    return path
 
 
 def spoilt(log: Log, kind: str, rng: np.random.Generator, joint: int | None = None) -> Spoilt:

@@ -44,11 +44,22 @@ if TYPE_CHECKING:
 
 def doubts_of(result: Identification) -> tuple[Doubt, ...]:
     """Reasons why a result cannot be right; empty if there are none."""
-    if len(result.estimate.unseen) == len(result.names):
-        what = f"the logs show none of the {len(result.names)} parameters"
-        cause = "they are too short, or what moves in them is as small as their noise"
-        return (Doubt(what, cause, "record a designed motion (`design_trajectory`)", about="torques"),)
     target = result.target_of_instants
+    found = (_nothing_shown(result),) if len(result.estimate.unseen) == len(result.names) else _found(result, target)
+    timed = any(choice.name == "delay" for choice in result.choices)
+    spoilt = spoilt_log(target, result.prepared, result.friction, doubtful=bool(found), timed=timed)
+    return found if spoilt is None else (spoilt,)  # the others follow from it
+
+
+def _nothing_shown(result: Identification) -> Doubt:
+    """Doubt where no parameter has a value."""
+    what = f"the logs show none of the {len(result.names)} parameters"
+    cause = "they are too short, or what moves in them is as small as their noise"
+    return Doubt(what, cause, "record a designed motion (`design_trajectory`)", about="torques")
+
+
+def _found(result: Identification, target: IdentificationTarget) -> tuple[Doubt, ...]:
+    """A large residual, or bodies and drives that cannot be."""
     above = max(motion_ends(part.log.q, mean_rate(part.log.time)) for part in result.prepared)
     noisy = noisy_derivatives(result.observations, result.estimate.predicted(result.observations), above)
     residual = _residual(result, target, noisy, above)
@@ -60,10 +71,7 @@ def doubts_of(result: Identification) -> tuple[Doubt, ...]:
         checks.append(
             impossible_parameters(result.estimate, result.target.base, _shares(result), noisy, _tried(result))
         )
-    found = tuple(doubt for doubt in checks if doubt is not None)
-    timed = any(choice.name == "delay" for choice in result.choices)
-    spoilt = spoilt_log(target, result.prepared, result.friction, doubtful=bool(found), timed=timed)
-    return found if spoilt is None else (spoilt,)  # the others follow from it
+    return tuple(doubt for doubt in checks if doubt is not None)
 
 
 def warnings_of(result: Identification) -> tuple[Doubt, ...]:

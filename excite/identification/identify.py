@@ -21,6 +21,7 @@ from excite.identification.estimator import Estimator, hide_parameters
 from excite.identification.identification import Identification
 from excite.identification.impossible_parameters import beyond_plausible
 from excite.identification.large_residual import with_external_forces
+from excite.identification.log_faults import clock_jumps
 from excite.identification.prediction import instantaneous_target
 from excite.identification.procedure import LogLike, calibrated, check_given, estimate_parameters, read_logs
 from excite.identification.recipe import Recipe
@@ -187,6 +188,9 @@ def _refusals_explained(
     try:
         yield
     except InputError as error:
+        for jump in (jump for log in logs for jump in clock_jumps(log)):
+            error.args = ("; ".join([str(error).split("; ")[0], f"{SPOILT} {jump.what}", jump.cure]),)
+            raise
         unlimited = robot.replace(limits=Limits.none(robot.n))
         with suppress(ExciteError, ArithmeticError, np.linalg.LinAlgError):  # of what limits alone do not refuse
             for doubt in estimate_parameters(unlimited, task, logs, recipe, friction=friction).doubts:

@@ -17,15 +17,27 @@ from numpy.typing import NDArray
 
 from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
-from excite.logs.event import within
+from excite.logs.event import gaps, within
+from excite.logs.log import Log
 from regressors.errors import percent
 from regressors.models.load import PayloadModel
+from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
 
 Flags = NDArray[np.bool_]
 
 LEAST_ERROR = 2e-3  # of the torques: a smaller one is no further evidence
 ODD_GAIN = 1.25  # a gain nearer to one is not a fault
+
+
+@dataclass(frozen=True)
+class Moment:
+    """When an instant of a log was."""
+
+    log: str
+    time: float  # [s]
+    row: int
+    passed: float  # share of the log before it
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +54,7 @@ class Fault:
     longest: float = 0.0  # of them [s]
     positions: tuple[Array, Array] | None = None  # ``A (n, n), b (n,)``: true positions ``A q + b``
     errors: Array = field(default_factory=lambda: np.zeros(0))  # (n,) of each equation, over its torque, without it
+    parameters: Array = field(default_factory=lambda: np.zeros(0))  # of that fit
 
     @property
     def size(self) -> float:
@@ -59,9 +72,10 @@ UNTOLD_LOAD = Fault("untold load", (), "", "")
 
 
 def obvious_faults(names: tuple[str, ...], parts: tuple[PreparedLog, ...]) -> Iterator[Fault]:
-    """Faults that the torques show without a model: magnitudes, and values that are cut off."""
+    """Faults that need no model: magnitudes, values that are cut off, and clocks that jump."""
     for part in parts:
         y, dq = part.log.effort, part.samples.dq
+        yield from clock_jumps(part.log)
         if y is None:
             continue
         yield from _clipped(names, y[~within(part.log.time, part.saturated)])
@@ -73,6 +87,29 @@ def obvious_faults(names: tuple[str, ...], parts: tuple[PreparedLog, ...]) -> It
                 "the torques of all joints are never negative although all of them move both ways: they are magnitudes",
                 "record torques with their signs, or map the columns of the signed currents (`current`)",
             )
+
+
+_NEAR, _JUMP, _LEAST_MOTION = 5, 0.1, 0.01  # rows on either side [-], least jump [s], motion in it [rad or m]
+_BETTER = 0.2  # part of the difference to the motion of the whole step that the motion of one row may leave
+
+
+def clock_jumps(log: Log) -> Iterator[Fault]:
+    """Gaps in which the robot has moved by no more than from one row to the next: no row is missing."""
+    step = float(np.median(np.diff(log.time)))
+    for gap in gaps(log):
+        k = gap.row
+        if gap.length < _JUMP or not _NEAR <= k < log.count - _NEAR - 1:
+            continue
+        ends = (k - _NEAR, k), (k + 1, k + 1 + _NEAR)
+        speed = np.mean([(log.q[b] - log.q[a]) / (log.time[b] - log.time[a]) for a, b in ends], axis=0)
+        moved = log.q[k + 1] - log.q[k]
+        off = [float(np.linalg.norm(moved - duration * speed)) for duration in (step, gap.length)]
+        if np.linalg.norm(gap.length * speed) > _LEAST_MOTION and off[0] < _BETTER * off[1]:
+            what = (
+                f"the clock jumps by {gap.length - step:.3g} s after row {gap.number}, while the robot moves by one row"
+            )
+            cure = f"subtract this from the times that follow, or use the rows before it (`rows='1:{gap.number}'`)"
+            yield Fault("clock jump", (), what, cure)
 
 
 _CLIPPED = 10  # rows in succession, and 1 % of all
@@ -147,9 +184,11 @@ def gain_fault(names: tuple[str, ...], j: int, log_gain: float) -> Fault:
     return Fault(kind, (names[j],), what, cure, torques)
 
 
-_FREEDOM = 0.1  # of each value that is fitted
+_FREEDOM, _FREEDOM_OF_TIME = 0.1, 0.3  # of each value that is fitted; of a change from the best time on
 _ODD_SCALE = 3.0  # masses of descriptions are off by less
-_LEVEL = np.deg2rad(5.0)  # a smaller tilt is not a fault
+_LEVEL, _MOVED = np.deg2rad([5.0, 2.0])  # a smaller tilt is not a fault, nor a smaller one from some time on
+_DRIFT = 0.1  # a smaller change of friction is not stated
+_OTHER_LENGTH = 0.1  # a smaller change of lengths is not a fault
 
 
 def gains_fault(names: tuple[str, ...], gains: Array, shown: Flags, *, known: bool) -> Fault:
@@ -159,7 +198,11 @@ def gains_fault(names: tuple[str, ...], gains: Array, shown: Flags, *, known: bo
     if odd.size < 2 or (np.ptp(np.log(gains[shown])) < 2 * np.log(ODD_GAIN) and size.max() < np.log(_ODD_SCALE)):
         return NO_FAULT
     joints, values = (", ".join(x) for x in (np.array(names)[odd], [f"{1 / g:.2g}" for g in gains[odd]]))
-    whose, scale = ("the described robot", "as right as its masses") if known else ("all together", "up to one factor")
+    whose, scale = (
+        ("the described robot", "as right as its masses, which another robot has otherwise")
+        if known
+        else ("all together", "up to one factor")
+    )
     hidden = "".join(f"; that of {name} does not show" for name in np.array(names)[~shown])
     return Fault(
         "gains",
@@ -174,11 +217,16 @@ def gains_fault(names: tuple[str, ...], gains: Array, shown: Flags, *, known: bo
 
 def gravity_fault(described: Array, gravity: Array) -> Fault:
     """Gravity acts in another direction than described, unless it is nearly the same."""
-    angle = np.arccos(np.clip(described @ gravity / np.linalg.norm(described) / np.linalg.norm(gravity), -1.0, 1.0))
+    angle = _angle(described, gravity)
     x = ",".join(f"{x:.2f}" for x in gravity)
     what = f"the base is tilted by {np.rad2deg(angle):.0f} degrees: gravity is ({x}) in its axes, and not as described"
     cure = f"use `gravity={x}`, or `gravity: [{x}]` in the robot's file"
     return Fault("gravity" if angle > _LEVEL else NO_FAULT.kind, (), what, cure, freedom=_FREEDOM)
+
+
+def _angle(a: Array, b: Array) -> float:
+    """Between two vectors [rad]."""
+    return float(np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1.0, 1.0)))
 
 
 def delay_fault(names: tuple[str, ...], late: Index, step: float) -> Fault:
@@ -193,6 +241,52 @@ def delay_fault(names: tuple[str, ...], late: Index, step: float) -> Fault:
         kind, cure = "late", f"use `delay={delay:.3g}`"
         what = f"all torques are {1e3 * abs(delay):.3g} ms {how} than the positions"
     return Fault(kind, concerned, what, cure, late=late, longest=abs(delay))
+
+
+def late_from_fault(names: tuple[str, ...], late: Index, delay: float, moment: Moment) -> Fault:
+    """Torques that were recorded later than the positions from some time on, as where rows of them were lost."""
+    how = "later" if delay > 0 else "earlier"
+    what = f"from {moment.time:.2f} s on all torques are {1e3 * abs(delay):.3g} ms {how} than before"
+    cure = f"a clock jumped, or rows of one of them were lost: {_before(moment)}"
+    return Fault("late from", names, what, cure, late=late, longest=abs(delay), freedom=_FREEDOM_OF_TIME)
+
+
+def moved_fault(before: Array, after: Array, moment: Moment) -> Fault:
+    """Gravity changes its direction in the axes of the base, unless it hardly does."""
+    angle, x = _angle(before, after), ",".join(f"{x:.2f}" for x in after)
+    what = f"from {moment.time:.2f} s on the base is tilted by {np.rad2deg(angle):.2g} degrees: gravity is ({x})"
+    cure = f"fix the base and record again, or {_before(moment)}"
+    kind = "moved base" if angle > _MOVED else NO_FAULT.kind
+    return Fault(kind, (), what, cure, freedom=_FREEDOM_OF_TIME)
+
+
+def _before(moment: Moment) -> str:
+    """The line that leaves out what comes after some instant."""
+    return f"use the rows of {moment.log} before it (`rows='1:{moment.row}'`)"
+
+
+def drift_fault(names: tuple[str, ...], falls: Array) -> Fault:
+    """Friction that falls, or rises, in the time of a log, as where drives grow warm."""
+    off = np.flatnonzero(np.abs(falls) > _DRIFT)
+    joints, values = ", ".join(names[j] for j in off), ", ".join(f"{100 * falls[j]:.0f}" for j in off)
+    what = f"the friction of {joints} falls by {values} % over the log"
+    cure = "record it again with warm drives, or use a part in which they are (`rows`)"
+    kind = "drift" if off.size else NO_FAULT.kind
+    return Fault(kind, tuple(names[j] for j in off), what, cure, freedom=_FREEDOM * len(names))
+
+
+def lengths_fault(robot: Robot, factors: Array, shown: Flags) -> Fault:
+    """The lengths up to some joints are others than described."""
+    long = np.flatnonzero(shown)
+    factors = factors[long]
+    joints = ", ".join(robot.joint_names[j] for j in long)
+    what = (
+        f"the lengths up to {joints} are {', '.join(f'{x:.2f}' for x in factors)} times those described: it is from "
+        "another robot"
+    )
+    kind = "other lengths" if np.any(np.abs(factors - 1) > _OTHER_LENGTH) else NO_FAULT.kind
+    cure = f"give the description of the robot that was recorded, such as another one of the family of {robot.name}"
+    return Fault(kind, (), what, cure, freedom=_FREEDOM * (robot.n - 1))
 
 
 def zero_fault(names: tuple[str, ...], j: int, zero: float) -> Fault:

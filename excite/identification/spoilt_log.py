@@ -10,12 +10,13 @@ one joint could take up shows all the same.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from itertools import product
 
 import numpy as np
+import scipy.linalg
 import scipy.optimize
 
 from excite.identification.choices.cutoff_and_timing import LONGEST
@@ -27,12 +28,17 @@ from excite.identification.log_faults import (
     UNTOLD_LOAD,
     Fault,
     Flags,
+    Moment,
     column_faults,
     delay_fault,
+    drift_fault,
     every_joint_moves,
     gain_fault,
     gains_fault,
     gravity_fault,
+    late_from_fault,
+    lengths_fault,
+    moved_fault,
     obvious_faults,
     zero_fault,
 )
@@ -42,7 +48,7 @@ from excite.logs.event import within
 from regressors.errors import percent
 from regressors.models.base import base_parameters, few_states, random_states
 from regressors.models.load import PayloadModel
-from regressors.robot.columns import COULOMB, OFFSET, ROTOR
+from regressors.robot.columns import COULOMB, OFFSET, ROTOR, VISCOUS
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import drives_with_friction, friction_rows, moving_drive_numbers
 from regressors.robot.robot import Robot
@@ -63,7 +69,12 @@ _DELAYS = np.array([-0.03, -0.01, 0.01, 0.03, 0.06, 0.1])  # [s]
 _IN_MOTION = 0.1  # of the root mean square speed of each drive
 _OF_LOG = 0.1  # of the shortest log: longer delays are not searched
 _LOG_GAIN, _OFF, _SHOWN = (-14.0, 14.0), 1.5, 0.1  # a factor shows where so many times it explains so much less
+_TILT = np.deg2rad(15.0)  # first of a base that moved
 _OBLIQUE, _ASIDE = np.array([3.0, 4.0, -5.0]), 0.3  # gravity along no axis; first steps of its direction
+_SPLITS = 10  # instants from which on something may have changed, before the best is refined
+_SHORT = 0.02  # lengths that are not fitted [m]
+_LENGTH_ROUNDS, _COMMON, _STEP = 7, 2, 1e-3  # of their fit, those with one factor for all, and of the differences
+_LONGER, _SHORTEST = 0.3, 0.3  # most by which a factor changes at once; least and, inverted, largest
 _ZEROS = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0])
 _GAINS = np.log([1e-3, 1e-2, 0.05, 0.1, 0.2, 0.35, 0.6, 0.8, 1.25, 1.6, 2.8, 5.0, 10.0, 20.0, 100.0, 1e3])
 
@@ -83,13 +94,15 @@ def spoilt_log(
     if not every_joint_moves(target):
         return None
     for fault in obvious_faults(target.robot.joint_names, parts):
-        return Doubt(f"{SPOILT} {fault.what}", "no robot measures such torques", fault.cure, about="torques")
+        return Doubt(f"{SPOILT} {fault.what}", "no sound log has this, whatever the robot", fault.cure, about="torques")
     search = FaultSearch.of(target, parts, friction)
     none = search.plain.fit(NO_FAULT)
     if not doubtful and not np.any(none.errors > np.maximum(_NOISY * search.noise, _SMALL)):
         return None
     fits = [search.with_load(), *search.fits(), *FaultSearch.of(target, parts, friction, _IN_MOTION).late_joints(none)]
-    return named(none, [fit for fit in fits if not timed or fit.kind != "late" or fit.longest > LONGEST])
+    fits = [fit for fit in fits if not timed or fit.kind != "late" or fit.longest > LONGEST]
+    best = min(fits, key=lambda fit: fit.size)
+    return named(none, fits if np.all(best.errors < _NOISY * search.noise) else [*fits, search.with_lengths()])
 
 
 def named(none: Fault, fits: list[Fault]) -> Doubt | None:
@@ -121,8 +134,9 @@ class FaultSearch:
     samples: Samples  # (N,)
     step: float  # [s]
     longest: float  # delay that is searched [s]
-    # those measured some steps later than the instants, (n,) -> (N, n): whole steps, since noise between two measured
-    # values is less than in each
+    moments: tuple[Moment, ...]  # (N,)
+    # those measured some steps later than the instants, (n,) or (N, n) -> (N, n): whole steps, since noise between two
+    # measured values is less than in each
     torques: Callable[[Index], Array]
     noise: Array  # (n,) white noise of the torques, over them
     described: Array | None  # (b,) base parameters of the description
@@ -142,22 +156,34 @@ class FaultSearch:
         joined = Samples.joined(samples)
         uniform = [_on_grid(part) for part in parts]
 
-        def torques(late: Index) -> Array:
-            pairs = zip(uniform, chosen, strict=True)
-            return np.concatenate([_later(y, rows, late) for y, rows in pairs])
+        ends = np.cumsum([rows.size for rows in chosen])[:-1]
 
+        def torques(late: Index) -> Array:
+            each = np.split(np.broadcast_to(late, joined.q.shape), ends)
+            return np.concatenate([_later(*one) for one in zip(uniform, chosen, each, strict=True)])
+
+        moments = tuple(moment for pair in zip(parts, samples, strict=True) for moment in _moments(*pair))
         described = described_coefficients(target)
         step = float(np.median(np.diff(parts[0].samples.time)))
         signs = signs_of_bodies(target.base)
         longest = _OF_LOG * min(float(np.ptp(part.samples.time)) for part in parts)
-        return FaultSearch(target, joined, step, longest, torques, _noise(uniform), described, signs, friction)
+        noise = _noise(uniform)
+        return FaultSearch(target, joined, step, longest, moments, torques, noise, described, signs, friction)
 
     @cached_property
     def plain(self) -> Equations:
         """The equations as the log has them."""
-        return Equations.of(
-            self, self.samples, self.columns, self.torques(np.zeros(self.samples.q.shape[1], dtype=int))
-        )
+        return Equations.of(self, self.samples, self.columns, self.measured)
+
+    @cached_property
+    def added(self) -> tuple[Array, Array]:
+        """What drives have and the model may lack at the instants, with the signs."""
+        return _added_columns(self.target, self.friction, self.samples)
+
+    @cached_property
+    def measured(self) -> Array:
+        """The torques at the instants, shape (N, n)."""
+        return self.torques(np.zeros(self.samples.q.shape[1], dtype=int))
 
     @cached_property
     def columns(self) -> Array:
@@ -173,7 +199,7 @@ class FaultSearch:
         """Fits with each fault undone."""
         names, n = self.target.robot.joint_names, self.samples.q.shape[1]
         fits = [*map(self._fit, column_faults(names)), self._with_gains(), *self._tilted()]
-        fits.append(self._delayed(np.ones(n, dtype=int)))
+        fits += [self._delayed(np.ones(n, dtype=int)), self._late_from(), self._drifting(), self._moved()]
         fits += [self._at_best(partial(zero_fault, names, j), _ZEROS, 0.14, maxiter=7) for j in range(n)]
         fits += [self._at_best(partial(gain_fault, names, j), _GAINS, 0.6, xatol=0.01) for j in range(n)]
         return [fit for fit in fits if fit.kind != NO_FAULT.kind]
@@ -188,8 +214,44 @@ class FaultSearch:
         """Fit where the robot may carry a load that is not described."""
         n = self.samples.q.shape[1]
         K = PayloadModel(self.target.robot).instants(self.samples).reshape(-1, n, 10)
-        measured = self.torques(np.zeros(n, dtype=int))
-        return Equations.of(self, self.samples, self.columns, measured, K).fit(UNTOLD_LOAD)
+        return Equations.of(self, self.samples, self.columns, self.measured, K).fit(UNTOLD_LOAD)
+
+    def with_lengths(self) -> Fault:
+        """The lengths between joints that fit best, by the Gauss-Newton method with free bodies."""
+        robot, b = self.target.robot, self.target.base.rank
+        search = replace(self, described=None)
+        described = np.array([joint.translation for joint in robot.joints])
+        places = np.nonzero((np.abs(described) > _SHORT) & (np.arange(robot.n) > 0)[:, None])
+
+        def lengths(factors: Array) -> Array:
+            scaled = described.copy()
+            scaled[places] *= factors
+            return scaled
+
+        def columns(factors: Array) -> Array:
+            pairs = zip(robot.joints, lengths(factors), strict=True)
+            joints = tuple(replace(joint, translation=translation) for joint, translation in pairs)
+            model = self.target.model.on(robot.replace(joints=joints))
+            return replace(search, target=replace(self.target, model=model)).columns_of(self.samples)
+
+        def fit(W: Array, further: Array | None = None) -> Fault:
+            return Equations.of(search, self.samples, W, self.measured, further).fit(NO_FAULT)
+
+        factors, fits = np.ones(places[0].size), []
+        for k in range(_LENGTH_ROUNDS if factors.size else 0):
+            W = columns(factors)
+            fits.append((fit(W), factors))
+            steps = np.ones((1, factors.size)) if k < _COMMON else np.eye(factors.size)
+            changes = [(columns(factors + _STEP * step) - W) @ fits[-1][0].parameters[:b] / _STEP for step in steps]
+            change = np.clip(fit(W, np.stack(changes, axis=2)).parameters[-len(steps) :], -_LONGER, _LONGER)
+            factors = np.clip(factors + change @ steps, _SHORTEST, 1 / _SHORTEST)
+        if not fits:
+            return NO_FAULT
+        best, factors = min(fits, key=lambda one: one[0].size)
+        others = [fit(columns(np.where(places[0] == j, 1.0, factors))).size for j in range(robot.n)]
+        ratios = np.linalg.norm(lengths(factors), axis=1) / np.maximum(np.linalg.norm(described, axis=1), _SHORT)
+        fault = lengths_fault(robot, ratios, np.array(others) - best.size > _SHOWN)
+        return replace(fault, errors=best.errors) if fits[0][0].size - best.size > GAIN + fault.freedom else NO_FAULT
 
     def _fit(self, fault: Fault) -> Fault:
         """Fit with a fault undone."""
@@ -233,21 +295,15 @@ class FaultSearch:
 
     def _tilted(self) -> list[Fault]:
         """The best directions of gravity, in which rows are affine; where it is oblique, all base parameters show."""
-        down, robot = self.target.robot.gravity, self.target.robot
+        down = self.target.robot.gravity
         length = float(np.linalg.norm(down))
         if length == 0:
             return []
-        oblique, *models = (self.target.model.on(robot.replace(gravity=g)) for g in (_OBLIQUE, np.zeros(3), *np.eye(3)))
-        base = base_parameters(oblique, states=random_states(robot, few_states(oblique)))
-        still, *along = (replace(self.target, model=model, base=base) for model in models)
-        search = replace(self, target=still, described=described_coefficients(still), signs=signs_of_bodies(base))
-        W0 = search.columns
-        changes = np.array([replace(search, target=target).columns_of(self.samples) - W0 for target in along])
-        measured = self.torques(np.zeros(robot.n, dtype=int))
+        search, W0, changes = self._in_gravity
 
         def fit(direction: Array) -> Fault:
             g = length / float(np.linalg.norm(direction)) * direction
-            rows = Equations.of(search, self.samples, W0 + np.tensordot(g, changes, 1), measured)
+            rows = Equations.of(search, self.samples, W0 + np.tensordot(g, changes, 1), self.measured)
             return rows.fit(gravity_fault(down, g))
 
         grid = [np.array(g) / np.linalg.norm(g) for g in product((-1.0, 0.0, 1.0), repeat=3) if any(g)]
@@ -259,22 +315,112 @@ class FaultSearch:
         best, other = sorted(found, key=lambda g: fit(g).size)
         return [fit(best), *([fit(other)] if gravity_fault(best, other).kind != NO_FAULT.kind else [])]
 
+    @cached_property
+    def _in_gravity(self) -> tuple[FaultSearch, Array, Array]:
+        """The search with the base of an oblique gravity, its rows without gravity, and what each component adds."""
+        robot = self.target.robot
+        oblique, *models = (self.target.model.on(robot.replace(gravity=g)) for g in (_OBLIQUE, np.zeros(3), *np.eye(3)))
+        base = base_parameters(oblique, states=random_states(robot, few_states(oblique)))
+        still, *along = (replace(self.target, model=model, base=base) for model in models)
+        search = replace(self, target=still, described=described_coefficients(still), signs=signs_of_bodies(base))
+        W0 = search.columns
+        return search, W0, np.array([replace(search, target=one).columns_of(self.samples) - W0 for one in along])
+
+    def _moved(self) -> Fault:
+        """The best gravity after the best instant, linear in small changes of it, by the Gauss-Newton method."""
+        down = self.target.robot.gravity
+        length = float(np.linalg.norm(down))
+        if length == 0:
+            return NO_FAULT
+        search, W0, changes = self._in_gravity
+        level = W0 + np.tensordot(down, changes, 1)
+
+        def fit(split: int, gravity: Array, before: Fault | None = None) -> Fault:
+            """Fit with that gravity from an instant on, or with three more columns for its change."""
+            after = (np.arange(len(level)) >= split)[:, None, None]
+            W = level + after * np.tensordot(gravity - down, changes, 1)
+            K = None if before is None else after * np.moveaxis(changes @ before.parameters[: W.shape[2]], 0, 2)
+            rows = Equations.of(search, self.samples, W, self.measured, K)
+            return rows.fit(moved_fault(down, gravity, self.moments[split]))
+
+        def size(gravity: Array, split: int) -> float:
+            return fit(split, gravity).size if 0 < split < len(level) else np.inf
+
+        aside = scipy.linalg.null_space(down[None]).T * np.tan(_TILT) * length
+        tilted = [length * g / np.linalg.norm(g) for side in aside for g in (down + side, down - side)]
+        starts = [(size(g, split), k, split) for split in self._splits for k, g in enumerate(tilted)]
+        _, k, split = min(starts, default=(0.0, 0, 0))
+        gravity = tilted[k]
+        for _ in range(_ROUNDS if starts else 0):
+            change = fit(split, gravity, fit(split, gravity)).parameters[-3:]
+            gravity = length / float(np.linalg.norm(gravity + change)) * (gravity + change)
+            split = _refined(split, len(level) // _SPLITS // 2, partial(size, gravity))
+        return fit(split, gravity) if starts else NO_FAULT
+
+    def _drifting(self) -> Fault:
+        """Friction of every drive that changes in proportion to the time of each log."""
+        F, lacking = _friction_columns(self.target, self.friction, self.samples)
+        passed = np.array([moment.passed for moment in self.moments])[:, None, None]
+        fit = Equations.of(self, self.samples, self.columns, self.measured, passed * F).fit(NO_FAULT)
+        of_model = np.array([self.target.base.columns[j].kind in (COULOMB, VISCOUS) for j in self.target.base.index])
+        x, added = np.split(fit.parameters, [of_model.size])
+        at_first = self.columns[:, :, of_model] @ x[of_model] + F[:, :, lacking] @ added[: np.count_nonzero(lacking)]
+        change = F @ added[added.size - F.shape[2] :]
+        size = np.sum(at_first**2, axis=0)
+        falls = -np.sum(at_first * change, axis=0) / np.where(size > 0, size, 1.0)
+        return replace(drift_fault(self.target.robot.joint_names, falls), errors=fit.errors)
+
+    def _late_from(self) -> Fault:
+        """All torques late from the best instant on."""
+        N, n = self.samples.q.shape
+        names = self.target.robot.joint_names
+
+        def fit(split: int, late: int) -> Fault:
+            rows = late * np.repeat(np.arange(N) >= split, n).reshape(N, n)
+            return self._fit(late_from_fault(names, rows, self.step * late, self.moments[split]))
+
+        def size(late: int, split: int) -> float:
+            return fit(split, late).size if 0 < split < N and abs(late) * self.step <= self.longest else np.inf
+
+        starts = [(size(late, split), late, split) for split in self._splits for late in self._delays if late]
+        _, late, split = min(starts, default=(0.0, 0, 0))
+        for stride in (8, 4, 2, 1) if starts else ():
+            split = _refined(split, N // _SPLITS // 2, partial(size, late))
+            late = min((size(x, split), x) for x in (late - stride, late, late + stride))[1]
+        return fit(split, late) if late else NO_FAULT
+
+    @property
+    def _splits(self) -> range:
+        """Instants from which on something may have changed."""
+        N = len(self.moments)
+        return range(N // _SPLITS, N, N // _SPLITS) if N >= _SPLITS else range(0)
+
+    @property
+    def _delays(self) -> list[int]:
+        """Delays that are tried first, in steps."""
+        steps = np.clip(_DELAYS, -self.longest, self.longest) / self.step
+        return sorted({round(x) for x in steps.tolist()})
+
     def _delayed(self, which: Index) -> Fault:
         """The torques of some joints late by the best delay."""
         names = self.target.robot.joint_names
-        grid = np.unique(np.round(np.clip(_DELAYS, -self.longest, self.longest) / self.step).astype(int))
 
-        @cache
         def size(steps: int) -> float:
             if not steps or abs(steps) * self.step > self.longest:
                 return np.inf
             return self._fit(delay_fault(names, steps * which, self.step)).size
 
-        best, stride = min(grid.tolist(), key=size), max(1, round(0.01 / self.step))
-        while stride:
-            best = min((best - stride, best, best + stride), key=size)
-            stride //= 2
+        best = _refined(min(self._delays, key=size), max(1, round(0.01 / self.step)), size)
         return self._fit(delay_fault(names, best * which, self.step))
+
+
+def _refined(best: int, stride: int, size: Callable[[int], float]) -> int:
+    """The best whole number near one, by steps that are halved."""
+    size = cache(size)
+    while stride:
+        best = min((best - stride, best, best + stride), key=size)
+        stride //= 2
+    return best
 
 
 def _chosen(part: PreparedLog, robot: Robot, most: int, least_speed: float) -> Index:
@@ -291,6 +437,14 @@ def _on_grid(part: PreparedLog) -> Array:
     """Torques as recorded, at the instants of the motion, shape (N, n)."""
     assert part.log.effort is not None
     return np.column_stack([np.interp(part.samples.time, part.log.time, y) for y in part.log.effort.T])
+
+
+def _moments(part: PreparedLog, samples: Samples) -> Iterator[Moment]:
+    """When each instant of a log was."""
+    log, first, last = part.log, part.samples.time[0], part.samples.time[-1]
+    for time in samples.time.tolist():
+        row = int(log.row_numbers[min(int(np.searchsorted(log.time, time)), log.count - 1)])
+        yield Moment(log.source, time, row, (time - first) / max(last - first, 1e-9))
 
 
 def _noise(logs: list[Array]) -> Array:
@@ -319,7 +473,8 @@ class Equations:
         """The equations along a motion, with further columns of any sign, shape (N, n, k)."""
         base, n = search.target.base, measured.shape[1]
         inertial = inertial_columns(base)
-        added, added_signs = _added_columns(search.target, search.friction, samples)
+        of_log = samples is search.samples
+        added, added_signs = search.added if of_log else _added_columns(search.target, search.friction, samples)
         if further is not None:
             added = np.concatenate([added, further], axis=2)
             added_signs = np.concatenate([added_signs, np.zeros(further.shape[2])])
@@ -354,7 +509,7 @@ class Equations:
             x = _of_one_sign(np.tensordot(weight, normal, 1), weight @ right_all, self.signs, bound)
             square = np.einsum("b,jbc,c->j", x, normal, x) - 2 * right_all @ x + size
             square = np.maximum(square + _BELIEF * dd * np.any(self.believed), 0.0)
-        return replace(fault, errors=np.sqrt(square / size))
+        return replace(fault, errors=np.sqrt(square / size), parameters=x)
 
 
 _EXCHANGES, _AT_ONCE = 60, 6
@@ -386,20 +541,27 @@ def _added_columns(
 ) -> tuple[Array, Array]:
     """What drives have and a model may lack, in the equation of each joint, shape (N, n, k), with the signs."""
     n = samples.q.shape[1]
-    modelled = {(target.base.columns[j].kind, target.base.columns[j].owner) for j in target.base.index}
-    kinds = {kind for kind, _ in modelled}
-    numbers = moving_drive_numbers(target.robot)
-    columns = [np.zeros((len(samples.q), n, 0))]
-    signs: list[float] = []
-    for name, row in drives_with_friction(target.robot):
-        speed = samples.dq @ row
-        known = None if friction is None else friction.curve(name)
-        torques = [np.sign(speed), speed] if known is None else [known.torque(speed)]
-        if (COULOMB, numbers[name]) not in modelled:
-            columns += [(torque[:, None] * row)[:, :, None] for torque in torques]
-            signs += [1.0] * len(torques)
+    kinds = {target.base.columns[j].kind for j in target.base.index}
+    of_friction, lacking = _friction_columns(target, friction, samples)
+    columns, signs = [of_friction[:, :, lacking]], [1.0] * np.count_nonzero(lacking)
     for kind, values, sign in ((ROTOR, samples.ddq, 1.0), (OFFSET, np.ones_like(samples.q), 0.0)):
         if kind not in kinds:
             columns.append(values[:, :, None] * np.eye(n))
             signs += [sign] * n
     return np.concatenate(columns, axis=2), np.array(signs)
+
+
+def _friction_columns(
+    target: IdentificationTarget, friction: FrictionCurves | None, samples: Samples
+) -> tuple[Array, Flags]:
+    """Friction of all drives in the equation of each joint, shape (N, n, k), and which of it the model lacks, (k,)."""
+    modelled = {(target.base.columns[j].kind, target.base.columns[j].owner) for j in target.base.index}
+    numbers = moving_drive_numbers(target.robot)
+    columns, lacking = [np.zeros((*samples.q.shape, 0))], []
+    for name, row in drives_with_friction(target.robot):
+        speed = samples.dq @ row
+        known = None if friction is None else friction.curve(name)
+        torques = [np.sign(speed), speed] if known is None else [known.torque(speed)]
+        columns += [(torque[:, None] * row)[:, :, None] for torque in torques]
+        lacking += [(COULOMB, numbers[name]) not in modelled] * len(torques)
+    return np.concatenate(columns, axis=2), np.array(lacking, dtype=bool)

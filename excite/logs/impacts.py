@@ -152,7 +152,7 @@ def check_resets(log: Log, robot: Robot) -> None:
                 unit = robot.joints[robot.joint_index(name)].unit
                 raise InputError(
                     f"{log.source}: the position of joint {name} jumps by {size:.3g} {unit} in row {number}, more than "
-                    "it can move: its encoder was reset, or two recordings are joined; use "
+                    "it can move: its encoder was reset, rows were lost, or two recordings are joined; use "
                     f"the rows before it (`rows='{first}:{number - 1}'`) or from it on (`rows='{number}:{last}'`), "
                     "whichever positions are right"
                 )

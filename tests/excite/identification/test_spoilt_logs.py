@@ -8,14 +8,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from played import EXACT, TASK, found, irp6, noisy, played, three_joints
+from played import EXACT, TASK, curves, found, irp6, noisy, periodic, played, three_joints, torques
 
 from excite.identification.identify import identify
 from excite.identification.log_faults import NO_FAULT, gains_fault
 from excite.identification.procedure import estimate_parameters
+from excite.identification.recipe import Recipe
 from excite.identification.spoilt_log import GAIN, SPOILT, FaultSearch, named
 from excite.logs.log import Log
+from excite.tasks.task import Task
 from regressors.errors import InputError
+from regressors.models.differential import DifferentialModel
+from regressors.models.nominal import standard_values
+from regressors.readers.library import built_in
+from regressors.robot.friction.load_and_temperature import drives_with_friction
 from regressors.samples import Array
 
 
@@ -23,7 +29,7 @@ def sound(seed: int = 3) -> Log:
     return noisy(played(three_joints(seed), 3, seconds=4.0), 1.0, 1e-6, seed)
 
 
-def torques(change: Callable[[Array], Array]) -> Log:
+def effort(change: Callable[[Array], Array]) -> Log:
     log = sound()
     return replace(log, effort=change(log.effort.copy()), sha256="spoilt")
 
@@ -37,25 +43,35 @@ def late(y: Array) -> Array:
     return np.vstack([np.repeat(y[:1], 4, axis=0), y[:-4]])
 
 
+def later_half(y: Array) -> Array:
+    return np.vstack([y[: len(y) // 2], late(y)[len(y) // 2 :]])
+
+
+def numbers(pattern: str, text: str) -> list[float]:
+    match = re.search(pattern, text)
+    assert match is not None
+    return [float(x) for x in match.groups()]
+
+
 CASES = {
     "torque columns exchanged": (
-        torques(lambda y: y[:, [0, 2, 1]]),
+        effort(lambda y: y[:, [0, 2, 1]]),
         "the torque columns of q2 and q3 are exchanged",
         "the columns that now stand for q1, q3, q2, in this order",
     ),
-    "torque columns shifted": (torques(lambda y: np.roll(y, 1, axis=1)), "the torque columns are shifted", "by one"),
+    "torque columns shifted": (effort(lambda y: np.roll(y, 1, axis=1)), "the torque columns are shifted", "by one"),
     "torque sign": (
-        torques(lambda y: y * np.array([1, -1, 1])),
+        effort(lambda y: y * np.array([1, -1, 1])),
         "the torques of q2 have the opposite sign",
         "`sign: [1, -1, 1]`",
     ),
     "torque unit": (
-        torques(lambda y: y * np.array([1, 1e3, 1])),
+        effort(lambda y: y * np.array([1, 1e3, 1])),
         "the torques of q2 are in mNm, not in Nm",
         "`unit: [Nm, mNm, Nm]`",
     ),
     "currents": (
-        torques(lambda y: y * np.array([0.3, 0.05, 0.15])),
+        effort(lambda y: y * np.array([0.3, 0.05, 0.15])),
         "the torques of q2, q3 are 0.05, 0.15 times what the described robot would need, as currents or drive units",
         "use `gain: [1, 20, 6.6",
     ),
@@ -64,13 +80,14 @@ CASES = {
         "the positions of q2 have the opposite sign",
         "`sign: [1, -1, 1]` for the positions",
     ),
-    "all torques late": (torques(late), "all torques are 20 ms later than the positions", "`delay=0.02`"),
+    "all torques late": (effort(late), "all torques are 20 ms later than the positions", "`delay=0.02`"),
     "one channel late": (
-        torques(lambda y: np.column_stack([y[:, 0], late(y)[:, 1], y[:, 2]])),
+        effort(lambda y: np.column_stack([y[:, 0], late(y)[:, 1], y[:, 2]])),
         "the torques of q2 are 20 ms later than those of the other joints",
         "use `delay=(",
     ),
-    "magnitudes": (torques(np.abs), "never negative", "record torques with their signs"),
+    "all late from some time on": (effort(later_half), "s on all torques are 20 ms later than before", "`rows='1:39"),
+    "magnitudes": (effort(np.abs), "never negative", "record torques with their signs"),
 }
 
 
@@ -85,9 +102,55 @@ def test_a_fault_is_named_with_what_mends_it(case: str) -> None:
 @pytest.mark.parametrize("gravity", [(9.81, 0.0, 0.0), (5.0, 5.0, -6.8)])
 def test_a_base_that_is_mounted_otherwise_is_named_with_its_gravity(gravity: tuple[float, float, float]) -> None:
     (doubt,) = estimate_parameters(irp6().replace(gravity=np.array(gravity)), TASK, (sound(),), EXACT).doubts
-    found = re.search(r"gravity=([-.\d]+),([-.\d]+),([-.\d]+)`", doubt.cure)
-    assert found is not None
-    np.testing.assert_allclose([float(x) for x in found.groups()], irp6().gravity, atol=0.3)
+    stated = numbers(r"gravity=([-.\d]+),([-.\d]+),([-.\d]+)`", doubt.cure)
+    np.testing.assert_allclose(stated, irp6().gravity, atol=0.3)
+
+
+def test_a_base_that_moved_is_named_with_its_time_and_gravity() -> None:
+    log, gravity = sound(), np.array([2.0, -1.5, -9.48])
+    motion = three_joints(3).samples(log.time)
+    change = torques(irp6().replace(gravity=gravity), motion, 5) - torques(irp6(), motion, 5)
+    moved = replace(log, effort=log.effort + (log.time > 2.5)[:, None] * change[:, :3], sha256="moved")
+    (doubt,) = found(TASK, moved, recipe=EXACT).doubts
+    at, *stated = numbers(r"from (.+) s on the base is tilted .* gravity is \((.+),(.+),(.+)\)", doubt.what)
+    assert at == pytest.approx(2.5, abs=0.05)
+    np.testing.assert_allclose(stated, gravity, atol=0.3)
+
+
+def test_friction_that_falls_is_named_with_its_share() -> None:
+    log = sound()
+    motion = three_joints(3).samples(log.time)
+    rows = {name: row[:3] for name, row in drives_with_friction(irp6()) if name in curves()}
+    friction = sum(curves()[name].torque(motion.dq[:, :3] @ row)[:, None] * row for name, row in rows.items())
+    warm = replace(log, effort=log.effort - 0.4 * (log.time / log.time[-1])[:, None] * friction, sha256="warm")
+    (doubt,) = found(TASK, warm, recipe=EXACT).doubts
+    falls = numbers(r"the friction of q1, q2, q3 falls by (\d+), (\d+), (\d+) % over the log", doubt.what)
+    np.testing.assert_allclose(falls, 40.0, atol=5.0)
+
+
+def test_a_clock_that_jumps_is_named_and_a_real_gap_is_not() -> None:
+    log, after = sound(), np.arange(sound().count) >= 300
+    jumped = replace(log, time=log.time + 0.3 * after, sha256="jumped")
+    (doubt,) = found(TASK, jumped, recipe=Recipe(rows="all")).doubts
+    assert "the clock jumps by 0.3 s after row 300" in doubt.what
+    assert "`rows='1:300'`" in doubt.cure
+    gap = log.rows(np.flatnonzero((log.time < 1.5) | (log.time > 1.8)))
+    assert not any("clock" in doubt.what for doubt in found(TASK, gap, recipe=Recipe(rows="all")).doubts)
+
+
+def test_another_robot_of_the_family_is_named_with_its_lengths() -> None:
+    robot = built_in("ur10e")
+    motion = periodic(np.eye(6), 3, 0.6).samples(np.arange(800) / 200)
+    model = DifferentialModel(robot)
+    known = standard_values(robot)
+    y = (model.instants(motion) @ [known.get(column.name, 0.0) for column in model.columns]).reshape(motion.q.shape)
+    y += 0.02 * np.sqrt(np.mean(y**2, axis=0)) * np.random.default_rng(0).normal(size=y.shape)
+    log = Log("LOG", "other", robot.joint_names, motion.time, motion.q, effort=y)
+    factors = (1.0, 1.0, 0.7, 0.65, 0.8, 0.9)
+    joints = tuple(replace(j, translation=f * j.translation) for j, f in zip(robot.joints, factors, strict=True))
+    (doubt,) = estimate_parameters(robot.replace(joints=joints, shapes=()), Task("ur10e"), (log,), EXACT).doubts
+    lengths = numbers(r"the lengths up to elbow_joint, wrist_1_joint are (.+), (.+) times", doubt.what)
+    np.testing.assert_allclose(lengths, [1 / 0.7, 1 / 0.65], rtol=0.05)
 
 
 def test_a_refusal_says_which_fault_explains_it_and_else_stays_as_it_is() -> None:
@@ -97,6 +160,9 @@ def test_a_refusal_says_which_fault_explains_it_and_else_stays_as_it_is() -> Non
     with pytest.raises(InputError, match="samples per second; check that time is in seconds") as error:
         identify(irp6(), replace(off, time=1e4 * off.time), recipe=EXACT, choose=False)
     assert SPOILT not in str(error.value)
+    long = replace(sound(), time=sound().time + 1.5 * (sound().time > 2.0))
+    with pytest.raises(InputError, match=r"gaps of .*; the log is spoilt: the clock jumps by 1.5 s after row 40"):
+        identify(irp6(), long, recipe=EXACT, choose=False)
 
 
 def test_factors_that_a_log_does_not_show_or_that_masses_may_explain_are_not_stated() -> None:
@@ -113,6 +179,6 @@ def test_a_sound_log_is_not_accused(seed: int) -> None:
     assert result.doubts == ()
     search = FaultSearch.of(result.target, result.prepared, result.friction)
     none = search.plain.fit(NO_FAULT)
-    fits = [*search.fits(), *search.late_joints(none)]
+    fits = [*search.fits(), *search.late_joints(none), search.with_lengths()]
     assert named(none, fits) is None
     assert none.size - min(fit.size for fit in fits) < GAIN / 2
