@@ -34,7 +34,7 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.linalg
-import scipy.stats
+import scipy.special
 from numpy.typing import NDArray
 
 from excite.identification.covariance import METHODS, divisors, group_scale, with_covariance
@@ -150,7 +150,7 @@ def fails_near_standstill(estimate: Estimate, observations: Observations, fast: 
     if not np.any(fast):
         return False
     excess = float(squares[~fast].mean() / squares[fast].mean()) - 1.0
-    return excess > float(scipy.stats.norm.ppf(CONFIDENCE)) * float(np.sqrt(2 / slow + 2 / quick))
+    return excess > float(scipy.special.ndtri(CONFIDENCE)) * float(np.sqrt(2 / slow + 2 / quick))
 
 
 SPEEDS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)  # candidates, of the typical speed of the drives that move
@@ -296,7 +296,7 @@ def friction_mismatch(estimate: Estimate, observations: Observations, context: C
     rank, c, C = G.shape[1], other.values[-G.shape[1] :], other.covariance[-G.shape[1] :, -G.shape[1] :]
     if not rank or not np.all(np.isfinite(C)):
         return None
-    bound = rank * scipy.stats.f.isf(_CHANCE, rank, max(other.degrees_of_freedom, 1))
+    bound = rank * scipy.special.fdtri(rank, max(other.degrees_of_freedom, 1), 1 - _CHANCE)
     if c @ np.linalg.pinv(C, hermitian=True) @ c <= bound:
         return None
     moments = np.zeros_like(estimate.covariance)
