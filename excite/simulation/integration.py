@@ -73,10 +73,11 @@ def steps_for(
     start = softest if breakaway is None else _BREAKAWAY
     enough = _CHEAP_SUBSTEPS if breakaway is None else _STICKING_SUBSTEPS
     size = start if given is None else given
-    substeps = needed(size)
-    if lead is None and not robot.plant.friction.loaded and needed(_WIDEST * start if given is None else size) > enough:
-        least = int(np.ceil(_IMPLICIT_RATE / rate))
-        substeps = max(needed(size, robot.without_friction().fastest_rate()), least)
+    substeps, free = needed(size), robot.without_friction()
+    least = needed(_WIDEST * start) if substeps > enough and given is None else substeps
+    implicit = lead is None and not robot.plant.friction.loaded and least > enough
+    if implicit and least > (without := needed(size, free.fastest_rate())):
+        substeps = max(without, int(np.ceil(_IMPLICIT_RATE / rate)))
         passed = _TURNS_WITHIN * float(np.abs(probes.ddq).max()) / (rate * substeps)
         return Steps(substeps, max(size, passed) if given is None else given, implicit=True)
     while given is None and substeps > enough and size < _WIDEST * start:
