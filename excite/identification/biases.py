@@ -270,13 +270,14 @@ def _estimated_with(estimator: Estimator, context: Context, what: str, noises: S
 
 
 BUMP_SPEEDS = (0.05, 0.15, 0.45)  # of each drive's fastest
+_LARGEST = 2**28  # bytes of a regressor
 _CHANCE = 1e-3  # of noise alone being taken for a mismatch
 _SHOWN = 1e-6  # of a bump's length that neither the model nor the other bumps explain
 
 
 def friction_mismatch(estimate: Estimate, observations: Observations, context: Context) -> Array | None:
     """Second moments of the error that friction of other forms causes, shape (p, p)."""
-    if estimate.method not in METHODS or isinstance(observations.W, StreamedRows):
+    if estimate.method not in METHODS or observations.W.nbytes > _LARGEST:
         return None
     model, base = context.target.model, context.target.base
     friction = model.coulomb_friction()

@@ -13,7 +13,7 @@ from excite.logs.signals.filters import edge, kept_rows, low_passed
 from regressors.errors import InputError
 from regressors.samples import Array, Index
 
-HELD = 2**28  # bytes of a regressor that is computed once and kept
+HELD = 2**26  # bytes of a regressor that is computed once and kept
 JOINED = 2**25  # bytes of a regressor that is copied to be widened
 MOST = 2**31  # bytes of a regressor that a method may ask for as a whole
 BLOCK = 2048  # instants
