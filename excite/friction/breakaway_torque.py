@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.ndimage
-import scipy.stats
+import scipy.special
 
 from excite.friction.constant_speed_windows import longest_step, position_noise, unbroken
 from excite.friction.points import DriveLog, Point, RigidModel, rigid_torque, temperature_of
@@ -257,9 +257,9 @@ def mean_break_aways(breaks: Sequence[BreakAway]) -> tuple[MeanBreakAway, ...]:
 def _mean(side: Sequence[BreakAway]) -> MeanBreakAway:
     torque, n = np.array([each.torque for each in side]), len(side)
     own = float(np.sqrt(np.mean([each.deviation**2 for each in side])))  # reading errors of repeats are alike
-    half = float(scipy.stats.norm.ppf(_LEVEL)) * own
+    half = float(scipy.special.ndtri(_LEVEL)) * own
     if n > 1:
-        half = max(half, float(scipy.stats.t.ppf(_LEVEL, n - 1) * torque.std(ddof=1) / np.sqrt(n)))
+        half = max(half, float(scipy.special.stdtrit(n - 1, _LEVEL) * torque.std(ddof=1) / np.sqrt(n)))
     return MeanBreakAway(side[0].direction, float(torque.mean()), half, n)
 
 
@@ -275,7 +275,7 @@ def rest_points(breaks: Sequence[BreakAway], *, paired: bool = False) -> tuple[P
     scatter = 0.0
     if freedom:
         power = sum(len(side) * float(np.var([each.torque for each in side])) for side in sides if side)
-        wider = float(scipy.stats.t.ppf(_LEVEL, freedom) / scipy.stats.norm.ppf(_LEVEL))
+        wider = float(scipy.special.stdtrit(freedom, _LEVEL) / scipy.special.ndtri(_LEVEL))
         scatter = wider * float(np.sqrt(power / freedom))
     alike = Counter((each.log, each.direction) for each in breaks)
     points = [[_point(each, alike[each.log, each.direction], scatter) for each in side] for side in sides]

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import scipy.optimize
-import scipy.stats
+import scipy.special
 
 from excite.friction.breakaway_torque import BreakAway
 from excite.friction.constant_speed_windows import FitSettings
@@ -160,7 +160,7 @@ def _with_covariance(form: Form, p: Array, free: Index, data: _Data, measured: t
     wider = max(1.0, chi2 / n)  # never less than the points' own deviations
     likely = n * float(np.log(wider)) + chi2 / wider
     level = 0.5 + 0.5 * CONFIDENCE
-    quantile = float(scipy.stats.t.ppf(level, n - k)) if scatter > 1.0 else float(scipy.stats.norm.ppf(level))
+    quantile = float(scipy.special.stdtrit(n - k, level)) if scatter > 1.0 else float(scipy.special.ndtri(level))
     correction = 2.0 * (k + 1) * (k + 2) / (n - k - 2) if n > k + 2 else np.inf
     criteria = likely + k * float(np.log(n)), likely + 2.0 * (k + 1) + correction
     held = tuple(name for name, is_free in zip(form.parameters, free, strict=True) if not is_free)
@@ -260,7 +260,7 @@ def curve_uncertainty(fit: CurveFit) -> CurveUncertainty:
     """
     places = [(place, k) for k, name in enumerate(fit.form.parameters) for place in _places(fit.form, name)]
     rows = [k for _, k in places]
-    wider = (fit.quantile / float(scipy.stats.norm.ppf(0.5 + 0.5 * CONFIDENCE))) ** 2
+    wider = (fit.quantile / float(scipy.special.ndtri(0.5 + 0.5 * CONFIDENCE))) ** 2
     return CurveUncertainty(tuple(place for place, _ in places), wider * fit.covariance[np.ix_(rows, rows)])
 
 

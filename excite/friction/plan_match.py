@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-import scipy.signal
+import scipy
 
 from excite.design.friction_runs.friction_plan import FrictionPlan
 from excite.design.friction_runs.schedule import Ramp

@@ -27,7 +27,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import scipy.linalg
-import scipy.stats
+import scipy.special
 
 from excite.identification.covariance import METHODS, divisors, robust_covariance, with_covariance
 from excite.identification.equations import (
@@ -368,7 +368,7 @@ def allowing_for_selection(estimate: Estimate, added: Sequence[int] | Index, can
     if not J.size or candidates < 2:
         return estimate
     tail = (1 - CONFIDENCE) / 2
-    one, several = scipy.stats.t.isf([tail, tail / candidates], freedom)
+    one, several = -scipy.special.stdtrit(freedom, [tail, tail / candidates])
     share = ((several / one) ** 2 - 1) * np.linalg.pinv(C[np.ix_(J, J)], hermitian=True)
     note = f"the intervals allow for {J.size} of {candidates} possible terms having been chosen by the same data"
     return allowing_for(estimate, C[:, J], note, covariance=share)

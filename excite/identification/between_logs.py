@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-import scipy.stats
+import scipy.special
 from numpy.typing import NDArray
 
 from excite.identification.allowances import with_uncertainty
@@ -108,7 +108,7 @@ def _probabilities(each: EachLog, weights: Array, counts: Array, ratios: Array) 
         freedom = each.degrees_of_freedom[weights[:, j] > 0]
         spread = float(np.sum((1 - w / w.sum()) ** 2 / freedom))
         F = ratios[j] / (1 + 2 * (K - 2) / (K**2 - 1) * spread)
-        probabilities[j] = scipy.stats.f.sf(F, K - 1, (K**2 - 1) / (3 * spread))
+        probabilities[j] = scipy.special.fdtrc(K - 1, (K**2 - 1) / (3 * spread), F)
     return probabilities
 
 

@@ -34,7 +34,7 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.linalg
-import scipy.stats
+import scipy.special
 from numpy.typing import NDArray
 
 from excite.identification.covariance import METHODS, divisors, group_scale, with_covariance
@@ -150,7 +150,7 @@ def fails_near_standstill(estimate: Estimate, observations: Observations, fast: 
     if not np.any(fast):
         return False
     excess = float(squares[~fast].mean() / squares[fast].mean()) - 1.0
-    return excess > float(scipy.stats.norm.ppf(CONFIDENCE)) * float(np.sqrt(2 / slow + 2 / quick))
+    return excess > float(scipy.special.ndtri(CONFIDENCE)) * float(np.sqrt(2 / slow + 2 / quick))
 
 
 SPEEDS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)  # candidates, of the typical speed of the drives that move
@@ -270,33 +270,35 @@ def _estimated_with(estimator: Estimator, context: Context, what: str, noises: S
 
 
 BUMP_SPEEDS = (0.05, 0.15, 0.45)  # of each drive's fastest
+_LARGEST = 2**28  # bytes of a regressor
 _CHANCE = 1e-3  # of noise alone being taken for a mismatch
 _SHOWN = 1e-6  # of a bump's length that neither the model nor the other bumps explain
 
 
 def friction_mismatch(estimate: Estimate, observations: Observations, context: Context) -> Array | None:
     """Second moments of the error that friction of other forms causes, shape (p, p)."""
-    if estimate.method not in METHODS or isinstance(observations.W, StreamedRows):
+    if estimate.method not in METHODS or observations.W.nbytes > _LARGEST:
         return None
     model, base = context.target.model, context.target.base
     friction = model.coulomb_friction()
     if model.window is not None or friction is None or not np.isin(friction.columns, base.index).any():
         return None
     seen = np.isfinite(np.diag(estimate.covariance))
+    shown = observations
+    if not seen.all():
+        names, units = (tuple(np.array(x)[seen].tolist()) for x in (observations.names, observations.units))
+        shown = replace(observations, W=observations.matrix[:, seen], names=names, units=units)
     G = bumps(context.target, context.prepared, context.recipe)
-    G, reach = _unexplained(observations.W[:, seen], G, 1 / divisors(estimate)[observations.group])
-    shown = replace(
-        observations,
-        W=observations.matrix[:, seen],
-        names=tuple(np.array(observations.names)[seen].tolist()),
-        units=tuple(np.array(observations.units)[seen].tolist()),
-    )
-    wider = shown.beside(G, [f"bumps {k}" for k in range(1, G.shape[1] + 1)], "Nm")
-    other = with_covariance(weighted(wider), wider, context.recipe.covariance)
-    rank, c, C = G.shape[1], other.values[-G.shape[1] :], other.covariance[-G.shape[1] :, -G.shape[1] :]
-    if not rank or not np.all(np.isfinite(C)):
+    sums, reach = _unexplained(shown, G, divisors(estimate))
+    rank = sums.shape[1]
+    if not rank:
         return None
-    bound = rank * scipy.stats.f.isf(_CHANCE, rank, max(other.degrees_of_freedom, 1))
+    wider = shown.beside(G @ sums, [f"bumps {k}" for k in range(1, rank + 1)], "Nm")
+    other = with_covariance(weighted(wider), wider, context.recipe.covariance)
+    c, C = other.values[-rank:], other.covariance[-rank:, -rank:]
+    if not np.all(np.isfinite(C)):
+        return None
+    bound = rank * scipy.special.fdtri(rank, max(other.degrees_of_freedom, 1), 1 - _CHANCE)
     if c @ np.linalg.pinv(C, hermitian=True) @ c <= bound:
         return None
     moments = np.zeros_like(estimate.covariance)
@@ -320,15 +322,16 @@ def bumps(target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Re
     return instant_columns(Context(target, tuple(parts), recipe), torques)
 
 
-def _unexplained(W: Array, G: Array, weight: Array) -> tuple[Array, Array]:
-    """Sums of bumps that neither the parameters nor each other explain, shape (m, k), and what each does to beta."""
-    Q, R = np.linalg.qr(W * weight[:, None])
-    size = np.linalg.norm(G * weight[:, None], axis=0)
-    G = G / np.where(size > 0, size, 1.0)
-    B = Q.T @ (G * weight[:, None])
-    _, s, V = np.linalg.svd(G * weight[:, None] - Q @ B, full_matrices=False)
-    sums = V[s > _SHOWN].T / s[s > _SHOWN]
-    return G @ sums, -np.asarray(scipy.linalg.solve_triangular(R, B @ sums))
+def _unexplained(observations: Observations, G: Array, divisor: Array) -> tuple[Array, Array]:
+    """Sums of bumps that neither the parameters nor each other explain, (k, sums), and what each does to beta."""
+    k, p = G.shape[1], observations.W.shape[1]
+    both = GroupFactors.of(observations, front=G).stacked(divisor)
+    R = np.linalg.qr(np.hstack([both[:, k : k + p], both[:, :k]]), mode="r")  # of the weighted [W G]
+    size = np.linalg.norm(R[:, p:], axis=0)
+    size = np.where(size > 0, size, 1.0)
+    _, s, V = np.linalg.svd(R[p:, p:] / size, full_matrices=False)
+    sums = V[s > _SHOWN].T / s[s > _SHOWN] / size[:, None]
+    return sums, -np.asarray(scipy.linalg.solve_triangular(R[:p, :p], R[:p, p:] @ sums))
 
 
 _OFFSET = 0.01  # of the root mean square torque: as large as the offset of a sensor may be without anyone's notice

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
-import scipy.stats
+import scipy.special
 from numpy.typing import NDArray
 
 from excite.identification.observations import Observations
@@ -87,7 +87,7 @@ class Estimate:
     @property
     def half_width(self) -> Array:
         """Half of the 99 % confidence interval of each value, by Student's t, shape (p,)."""
-        quantile = scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, max(self.degrees_of_freedom, 1))
+        quantile = scipy.special.stdtrit(max(self.degrees_of_freedom, 1), 0.5 + CONFIDENCE / 2)
         return np.asarray(quantile * self.deviation)
 
     @property
@@ -269,7 +269,7 @@ def estimability(
     seen = np.linalg.norm(hidden, axis=1) <= _NOTHING
     weak = np.zeros(len(names), dtype=bool)
     if solution.size > 0.0 and np.isfinite(variance):  # else there is nothing to compare with
-        reach = float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, max(freedom, 1))) * np.sqrt(variance)
+        reach = float(scipy.special.stdtrit(max(freedom, 1), 0.5 + CONFIDENCE / 2)) * np.sqrt(variance)
         seen &= reach * np.linalg.norm(solution.half, axis=1) * solution.sizes <= solution.size
         weak = reach > solution.size * solution.singular_values
     weak[solution.rank :] = True

@@ -322,7 +322,7 @@ def _read(path: str | Path, robot: Robot) -> FrictionCurves:
 
 
 _OF_ANY, _OF_JOINT = 20.0, 13.0  # numbers of each row, and of each of its joints
-_COPIES = 2.0  # of the regressor that is held; beyond `HELD` it is computed when it is asked for
+_COPIES = 6.0  # of the regressor that is held, and of parts of it; beyond `HELD` it is computed when it is asked for
 
 
 def rows_prediction(work: str, logs: Sequence[Log]) -> WorkPrediction:

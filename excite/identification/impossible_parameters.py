@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
-import scipy.stats
+import scipy.special
 from numpy.typing import NDArray
 
 from excite.identification.estimator import CONFIDENCE, Estimate
@@ -67,7 +67,7 @@ def impossible_parameters(
     """  # shares (b,)
     sign = np.where(shares > _NEGLIGIBLE, signs_of_bodies(base), 0.0)
     tested = max(int(np.count_nonzero(sign)), 1)
-    half = scipy.stats.t.ppf(1 - (1 - CONFIDENCE) / (2 * tested), max(estimate.degrees_of_freedom, 1))
+    half = scipy.special.stdtrit(max(estimate.degrees_of_freedom, 1), 1 - (1 - CONFIDENCE) / (2 * tested))
     half = half * estimate.deviation
     with np.errstate(invalid="ignore"):
         beyond = np.flatnonzero(sign * estimate.values + half < 0)
@@ -146,7 +146,7 @@ def inertial_columns(base: Base) -> NDArray[np.bool_]:
     return np.array([base.columns[j].group == "inertial" for j in base.index])
 
 
-POSES = 256  # a power of two, for Sobol's sequence
+POSES = 256
 _CORNERS = 128
 
 
@@ -159,7 +159,9 @@ def allowed_poses(robot: Robot, travelled: Array, seed: int = 0) -> Array:
     middle = (low + high) / 2
     turning = np.array([joint.unit == "rad" for joint in robot.joints])
     half = np.where(turning, np.where(bounded, np.minimum((high - low) / 2, np.pi), np.pi), (high - low) / 2)
-    spread = 2 * scipy.stats.qmc.Sobol(robot.n, rng=np.random.default_rng(seed)).random(POSES) - 1
+    rng = np.random.default_rng(seed)
+    strata = rng.permuted(np.tile(np.arange(POSES), (robot.n, 1)), axis=1).T  # a Latin hypercube
+    spread = 2 * (strata + rng.random(strata.shape)) / POSES - 1
     corners = np.array(list(product((-1.0, 1.0), repeat=min(robot.n, 12))))
     corners = np.pad(corners, ((0, 0), (0, robot.n - corners.shape[1])))[:: max(1, len(corners) // _CORNERS)]
     return np.asarray(middle + half * np.vstack([spread, corners, np.zeros(robot.n)]))
@@ -191,7 +193,7 @@ def mass_matrix_check(
     least, half = float(k @ estimate.coefficients), np.inf
     if np.all(np.isfinite(np.diag(covariance)[k != 0])):
         variance = float(k @ np.where(np.isfinite(covariance), covariance, 0.0) @ k)
-        half = float(np.sqrt(max(variance, 0.0) * scipy.stats.chi2.ppf(CONFIDENCE, len(k))))
+        half = float(np.sqrt(max(variance, 0.0) * scipy.special.chdtri(len(k), 1 - CONFIDENCE)))
     names = target.robot.joint_names if target.motion.complete else target.motion.labels
     what = (
         "the mass matrix is not positive definite, which no robot has: in the pose "

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import scipy
 import scipy.ndimage
-import scipy.signal
 
 from excite.identification.observations import Observations, rows_of_groups
 from excite.identification.preparation import prepare

@@ -21,7 +21,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import scipy.fft
 import scipy.optimize
-import scipy.stats
+import scipy.special
 
 from excite.identification.equations import constants, nuisance_columns
 from excite.identification.estimator import Context, Estimate
@@ -314,7 +314,7 @@ def _group(g: int, residual: Array, observations: Observations, rows: slice | In
         lag_one=float(r[1]) if n > 1 else 0.0,
         lags=k.size,
         ljung_box=statistic,
-        whiteness=float(scipy.stats.chi2.sf(statistic, k.size)) if k.size else 1.0,
+        whiteness=float(scipy.special.chdtrc(k.size, statistic)) if k.size else 1.0,
         normality=_normality(e),
         effective=effective_samples(r, n),
     )
@@ -328,7 +328,7 @@ def _normality(e: Array) -> float:
     u = centred / deviation
     square = u * u
     statistic = e.size / 6 * (np.mean(square * u) ** 2 + (np.mean(square * square) - 3) ** 2 / 4)
-    return float(scipy.stats.chi2.sf(statistic, 2))
+    return float(scipy.special.chdtrc(2, statistic))
 
 
 _LAGS = 2**14

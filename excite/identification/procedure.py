@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-import scipy.stats
+import scipy.special
 
 from excite.identification.allowances import (
     PRESLIDING,
@@ -269,7 +269,7 @@ def calibrate(bare: Identification, loaded: Sequence[Log], known_mass: float, ki
     carries = [float(k >= len(bare.prepared)) for k in range(len(parts))]
     load = np.concatenate([c * load_rows(part, target, recipe, D) for c, part in zip(carries, parts, strict=True)])
     factor, deviation, stated_mass = drive_gains(observations, load, known_mass, common=kind == "common")
-    half = deviation * float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, BLOCKS - 1))
+    half = deviation * float(scipy.special.stdtrit(BLOCKS - 1, 0.5 + CONFIDENCE / 2))
     if np.any(blind := half > _LEAST_KNOWN * factor):
         raise InputError(
             f"the load hardly acts on {', '.join(np.array(names)[blind])}: the gain would be known to "

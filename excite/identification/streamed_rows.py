@@ -13,7 +13,8 @@ from excite.logs.signals.filters import edge, kept_rows, low_passed
 from regressors.errors import InputError
 from regressors.samples import Array, Index
 
-HELD = 2**28  # bytes of a regressor that is computed once and kept
+HELD = 2**26  # bytes of a regressor that is computed once and kept
+JOINED = 2**25  # bytes of a regressor that is copied to be widened
 MOST = 2**31  # bytes of a regressor that a method may ask for as a whole
 BLOCK = 2048  # instants
 
@@ -138,9 +139,12 @@ def joined_rows(parts: Sequence[Rows]) -> Rows:
 
 
 def widened(rows: Rows, columns: Array) -> Rows:
-    """Rows with more columns at the end, streamed where they are."""  # rows (m, p); columns (m, k)
+    """Rows with more columns at the end, joined when they are read where they are streamed or many."""
+    # rows (m, p); columns (m, k)
     if not isinstance(rows, StreamedRows):
-        return np.column_stack([rows, columns])
+        if rows.nbytes <= JOINED:
+            return np.column_stack([rows, columns])
+        rows = StreamedRows([held_rows(rows[:, None])])
     shape = len(rows), 1, rows.shape[1] + columns.shape[1]
     return StreamedRows([RowSource(shape, partial(_beside, rows, columns))], partial(_product_beside, rows, columns))
 

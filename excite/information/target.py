@@ -9,6 +9,7 @@ own, with the second gap of the singular values behind it, and base columns are 
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -121,11 +122,27 @@ def _restricted(model: RegressorModel, motion: PartialMotion, task: Task) -> Reg
     return model
 
 
+_recent: deque[tuple[Robot, Task, float, bool, IdentificationTarget]] = deque(maxlen=4)  # compiled already
+
+
 def target_of(
     robot: Robot, task: Task, sign_width: float = 0.0, *, instantaneous: bool = False
 ) -> IdentificationTarget:
-    """Moving robot, model and base columns of a task."""
+    """Moving robot, model and base columns of a task; one of the last is not made again."""
     moving, motion, whole = _moving(robot, task, sign_width)
+    instantaneous = instantaneous or whole.window is None
+    asked = robot, task, sign_width, instantaneous
+    for *known, target in _recent:
+        if tuple(known) == asked:
+            return target
+    target = _made_target(moving, motion, whole, task, instantaneous=instantaneous)
+    _recent.append((*asked, target))
+    return target
+
+
+def _made_target(
+    moving: Robot, motion: PartialMotion, whole: RegressorModel, task: Task, *, instantaneous: bool
+) -> IdentificationTarget:
     model = _restricted(whole.instantaneous() if instantaneous else whole, motion, task)
     states = motion.states(random_states(moving, enough_states(model)))
     with threadpool_limits(1):  # matrices of this size do not gain from more threads

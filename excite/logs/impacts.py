@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from typing import TypeAlias
 
 import numpy as np
+import scipy
 import scipy.ndimage
-import scipy.signal
 from numpy.typing import NDArray
 
 from excite.logs.event import IMPACT, SPIKE, Event

@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg
-import scipy.stats
+import scipy.special
 
 from excite.identification.estimator import CONFIDENCE
 from excite.identification.noise import NoiseGroup, autocorrelation, autoregressive_covariance, effective_samples
@@ -70,7 +70,7 @@ class LoadEstimate:
     @property
     def quantile(self) -> float:
         """Half of the 99 % interval over the standard deviation."""
-        return float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, self.degrees_of_freedom))
+        return float(scipy.special.stdtrit(self.degrees_of_freedom, 0.5 + CONFIDENCE / 2))
 
 
 def estimate_load(equations: LoadEquations, mass: float | None = None, start: float = 1.0) -> LoadEstimate:

@@ -11,14 +11,15 @@ the curve, f(dz, sign(dz)).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
-from excite.simulation.plant import Plant
+from excite.simulation.plant import Plant, solved
 from excite.tasks.reference import GivenTorque
 from regressors.errors import InputError, UnknownName
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import drives_with_friction, friction_rows, smooth_direction
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import sparse
@@ -137,6 +138,31 @@ class ControlledRobot:
         rate = ca.vertcat(dq, ddq, power, lost)
         symbols = [ca.vertcat(q, dq, energies), ca.vertcat(*wanted, outside, torque), ca.vertcat(before, s, is_open)]
         return symbols, ca.cse([rate, effort, command, ddq, least])
+
+    def without_friction(self) -> ControlledRobot:
+        """The robot with the same controller, but no friction."""
+        return replace(self, plant=replace(self.plant, friction=FrictionCurves({})))
+
+    def split(self, width: float) -> tuple[ca.Function, ca.Function, ca.Function]:
+        """Parts of a motion whose friction is implicit, of positions q and velocities v.
+
+        Map (q, v, reference) to (acceleration without friction, power, effort, command, acceleration, least pivot), q
+        to the mass matrix, and v to (friction at the joints, its slope). Friction does not depend on the load.
+        """
+        n = self.plant.robot.n
+        q, v, r = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("r", (4 if self.struck else 3) * n + 1)
+        command = self.controller(q, v, [r[:n], r[n : 2 * n], r[2 * n : 3 * n]], width)
+        effort = saturated(self.plant.robot, command) if self.limited else command
+        acting = effort + r[3 * n : 4 * n] if self.struck else effort
+        f = -self.plant.carried_torque(v, ca.SX.zeros(n, 1), smooth_direction(self.plant.robot, v, width))
+        bias, M = self.plant.torque(q, v, ca.SX.zeros(n, 1)), self.plant.mass_matrix(q)
+        free, (ddq, least) = solved(M, acting - bias)[0], solved(M, acting - f - bias)
+        seen = ca.cse([free, ca.dot(acting, v), effort, command, ddq, least])
+        return (
+            ca.Function("explicit", [q, v, r], seen),
+            ca.Function("mass", [q], ca.cse([M])),
+            ca.Function("friction", [v], ca.cse([f, ca.densify(ca.jacobian(f, v))])),
+        )
 
     def turned(self, sticking: Sticking | None) -> ca.Function:
         """Directions of friction after a displacement of the joints; unchanged without presliding."""

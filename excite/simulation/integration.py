@@ -1,7 +1,10 @@
-"""Integration of a controlled robot by the classical Runge-Kutta method of order 4, in chunks of samples.
+"""Integration of a controlled robot, in chunks of samples.
 
 The control law is evaluated inside every stage, as by a continuous controller: the torque logged at an instant is the
 one that acts at that instant, together with the acceleration that it causes.
+
+The method is the classical one of Runge and Kutta, of order 4. Where friction is too steep for it, as that of light
+links is, friction is implicit and the rest explicit, of order 2, by ARS(2,2,2) [Ascher, Ruuth, Spiteri 1997].
 """
 
 from __future__ import annotations
@@ -16,10 +19,12 @@ import numpy as np
 from excite.design.interruption import deferred_interruption
 from excite.errors import LostMotionError
 from excite.simulation.control import ControlledRobot, Sticking, leads, unloaded
+from excite.simulation.plant import solved
 from excite.simulation.settings import Impacts
 from excite.tasks.reference import GivenTorque, Reference
 from regressors.errors import InputError
 from regressors.robot.friction.load_and_temperature import friction_rows
+from regressors.robot.symbolic.vectorised import in_turn
 from regressors.samples import Array, Samples
 
 _REACH = 1.5  # of substep times fastest rate; the method is stable up to 2.78
@@ -27,7 +32,10 @@ _MOST_SUBSTEPS, _CHEAP_SUBSTEPS = 64, 3
 _STICKING_SUBSTEPS = 10  # accepted for a short distance, which falls with their square
 _SOFTEST = 1e-3  # of the largest desired velocity: the sign of friction changes within it, where the substep allows
 _BREAKAWAY = 1e-5  # rad or m: distance of presliding, where the substep allows
+_WIDEST = 100.0  # times as large as it starts
 _PROBES = 40
+_IMPLICIT_RATE = 2000.0  # [Hz], of implicit friction: its method is of a low order
+_TURNS_WITHIN = 5  # substeps: the sign of implicit friction
 
 
 @dataclass(frozen=True)
@@ -40,6 +48,7 @@ class Steps:
     width: float
     widened: bool = False  # whether the width, or the distance, had to grow for the method to be stable
     sticking: Sticking | None = None  # presliding friction; the sign changes with velocity if not given
+    implicit: bool = False  # whether friction is
 
 
 def steps_for(
@@ -56,7 +65,7 @@ def steps_for(
     lead = None if breakaway is None else leads(robot.plant, (probes.q.min(axis=0) + probes.q.max(axis=0)) / 2)
     jacobian = robot.fastest_rate(lead)
 
-    def needed(size: float) -> int:
+    def needed(size: float, jacobian: ca.Function = jacobian) -> int:
         return max(1, int(np.ceil(_fastest(jacobian, probes, size) / (rate * _REACH))))
 
     distance = None if breakaway is None or isinstance(breakaway, str) else float(breakaway)
@@ -64,8 +73,14 @@ def steps_for(
     start = softest if breakaway is None else _BREAKAWAY
     enough = _CHEAP_SUBSTEPS if breakaway is None else _STICKING_SUBSTEPS
     size = start if given is None else given
-    substeps = needed(size)
-    while given is None and substeps > enough and size < 100 * start:
+    substeps, free = needed(size), robot.without_friction()
+    least = needed(_WIDEST * start) if substeps > enough and given is None else substeps
+    implicit = lead is None and not robot.plant.friction.loaded and least > enough
+    if implicit and least > (without := needed(size, free.fastest_rate())):
+        substeps = max(without, int(np.ceil(_IMPLICIT_RATE / rate)))
+        passed = _TURNS_WITHIN * float(np.abs(probes.ddq).max()) / (rate * substeps)
+        return Steps(substeps, max(size, passed) if given is None else given, implicit=True)
+    while given is None and substeps > enough and size < _WIDEST * start:
         size *= 1.25
         substeps = needed(size)
     if substeps > _MOST_SUBSTEPS:
@@ -154,21 +169,21 @@ def simulated_run(
     impacts: Impacts | None = None,
 ) -> SimulatedRun:
     """Motion of a controlled robot that starts as the reference does."""
-    n, h = robot.plant.robot.n, 1.0 / (rate * steps.substeps)
-    step = _step(robot, steps, h)
+    n, s = robot.plant.robot.n, steps.substeps
+    h = 1.0 / (rate * s)
     count = round(reference.duration * rate)
+    advance = in_turn((_implicit_step if steps.implicit else _step)(robot, steps, h), (count + 1) * s)
     first = reference.samples(np.zeros(1))
     state = np.concatenate([first.q[0], first.dq[0], np.zeros(2), unloaded(robot.plant, first.dq[0]), np.zeros(3)])
     parts: list[Array] = []
-    chunks = {length: step.mapaccum("chunk", length) for length in {min(_CHUNK, count + 1), (count + 1) % _CHUNK} - {0}}
     with deferred_interruption() as answer:  # compiled chunks swallow what is raised inside them
         for begin in range(0, count + 1, _CHUNK):
             length = min(_CHUNK, count + 1 - begin)
-            inputs = _wanted(reference, ramps, impacts, begin, length, h, steps.substeps)
-            blocks = chunks[length](state, inputs)
-            after, *rest = (np.array(block) for block in blocks)
+            after, seen = np.split(
+                advance(state, _wanted(reference, ramps, impacts, begin, length, h, s)), [state.size]
+            )
             before = np.column_stack([state, after[:, :-1]])
-            parts.append(np.vstack([before[: 2 * n + 2], *rest]).T)
+            parts.append(np.vstack([before[: 2 * n + 2], seen])[:, ::s].T)
             state = after[:, -1]
             _check_progress(parts[-1], begin / rate, rate)
             if progress is not None:
@@ -178,48 +193,78 @@ def simulated_run(
 
 
 def _step(robot: ControlledRobot, steps: Steps, h: float) -> ca.Function:
-    """Map (state, inputs of a sample) to the state after it, and effort, command, ddq, least pivot before it.
+    """Map (state, inputs) to the state after a substep, and effort, command, ddq, least pivot before it.
 
-    The state is (q, dq, work, loss), then directions of friction and the memory of a ramp; the inputs at steps
-    and half steps are (q, dq, ddq) of the reference, torques from outside, torque and number of the ramp.
+    The state is (q, dq, work, loss), then directions of friction and the memory of a ramp; the inputs at the begin, the
+    middle and the end are (q, dq, ddq) of the reference, torques from outside, torque and number of the ramp.
     """
     n = robot.plant.robot.n
     y_size, k = 2 * n + 2, friction_rows(robot.plant.robot).shape[0]
-    r_size = (4 if robot.struck else 3) * n + 2
     symbols, expressions = robot.instant(steps.width, steps.sticking)
     instant = ca.Function("instant", symbols, expressions)
-    turned = robot.turned(steps.sticking)
-    x, r = ca.MX.sym("x", y_size + k + 3), ca.MX.sym("r", r_size, 2 * steps.substeps + 1)
+    x, r = ca.MX.sym("x", y_size + k + 3), ca.MX.sym("r", _inputs(robot), 3)
     y, s, latch = x[:y_size], x[y_size : y_size + k], x[y_size + k :]
-    seen: list[ca.MX] = []
-    for substep in range(steps.substeps):
-        inputs = r[:, 2 * substep : 2 * substep + 3]
-        is_open = ca.MX(0)
-        if robot.ramped is not None:
-            latch = robot.ramped.latch()(y[:n], latch, inputs[-1, 0])
-            is_open = ca.logic_and(latch[0] > 0, ca.logic_not(latch[2]))
-        memory = ca.vertcat(y[:n], s, is_open)
-        seen = seen or list(instant(y, inputs[:-1, 0], memory))[1:]
+    is_open = ca.MX(0)
+    if robot.ramped is not None:
+        latch = robot.ramped.latch()(y[:n], latch, r[-1, 0])
+        is_open = ca.logic_and(latch[0] > 0, ca.logic_not(latch[2]))
+    memory = ca.vertcat(y[:n], s, is_open)
+    seen = instant(y, r[:-1, 0], memory)[1:]
+    after = rk4_step(lambda state, given: instant(state, given, memory)[0], y, r[:-1, :], h, 1)
+    s = robot.turned(steps.sticking)(after[:n] - y[:n], s)
+    return ca.Function("step", [x, r], [ca.vertcat(after, s, latch, *seen)])
 
-        def rates(state: ca.MX, given: ca.MX, memory: ca.MX = memory) -> ca.MX:
-            return instant(state, given, memory)[0]
 
-        begin, y = y[:n], rk4_step(rates, y, inputs[:-1, :], h, 1)
-        s = turned(y[:n] - begin, s)
-    return ca.Function("step", [x, r], [ca.vertcat(y, s, latch), *seen])
+def _inputs(robot: ControlledRobot) -> int:
+    return (4 if robot.struck else 3) * robot.plant.robot.n + 2
+
+
+_GAMMA = 1 - np.sqrt(0.5)
+_NEWTON = 8
+
+
+def _implicit_step(robot: ControlledRobot, steps: Steps, h: float) -> ca.Function:
+    """As `_step`, with implicit friction."""
+    n, moved = robot.plant.robot.n, 2 * robot.plant.robot.n
+    first, delta = h * _GAMMA, 1 - 0.5 / _GAMMA
+    explicit, mass, friction = robot.split(steps.width)
+    x, r = ca.SX.sym("x", moved + 2 + friction_rows(robot.plant.robot).shape[0] + 3), ca.SX.sym("r", _inputs(robot), 3)
+    q, v, energies = x[:n], x[n:moved], x[moved : moved + 2]
+    at = np.array([(1 - _GAMMA) * (1 - 2 * _GAMMA), 4 * _GAMMA * (1 - _GAMMA), _GAMMA * (2 * _GAMMA - 1)])
+    at_second = ca.mtimes(r[:-1, :], ca.DM(at))  # by the parabola through the three
+
+    def slowed(M: ca.SX, free: ca.SX) -> ca.SX:
+        """Velocity after implicit friction, ``M (v - free) + h gamma f(v) = 0``; by Newton's method from near rest."""
+        v = ca.SX(ca.DM.ones(n, 1) * (1e-6 * steps.width))
+        for _ in range(_NEWTON):
+            f, slope = friction(v)
+            v -= solved(M + first * slope, ca.mtimes(M, v - free) + first * f)[0]
+        return v
+
+    a_1, power_1, *seen = explicit(q, v, r[:-1, 0])
+    q_2, free_2 = q + first * v, v + first * a_1
+    v_2 = slowed(mass(q_2), free_2)
+    a_2, power_2, *_ = explicit(q_2, v_2, at_second)
+    q_3, free_3 = (y + h * (delta * one + (1 - delta) * two) for y, one, two in ((q, v, v_2), (v, a_1, a_2)))
+    v_3 = slowed(mass(q_3), free_3 + (1 - _GAMMA) / _GAMMA * (v_2 - free_2))
+    lost_2, lost_3 = (ca.dot(v, friction(v)[0]) for v in (v_2, v_3))
+    work = h * (delta * power_1 + (1 - delta) * power_2)
+    loss = h * ((1 - _GAMMA) * lost_2 + _GAMMA * lost_3)
+    after = ca.vertcat(q_3, v_3, energies + ca.vertcat(work, loss), x[moved + 2 :])
+    return ca.Function("step", [x, r], [ca.vertcat(after, *seen)])
 
 
 def _wanted(
     reference: Reference, ramps: GivenTorque | None, impacts: Impacts | None, begin: int, length: int, h: float, s: int
 ) -> Array:
-    """Inputs of a chunk: 2 s + 1 columns per sample, at its steps and half steps."""
+    """Inputs of a chunk, three columns per substep: at its begin, its middle and its end."""
     half = np.arange(2 * s * length + 1) + 2 * s * begin
     time = np.minimum(half * (h / 2), reference.duration)
     samples = reference.samples(time)
     pushed = np.zeros((time.size, 2)) if ramps is None else ramps.at(time)
     struck = np.zeros((time.size, 0)) if impacts is None else impacts(np.asarray(half * (h / 2)))
     table = np.hstack([samples.q, samples.dq, samples.ddq, struck, pushed])
-    columns = np.arange(length)[:, None] * 2 * s + np.arange(2 * s + 1)
+    columns = np.arange(length * s)[:, None] * 2 + np.arange(3)
     return np.asarray(table[columns.reshape(-1)].T)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import scipy.stats
+import scipy.special
 
 from excite.design.design import Design
 from excite.design.formulation import with_information_in_hand
@@ -174,7 +174,7 @@ def next_motion(
     b = target.base.rank
     in_hand = information_in_hand(target, task) or InformationInHand(np.zeros((0, b)), 0, np.full(b, np.nan))
     freedom = max(in_hand.degrees_of_freedom, 1)
-    factor = float(scipy.stats.t.ppf(0.5 + 0.5 * asked.level, freedom))  # half-width over standard deviation
+    factor = float(scipy.special.stdtrit(freedom, 0.5 + 0.5 * asked.level))  # half-width over standard deviation
     if of == "measured":
         asked = _of_measured(asked, target, in_hand.values, factor * deviations_of(in_hand.R))
         task = task.changed(precision=asked)

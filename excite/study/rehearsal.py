@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.signal
+import scipy
 
 from excite.identification.allowances import found_columns
 from excite.identification.biases import without_standstill

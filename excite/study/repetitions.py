@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.stats
+import scipy.special
 from threadpoolctl import threadpool_limits
 
 from excite.design.executors.dask_cluster import DaskCluster, check_versions, unit_executor, versions_of
@@ -90,7 +90,7 @@ def effort_noise(result: Identification) -> Array:
     predicted = predicted_rows(target, part.samples, result.recipe, result.estimate.coefficients)
     left = model.right_side(part.samples, part.measured).reshape(predicted.shape) - predicted
     magnitude = np.median(np.abs(left), axis=0)
-    return np.asarray(magnitude / scipy.stats.norm.ppf(0.75))
+    return np.asarray(magnitude / scipy.special.ndtri(0.75))
 
 
 def position_noise(result: Identification) -> Array:
@@ -375,7 +375,7 @@ class Repetitions:
     @property
     def covered(self) -> Array:
         """Whether each 99 % interval holds the true value, shape (R, b)."""
-        quantile = scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, self.degrees_of_freedom)
+        quantile = scipy.special.stdtrit(self.degrees_of_freedom, 0.5 + CONFIDENCE / 2)
         return np.asarray(np.abs(self.estimates - self.beta) <= quantile * self.predicted)
 
     @property

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import scipy.stats
+import scipy.special
 
 from excite.identification.estimators.possible_set import StandardProblem, problem_of_factor
 from excite.identification.identification import (
@@ -160,7 +160,7 @@ def _notes(
     notes = []
     p = coordinates.determined
     own = float(np.linalg.norm(closest[:p]))
-    bound = p * scipy.stats.f.ppf(LEVEL, p, coordinates.freedom)
+    bound = p * scipy.special.fdtri(p, coordinates.freedom, LEVEL)
     if own > np.sqrt(bound):
         notes.append(
             f"no possible robot is within the 99 % region of the estimate: the nearest is {own:.3g} deviations away, "

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.signal
+import scipy
 
 from excite.logs.signals.periods import MeasurementNoise
 from excite.verification.simulated_motion import MotionError

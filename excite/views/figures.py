@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 import matplotlib
 from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from excite.storage.atomic import replacing
@@ -160,27 +161,25 @@ def _save(figure: Figure, stream: IO[bytes], form: str) -> None:
     if form != "png":
         figure.savefig(stream, format=form, metadata=_UNDATED[form])
         return
-    with rc_context(_PNG_FONTS), _laid_out(figure):
-        figure.savefig(stream, format=form, metadata=_UNDATED[form], pil_kwargs={"compress_level": _PNG_COMPRESSION})
+    with rc_context(_PNG_FONTS), _laid_out(figure, size_of("savefig.dpi")):
+        pil_kwargs = {"compress_level": _PNG_COMPRESSION}
+        FigureCanvasAgg(figure).print_png(stream, metadata=_UNDATED[form], pil_kwargs=pil_kwargs)
 
 
 @contextmanager
-def _laid_out(figure: Figure) -> Iterator[None]:
-    """Place a figure's panels at the resolution of its file; `savefig` would draw everything once more for that."""
-    engine = figure.get_layout_engine()
-    if engine is None:
-        yield
-        return
-    canvas, dpi = figure.canvas, figure.dpi
+def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
+    """Place a figure's panels at the resolution of its file; `savefig` would draw everything twice for that."""
+    engine, canvas, before = figure.get_layout_engine(), figure.canvas, figure.dpi
     FigureCanvasAgg(figure)
-    figure.dpi = size_of("savefig.dpi")
+    figure.dpi = dpi
     try:
-        engine.execute(figure)
-        figure.set_layout_engine("none")
+        if engine is not None:
+            engine.execute(figure)
+            figure.set_layout_engine("none")
         yield
     finally:
         figure.set_layout_engine(engine)
-        figure.dpi = dpi
+        figure.dpi = before
         figure.set_canvas(canvas)
 
 
@@ -206,19 +205,21 @@ _LEFT_OUT = ("metadata", "style")
 def svg_text(figure: Figure, prefix: str, label: str) -> str:
     """A figure as an ``<svg>`` element without inline styles, to stand in a page; very long curves are a picture."""
     literal(figure)
-    text = _drawn(figure)
-    if len(text) > LARGE:
-        for ax in figure.axes:  # not those of legends, which matplotlib would misplace
-            for line in ax.lines:
-                line.set_rasterized(True)
+    with _laid_out(figure, DPI):
         text = _drawn(figure)
+        if len(text) > LARGE:
+            for ax in figure.axes:  # not those of legends, which matplotlib would misplace
+                for line in ax.lines:
+                    line.set_rasterized(True)
+            text = _drawn(figure)
     return _element(text, prefix, label)
 
 
 def _drawn(figure: Figure) -> str:
     stream = io.StringIO()
+    figure.dpi = DPI  # of pictures in it; matplotlib leaves it at that of SVG
     with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "excite"}):
-        figure.savefig(stream, format="svg", dpi=DPI, metadata={"Date": None, "Creator": None})
+        FigureCanvasSVG(figure).print_svg(stream, metadata={"Date": None, "Creator": None})
     return stream.getvalue()
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import scipy.stats
+import scipy.special
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -276,7 +276,7 @@ def repetitions_figure(repetitions: Repetitions, robot: str) -> Figure:
 
 def relative_errors(repetitions: Repetitions) -> Array:
     """``(estimate - true value) / (t s)``, t s the half-width of a 99 % interval as predicted, shape (R, b)."""
-    quantile = scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, repetitions.degrees_of_freedom)
+    quantile = scipy.special.stdtrit(repetitions.degrees_of_freedom, 0.5 + CONFIDENCE / 2)
     half = quantile * repetitions.predicted_deviation
     error = repetitions.estimates - repetitions.beta
     return np.asarray(np.divide(error, half, out=np.full(error.shape, np.nan), where=half > 0))
@@ -298,7 +298,7 @@ def _draw(ax: Axes, errors: Array, seed: int) -> None:
 
 
 def _numbers_of(r: Repetitions) -> list[NumberColumn]:
-    few = scipy.stats.binom.cdf(np.round(r.coverage * r.count), r.count, CONFIDENCE) < _UNLIKELY
+    few = scipy.special.bdtr(np.round(r.coverage * r.count), r.count, CONFIDENCE) < _UNLIKELY
     deviations = [typeset(f"{significant(float(d), 2)} {unit}") for d, unit in zip(r.deviation, r.units, strict=True)]
     return [
         NumberColumn("predicted", [typeset(significant(float(d), 2)) for d in r.predicted_deviation]),

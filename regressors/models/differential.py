@@ -145,6 +145,9 @@ class DifferentialModel(RegressorModel):
 
     def friction_magnitudes(self, samples: Samples) -> Array:
         """Magnitude of every directed friction column of a drive, see `regressors.models.model.RegressorModel`."""
+        terms = self.terms
+        if not (terms.load_share or terms.root or terms.stribeck):  # Coulomb friction alone
+            return np.ones((samples.time.size, self._magnitudes.shape[0]))
         return entries_at_samples(self._magnitudes, samples)[:, 0].T
 
     @cached_property

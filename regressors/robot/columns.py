@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Container
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, Literal
 
 from regressors.arguments import checked
@@ -62,6 +63,7 @@ class Column:
         return _GROUPS.get(self.kind, "other")
 
 
+@cache
 def body_columns(names: tuple[str, ...], owner: int | None) -> tuple[Column, ...]:
     """Ten inertial parameters of one body, in the order of ``theta``, see `regressors.robot.inertia`."""
     parts = zip(names, PARAMETER_UNITS, _BODY_ORDER, strict=True)
@@ -80,6 +82,7 @@ _DRIVE_COLUMNS = {
 }
 
 
+@cache
 def drive_column(number: int, kind: str, *, linear: bool = False) -> Column:
     """Column of a drive."""
     name, *units = _DRIVE_COLUMNS[kind]

@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 import scipy.optimize
-import scipy.stats
+import scipy.special
 
 from excite.identification.choices.left_out import NEGLIGIBLE, Choice, LeftOut, best_of, candidates_of
 from excite.identification.choices.scoring import Scoring
@@ -175,7 +175,7 @@ class DelayLikelihood:
         own, least = residuals(delay), NEGLIGIBLE * np.sqrt(errors.sizes / errors.instants)
         independent = np.array([effective_samples(autocorrelation(e), e.size) for e in own])
         weights = independent / [e.size for e in own]
-        margin = float(scipy.stats.f.isf(_LEVEL, 1, independent.sum()) / 2 + _MOST * weights.max())
+        margin = float(scipy.special.fdtri(1, independent.sum(), 1 - _LEVEL) / 2 + _MOST * weights.max())
         return cls(residuals, np.maximum([_NORMAL * np.median(np.abs(e)) for e in own], least), weights, margin)
 
     def misfit(self, delay: float) -> float:

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
-import scipy.stats
+import scipy.special
 
 from regressors.errors import InputError, percent
 from regressors.robot.symbolic.vectorised import SparseRow
@@ -232,7 +232,7 @@ def differ(one: BlockStatistics, other: BlockStatistics, weights: Array) -> bool
     change = _estimates(other, None, weights) - _estimates(one, None, weights)  # without one block after the other
     found = least_squares_of_products(other.total, weights) - least_squares_of_products(one.total, weights)
     deviation = np.array([jackknife(column) for column in change.T])
-    most = scipy.stats.t.isf(_DOUBT / 2, len(change) - 1)
+    most = scipy.special.stdtrit(len(change) - 1, 1 - _DOUBT / 2)
     return bool(np.count_nonzero(np.abs(found) > most * deviation) > found.size / 2)
 
 

@@ -9,8 +9,8 @@ from functools import partial
 from typing import ClassVar
 
 import numpy as np
+import scipy
 import scipy.fft
-import scipy.signal
 
 from excite.logs.signals.method import FilteredMotion, Method, check_positive, cut_motion, spacing
 from excite.logs.signals.periods import chosen_cutoff

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 import scipy.fft
 import scipy.interpolate
 import scipy.optimize
-import scipy.signal
 
 from excite.logs.log import Log, channels_of
 from excite.logs.signals.method import check_positive, spacing

@@ -69,6 +69,19 @@ class MachineCode:
             self._run(self._inputs.ctypes.data, out.ctypes.data, padded)
         return out if padded == instants else out[:, :instants].copy()
 
+    def in_turn(self, state: Array, inputs: Array) -> Array:
+        """Results one after the other, shape (numbers, steps): the first numbers of each are the next one's state."""
+        # state (n,); inputs (m, steps)
+        given, result = np.zeros((sum(self._rows), LANES)), np.empty((self._size, LANES))
+        results, size = np.empty((inputs.shape[1], self._size)), state.size
+        addresses = given.ctypes.data, result.ctypes.data
+        result[:size] = state[:, None]
+        for step, here in zip(inputs.T, results, strict=True):
+            given[:size], given[size:] = result[:size], step[:, None]
+            self._run(*addresses, LANES)
+            here[:] = result[:, 0]
+        return results.T
+
 
 @cache
 def _target() -> Any:

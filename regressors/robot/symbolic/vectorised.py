@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import cached_property
 from importlib import import_module
 
@@ -131,6 +132,25 @@ def _array_program(function: ca.Function) -> Callable[[Sequence[Array]], Array]:
         return out
 
     return program
+
+
+_TO_COMPILE = 3000  # steps that take longer than the translation
+
+
+def in_turn(step: ca.Function, count: int) -> Callable[[Array, Array], Array]:
+    """Results of a step that is taken about `count` times, of a first state (n,) and inputs (m, k steps), as columns.
+
+    The step has a state and an input (m, k); the first numbers of its result are the next state.
+    """
+    (size, _), (_, width) = step.size_in(0), step.size_in(1)
+    if count > _TO_COMPILE:
+        with suppress(NotCompiledError):
+            code = MachineCode(step.expand())
+            return lambda state, inputs: code.in_turn(state, inputs.T.reshape(-1, width * len(inputs)).T)
+    x, r = ca.MX.sym("x", size), ca.MX.sym("r", *step.size_in(1))
+    result = step(x, r)
+    chained = ca.Function("chained", [x, r], [result[:size], result])
+    return lambda state, inputs: np.array(chained.mapaccum(inputs.shape[1] // width)(state, inputs)[1])
 
 
 class VectorisedFunction:

@@ -24,7 +24,7 @@ from excite.simulation.integration import Steps, simulated_run
 from excite.simulation.plant import Plant, plant_of
 from excite.simulation.sensors import motor_angle, quantised
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulate import simulate_motion
+from excite.simulation.simulate import controlled_robot, simulate_motion
 from excite.simulation.simulation import Simulation
 from excite.tasks.payload import Payload
 from excite.tasks.reference import Repeated, SampledMotion
@@ -39,7 +39,7 @@ from regressors.readers.library import built_in
 from regressors.robot.columns import Terms
 from regressors.robot.friction.curve import CoulombViscous, Stribeck, TableFriction
 from regressors.robot.friction.curves import FrictionCurves, Side
-from regressors.robot.friction.load_and_temperature import smooth_direction
+from regressors.robot.friction.load_and_temperature import Loaded, smooth_direction
 from regressors.robot.gears import BallScrew, ConstantRatio
 from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.locked_joints import with_locked_joints
@@ -171,6 +171,34 @@ def test_energy_balance_closes_with_friction() -> None:
     assert of_irp6().energy_residual < 1e-5 * run.loss[-1]
 
 
+def test_implicit_friction_converges_at_order_two_to_the_explicit_method() -> None:
+    curves = FrictionCurves(dict.fromkeys(built_in("panda").joint_names, CoulombViscous(2.0, 0.5)))
+    plant, _ = plant_of(built_in("panda"), curves)
+    robot, course = controlled_robot(plant, plant, motion(7), LOOSE, None), motion(7)
+
+    def last(steps: Steps) -> Array:
+        return simulated_run(robot, course, 200.0, steps).samples.q[-1]
+
+    exact = last(Steps(60, 0.1))
+    errors = [float(np.abs(last(Steps(s, 0.1, implicit=True)) - exact).max()) for s in (5, 10, 20)]
+    assert min(order_of(errors)) > 1.7
+    assert errors[-1] < 1e-5
+
+
+def test_friction_of_a_light_link_stays_steep_and_in_balance_with_the_torques() -> None:
+    light = built_in("panda")
+    wrist = FrictionCurves({light.joint_names[-1]: CoulombViscous(2.0, 0.5)})
+    settings = replace(LOOSE, rate=2000.0, sign_width=0.01)
+    found = simulate_motion(light, Task("panda"), motion(7, duration=1.0, size=0.05), settings, friction=wrist)
+    assert found.steps.implicit
+    assert found.steps.substeps == 1
+    speed = found.run.samples.dq[:, -1]
+    expected = 2.0 * np.tanh(speed / found.steps.width) + 0.5 * speed
+    np.testing.assert_allclose(found.run.friction[:, -1], expected, atol=1e-6)
+    assert found.energy_residual < 1e-3 * found.run.loss[-1]
+    assert np.all(np.diff(found.run.loss) > -1e-12)
+
+
 def push(torque: float) -> Controller:
     """Constant torques."""
     return lambda q, *_: ca.densify(torque + 0 * q)
@@ -187,7 +215,7 @@ class Ringing(np.ndarray):
 
 def test_ctrl_c_inside_compiled_steps_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     plant, _ = plant_of(with_locked_joints(built_in("irp6"), [0]))
-    still = SampledMotion(Samples(np.array([0.0, 5.0]), *(np.zeros((2, 1)) for _ in range(4))))
+    still = SampledMotion(Samples(np.array([0.0, 2.0]), *(np.zeros((2, 1)) for _ in range(4))))
     wanted, done = integration._wanted, list[int]()
     monkeypatch.setattr(integration, "_wanted", lambda *given: wanted(*given).view(Ringing))
     with pytest.raises(KeyboardInterrupt), answered_signals():
@@ -442,7 +470,9 @@ def test_bad_input_is_told() -> None:
         (lambda: plant_of(robot, FrictionCurves({"z9": CoulombViscous(1.0)})), "no drive named 'z9'"),
         (lambda: simulated(motion=motion(2)), "the motion has 2 joints, .* 3: q1, q2, q3"),
         (
-            lambda: simulated(replace(LOOSE, sign_width=1e-6)),
+            lambda: simulated(
+                replace(LOOSE, sign_width=1e-6), friction=FrictionCurves({"z1": Loaded(CoulombViscous(9.0), 0.1)})
+            ),
             r"sign_width 1e-06: .* needs \d+ substeps per sample at 200 Hz, more than 64; expected a width of about",
         ),
         (
