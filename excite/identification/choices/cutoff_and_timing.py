@@ -106,7 +106,9 @@ LEAST_GAIN = 0.002  # of the score
 Residuals = Callable[[float], list[Array]]  # of each equation under a delay, (N,)
 
 
-def choose_delay(scored: Scored, residuals: Residuals, step: float) -> tuple[float, Choice]:
+def choose_delay(
+    scored: Scored, residuals: Residuals, step: float, near: float | None = None
+) -> tuple[float, Choice]:
     """Delay of the torques after the motion; zero where its interval holds zero, or it predicts no better than none.
 
     Both neighbours are tried at distances that are halved, from 10 ms to a hundredth of a sample: by left-out errors,
@@ -122,12 +124,12 @@ def choose_delay(scored: Scored, residuals: Residuals, step: float) -> tuple[flo
             tried[delay] = scored(delay)
         return tried[delay].score
 
-    score(near := _descent(score, 0.0, _GRID, step / 2))
+    score(near := _descent(score, 0.0, _GRID, step / 2) if near is None else near)
     likelihood = DelayLikelihood.of(residuals, near, tried[near])
     near = _descent(likelihood.misfit, near, step / 2, _PRECISION * step)
     low, high = (likelihood.edge(near, side, step) for side in (-1.0, 1.0))
     best = round(likelihood.mean(), 6)
-    gain = tried[0.0].score - score(best)
+    gain = score(0.0) - score(best)
     listed = candidates_of(dict(sorted(tried.items())))
     if low <= 0.0 <= high or abs(best) > LONGEST + _BEYOND / 2 or gain < LEAST_GAIN:
         reason = "torques and positions are taken as recorded at the same time: no delay predicts clearly better"
@@ -206,23 +208,86 @@ class DelayLikelihood:
         return round(best + side * (outer + _TURN * step), 9)
 
 
-def delay_of(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> tuple[float, Choice]:
+def delay_of(scoring: Scoring, along: Ridge, parts: Sequence[PreparedLog], *undelayed: Recipe) -> tuple[float, Choice]:
     """Delay of the torques of some logs, see `choose_delay`; friction is softened already."""
 
     def scored(delay: float) -> LeftOut:
-        return scoring.of(scoring.statistics(recipe, parts, delay))
+        recipes = (along.at(delay), *(() if delay else undelayed))
+        errors = [scoring.of(scoring.statistics(recipe, parts, delay)) for recipe in recipes]
+        return min(errors, key=lambda one: one.score)
 
     def residuals(delay: float) -> list[Array]:
-        statistics = scoring.statistics(recipe, parts, delay)
-        beta = scoring.fitted(statistics, scoring.of(statistics).weights)
-        equations = scoring.trial.equations(scoring.target, parts, recipe, delay)
-        masks = scoring.trial.rows or [np.ones(y.shape, dtype=bool) for _, y in equations]
-        predicted = [np.column_stack([beta[place] @ entries for place, entries in W]) for W, _ in equations]
-        e = np.concatenate([y - p for (_, y), p in zip(equations, predicted, strict=True)])
-        used = np.concatenate(masks)
-        return [column[rows] for column, rows in zip(e.T, used.T, strict=True)]
+        return _residuals(scoring, along.at(delay), parts, delay)
 
-    return choose_delay(scored, residuals, min(1 / part.log.rate for part in parts))
+    return choose_delay(scored, residuals, min(1 / part.log.rate for part in parts), along.delay)
+
+
+def _residuals(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], delay: float) -> list[Array]:
+    """Residuals of each equation under a delay, after the estimate with it."""
+    statistics = scoring.statistics(recipe, parts, delay)
+    beta = scoring.fitted(statistics, scoring.of(statistics).weights)
+    equations = scoring.trial.equations(scoring.target, parts, recipe, delay)
+    masks = scoring.trial.rows or [np.ones(y.shape, dtype=bool) for _, y in equations]
+    predicted = [np.column_stack([beta[place] @ entries for place, entries in W]) for W, _ in equations]
+    e = np.concatenate([y - p for (_, y), p in zip(equations, predicted, strict=True)])
+    used = np.concatenate(masks)
+    return [column[rows] for column, rows in zip(e.T, used.T, strict=True)]
+
+
+@dataclass(frozen=True)
+class Ridge:
+    """Presliding that goes with each delay: friction that changes its direction over less, but later, is much alike."""
+
+    recipe: Recipe  # with the presliding at the delay
+    delay: float | None = None  # of the largest likelihood; None: not known
+    slope: float = 0.0  # of the logarithm of the presliding's size with the delay [1/s]
+
+    def at(self, delay: float) -> Recipe:
+        """The recipe with the presliding of another delay."""
+        if self.delay is None:
+            return self.recipe
+        kind = _kind(self.recipe)
+        size = getattr(self.recipe, kind) * np.exp(self.slope * (delay - self.delay))
+        return replace(self.recipe, **{kind: float(size)})
+
+
+def _kind(recipe: Recipe) -> str:
+    return "breakaway" if recipe.breakaway else "sign_width"
+
+
+_ROUNDS = 12
+_DIFFERENCES = np.array([0.25, 0.02])  # of a sample, of the logarithm of a size: of which derivatives are quotients
+_FARTHEST = 0.01, 0.5  # in one round: delay [s], and logarithm of a size
+_RANGE = 3.0  # of the logarithm
+_SETTLED = 0.01, 1e-3  # of a sample, of the logarithm
+
+
+def ridge_of(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> Ridge:
+    """Delay and presliding of largest likelihood together, by Gauss and Newton; the size is known to a factor of e."""
+    kind = _kind(recipe)
+    given = getattr(recipe, kind)
+    if not given or isinstance(given, tuple):
+        return Ridge(recipe)
+    step = min(1 / part.log.rate for part in parts)
+    x = np.zeros(2)  # delay over the sample time, logarithm of the size over the given
+
+    def sized(x: Array) -> Recipe:
+        return replace(recipe, **{kind: given * float(np.exp(x[1]))})
+
+    for _ in range(_ROUNDS):
+        e, *ahead = (_residuals(scoring, sized(y), parts, step * y[0]) for y in (x, *(x + np.diag(_DIFFERENCES))))
+        H, g = np.diag([0.0, 1.0]), np.array([0.0, x[1]])
+        for own, *others in zip(e, *ahead, strict=True):
+            J = (np.array(others) - own) / _DIFFERENCES[:, None]
+            size = _NORMAL * np.median(np.abs(own)) or 1.0
+            J_w = J * np.maximum(1 - (own / size / _BISQUARE) ** 2, 0.0) ** 2 / size**2
+            H, g = H + J_w @ J.T, g + J_w @ own
+        most = np.array([_FARTHEST[0] / step, _FARTHEST[1]])
+        change = np.clip(-np.linalg.lstsq(H, g, rcond=None)[0], -most, most)
+        x = np.clip(x + change, (-LONGEST / step, -_RANGE), (LONGEST / step, _RANGE))
+        if np.all(np.abs(change) < _SETTLED):
+            break
+    return Ridge(sized(x), float(step * x[0]), float(-H[0, 1] / H[1, 1] / step))
 
 
 _SLIDING_WORTH = 0.005  # of the score: below that the exact sign stays
@@ -250,15 +315,17 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
         """Best delay of a kind of presliding, and then its best size at that delay."""
         if "delay" not in free:
             return tried, scored(tried, 0.0), ()
-        delay, choice = delay_of(softened(tried), tried, parts)
-        resized = _resized(tried, lambda one: scored(one, delay)) if delay else tried
-        if resized != tried:
-            delay, choice = delay_of(softened(resized), resized, parts)
+        along = ridge_of(scoring, tried, parts) if together else Ridge(tried)
+        delay, choice = delay_of(softened(tried), along, parts, tried)
+        alike = tried, along.at(delay)
+        resized = min(alike, key=lambda one: scored(one, delay).score)
         low, high = choice.interval if delay and choice.interval else (0.0, 0.0)
         alike = [one for one in choice.candidates if low <= one.value <= high]
         return replace(resized, delay=delay), scored(resized, min(alike, key=lambda one: one.score).value), (choice,)
 
-    timings = [timing(tried) for tried in _slidings(scoring, recipe, parts)]
+    slidings = _slidings(scoring, recipe, parts)
+    together = len(slidings) > 1
+    timings = [timing(tried) for tried in slidings]
     best = min(timings, key=lambda one: one[1].score)
 
     def with_no_more_delay(one: _Timing) -> _Timing:
