@@ -247,7 +247,7 @@ class Ridge:
         if self.delay is None:
             return self.recipe
         kind = _kind(self.recipe)
-        size = getattr(self.recipe, kind) * np.exp(self.slope * (delay - self.delay))
+        size = getattr(self.recipe, kind) * np.exp(np.clip(self.slope * (delay - self.delay), -_RANGE, _RANGE))
         return replace(self.recipe, **{kind: float(size)})
 
 
