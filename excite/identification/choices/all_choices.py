@@ -151,7 +151,7 @@ def _cutoffs(pieces: Sequence[LogPiece], automatic: Sequence[PreparedLog]) -> li
     return [PERIODS / cut, *cutoffs] if cut <= _MOST_CUT * duration else []
 
 
-_OF_TIMING = ("delay", "sign_width", "breakaway")
+_OF_TIMING = ("delay", "log_delays", "sign_width", "breakaway")
 
 
 @dataclass
@@ -226,7 +226,7 @@ class ChoicesInTurn:
         sliding = self.scoring.softened(self.tried)
         self.task, choice = choose_terms(sliding, self.robot, self.task, self.tried, self.free)
         self.progress("choosing the delay and the presliding again, with these parameters")
-        again = [name for name in _OF_TIMING if name != "delay" or name in timed]
+        again = [name for name in _OF_TIMING if "delay" not in name or "delay" in timed]
         plain = replace(self.tried, **{name: getattr(self.undirected, name) for name in again})
         # rows near standstill show how friction changes its direction
         self.tried, choices = choose_timing(self._own(self.tried), plain, timed)

@@ -12,7 +12,7 @@ import scipy.optimize
 import scipy.stats
 
 from excite.identification.choices.left_out import NEGLIGIBLE, Choice, LeftOut, best_of, candidates_of
-from excite.identification.choices.scoring import Scoring
+from excite.identification.choices.scoring import Delays, Scoring
 from excite.identification.equations import listed
 from excite.identification.noise import autocorrelation, effective_samples
 from excite.identification.preparation import PreparedLog
@@ -106,9 +106,7 @@ LEAST_GAIN = 0.002  # of the score
 Residuals = Callable[[float], list[Array]]  # of each equation under a delay, (N,)
 
 
-def choose_delay(
-    scored: Scored, residuals: Residuals, step: float, near: float | None = None
-) -> tuple[float, Choice]:
+def choose_delay(scored: Scored, residuals: Residuals, step: float, near: float | None = None) -> tuple[float, Choice]:
     """Delay of the torques after the motion; zero where its interval holds zero, or it predicts no better than none.
 
     Both neighbours are tried at distances that are halved, from 10 ms to a hundredth of a sample: by left-out errors,
@@ -125,10 +123,7 @@ def choose_delay(
         return tried[delay].score
 
     score(near := _descent(score, 0.0, _GRID, step / 2) if near is None else near)
-    likelihood = DelayLikelihood.of(residuals, near, tried[near])
-    near = _descent(likelihood.misfit, near, step / 2, _PRECISION * step)
-    low, high = (likelihood.edge(near, side, step) for side in (-1.0, 1.0))
-    best = round(likelihood.mean(), 6)
+    best, (low, high) = DelayLikelihood.of(residuals(near), tried[near], residuals).found(near, step / 2, step)
     gain = score(0.0) - score(best)
     listed = candidates_of(dict(sorted(tried.items())))
     if low <= 0.0 <= high or abs(best) > LONGEST + _BEYOND / 2 or gain < LEAST_GAIN:
@@ -165,20 +160,21 @@ _EDGE = 0.1  # of an interval's half: how exactly its end is found
 class DelayLikelihood:
     """Likelihood of delays, to whose logarithm a row on the wrong side of a reversal contributes 3.7 at most."""
 
-    residuals: Residuals
     sizes: Array  # (r,) deviation of the residuals
     weights: Array  # (r,) share of the residuals that is independent
     margin: float  # between logarithms in the interval; one row may be on the wrong side
+    residuals: Residuals | None = None
     tried: dict[float, float] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, residuals: Residuals, delay: float, errors: LeftOut) -> DelayLikelihood:
-        """Sizes and correlation of the residuals are those at a delay."""
-        own, least = residuals(delay), NEGLIGIBLE * np.sqrt(errors.sizes / errors.instants)
+    def of(cls, own: list[Array], errors: LeftOut, residuals: Residuals | None = None) -> DelayLikelihood:
+        """Sizes and correlation are those of some residuals."""
+        least = NEGLIGIBLE * np.sqrt(errors.sizes / errors.instants)
         independent = np.array([effective_samples(autocorrelation(e), e.size) for e in own])
         weights = independent / [e.size for e in own]
         margin = float(scipy.stats.f.isf(_LEVEL, 1, independent.sum()) / 2 + _MOST * weights.max())
-        return cls(residuals, np.maximum([_NORMAL * np.median(np.abs(e)) for e in own], least), weights, margin)
+        sizes = np.maximum([_NORMAL * np.median(np.abs(e)) for e in own], least)
+        return cls(sizes, weights, margin, residuals)
 
     def misfit(self, delay: float) -> float:
         """Minus the logarithm: Tukey's bisquare, which is half the square of small deviations."""
@@ -189,6 +185,12 @@ class DelayLikelihood:
             ]
             self.tried[delay] = _MOST * float(self.weights @ [share.sum() for share in shares])
         return self.tried[delay]
+
+    def found(self, near: float, distance: float, step: float) -> tuple[float, tuple[float, float]]:
+        """Mean of the delays about one that is near, and the ends of their interval."""
+        near = _descent(self.misfit, near, distance, _PRECISION * step)
+        low, high = (self.edge(near, side, step) for side in (-1.0, 1.0))
+        return round(self.mean(), 6), (low, high)
 
     def mean(self) -> float:
         """Mean of the delays that were tried, by their likelihood."""
@@ -222,7 +224,7 @@ def delay_of(scoring: Scoring, along: Ridge, parts: Sequence[PreparedLog], *unde
     return choose_delay(scored, residuals, min(1 / part.log.rate for part in parts), along.delay)
 
 
-def _residuals(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], delay: float) -> list[Array]:
+def _residuals(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], delay: Delays) -> list[Array]:
     """Residuals of each equation under a delay, after the estimate with it."""
     statistics = scoring.statistics(recipe, parts, delay)
     beta = scoring.fitted(statistics, scoring.of(statistics).weights)
@@ -242,6 +244,15 @@ class Ridge:
     delay: float | None = None  # of the largest likelihood; None: not known
     slope: float = 0.0  # of the logarithm of the presliding's size with the delay [1/s]
 
+    @classmethod
+    def of(cls, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> Ridge:
+        """Of the largest likelihood of one delay of all rows; none where the presliding has no single size."""
+        size = getattr(recipe, _kind(recipe))
+        if not size or isinstance(size, tuple):
+            return cls(recipe)
+        fit = DelayFit.of(scoring, recipe, parts, np.ones((1, 1, 1)))
+        return cls(fit.recipe, float(fit.delays[0]), float(-fit.information[0, 1] / fit.information[1, 1]))
+
     def at(self, delay: float) -> Recipe:
         """The recipe with the presliding of another delay."""
         if self.delay is None:
@@ -256,38 +267,172 @@ def _kind(recipe: Recipe) -> str:
 
 
 _ROUNDS = 12
-_DIFFERENCES = np.array([0.25, 0.02])  # of a sample, of the logarithm of a size: of which derivatives are quotients
+_QUARTER, _LITTLE = 0.25, 0.02  # of a sample, and of the logarithm of a size: of which derivatives are quotients
 _FARTHEST = 0.01, 0.5  # in one round: delay [s], and logarithm of a size
 _RANGE = 3.0  # of the logarithm
-_SETTLED = 0.01, 1e-3  # of a sample, of the logarithm
+_SETTLED = 0.01  # change of the logarithm of the likelihood, twice
+_STEEP = 10.0  # times the usual slope of a residual, as where friction jumps: such rows have no part
 
 
-def ridge_of(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> Ridge:
-    """Delay and presliding of largest likelihood together, by Gauss and Newton; the size is known to a factor of e."""
-    kind = _kind(recipe)
-    given = getattr(recipe, kind)
-    if not given or isinstance(given, tuple):
-        return Ridge(recipe)
-    step = min(1 / part.log.rate for part in parts)
-    x = np.zeros(2)  # delay over the sample time, logarithm of the size over the given
+@dataclass(frozen=True, eq=False)
+class DelayFit:
+    """Delays of k groups of rows and the presliding, of the largest likelihood together."""
 
-    def sized(x: Array) -> Recipe:
-        return replace(recipe, **{kind: given * float(np.exp(x[1]))})
+    delays: Array  # (k,) [s]
+    half: Array  # (k,) of their intervals [s]
+    recipe: Recipe
+    information: Array  # (k + 1, k + 1) of the delays and the logarithm of the presliding's size
 
-    for _ in range(_ROUNDS):
-        e, *ahead = (_residuals(scoring, sized(y), parts, step * y[0]) for y in (x, *(x + np.diag(_DIFFERENCES))))
-        H, g = np.diag([0.0, 1.0]), np.array([0.0, x[1]])
-        for own, *others in zip(e, *ahead, strict=True):
-            J = (np.array(others) - own) / _DIFFERENCES[:, None]
-            size = _NORMAL * np.median(np.abs(own)) or 1.0
-            J_w = J * np.maximum(1 - (own / size / _BISQUARE) ** 2, 0.0) ** 2 / size**2
-            H, g = H + J_w @ J.T, g + J_w @ own
-        most = np.array([_FARTHEST[0] / step, _FARTHEST[1]])
-        change = np.clip(-np.linalg.lstsq(H, g, rcond=None)[0], -most, most)
-        x = np.clip(x + change, (-LONGEST / step, -_RANGE), (LONGEST / step, _RANGE))
-        if np.all(np.abs(change) < _SETTLED):
-            break
-    return Ridge(sized(x), float(step * x[0]), float(-H[0, 1] / H[1, 1] / step))
+    @classmethod
+    def of(
+        cls, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, start: Array | float = 0.0
+    ) -> DelayFit:
+        """By Gauss and Newton with Tukey's weights; the size is known to a factor of e before."""
+        # groups (k, L, r): 1 for the equations of each log that are in it
+        step, k = min(1 / part.log.rate for part in parts), len(groups)
+        kind = _kind(recipe)
+        given = getattr(recipe, kind)
+        x = np.append(
+            np.full(k, start / step), 0.0
+        )  # delays over the sample time, logarithm of the size over the given
+
+        def sized(x: Array) -> Recipe:
+            one = given and not isinstance(given, tuple)
+            return replace(recipe, **{kind: given * float(np.exp(x[-1]))}) if one else recipe
+
+        def residuals(x: Array) -> list[Array]:
+            return _residuals(scoring, sized(x), parts, step * np.tensordot(x[:-1], groups, 1))
+
+        difference, most = (
+            np.append(np.full(k, _QUARTER), _LITTLE),
+            np.append(np.full(k, _FARTHEST[0] / step), _FARTHEST[1]),
+        )
+        errors = scoring.of(scoring.statistics(recipe, parts))
+        for _ in range(_ROUNDS):
+            own, *ahead = (residuals(y) for y in (x, *(x + np.diag(difference))))
+            likelihood = DelayLikelihood.of(own, errors)
+            H = np.diag(np.append(np.zeros(k), 1.0))
+            g = H @ x
+            for e, size, weight, *others in zip(own, likelihood.sizes, likelihood.weights, *ahead, strict=True):
+                J = (np.array(others) - e) / difference[:, None]
+                slope = np.abs(J[:-1]).sum(axis=0)
+                J_w = weight * J * np.maximum(1 - (e / size / _BISQUARE) ** 2, 0.0) ** 2 / size**2
+                J_w[:, slope > _STEEP * np.median(slope)] = 0.0
+                H, g = H + J_w @ J.T, g + J_w @ e
+            change = np.clip(-np.linalg.lstsq(H, g, rcond=None)[0], -most, most)
+            x = np.clip(x + change, -(limit := np.append(np.full(k, LONGEST / step), _RANGE)), limit)
+            if change @ H @ change < _SETTLED:
+                break
+        units = np.append(np.full(k, step), 1.0)
+        deviation = step * np.sqrt(np.maximum(np.diag(np.linalg.pinv(H))[:-1], 0.0))
+        half = np.sqrt(2 * likelihood.margin) * deviation + _TURN * step
+        return cls(step * x[:-1], half, sized(x), H / np.outer(units, units))
+
+    def settled(self) -> tuple[Array, float]:
+        """Delays of each group, and that of most groups, whose intervals hold it: zero, or their mean."""
+        holds = np.abs(self.delays - np.append(0.0, self.delays)[:, None]) <= self.half
+        alike = holds[np.argmax(holds.sum(axis=1))]
+        mean = round(float(np.average(self.delays[alike], weights=self.half[alike] ** -2.0)), 6)
+        common = 0.0 if np.all(holds[0] >= alike) else mean
+        return np.where(alike, common, np.round(self.delays, 6)), common
+
+    def applied(self, names: Sequence[str], late: Array, common: float, groups: Array) -> Recipe:
+        """The recipe with the delays of joints, whose groups have equations of every log, or of logs."""
+        if np.all(np.any(groups, axis=2)):
+            return replace(self.recipe, delay=tuple(late.tolist()))
+        further = {name: delay for name, delay in zip(names, (late - common).tolist(), strict=True) if delay}
+        return replace(self.recipe, delay=common, log_delays=further)
+
+    def choice(self, names: Sequence[str], late: Array, one: LeftOut, each: LeftOut) -> Choice:
+        """The choice of these delays instead of one of all, from the errors of both."""
+        ends = np.column_stack([self.delays - self.half, self.delays + self.half])
+        said = (
+            f"{name} {1e3 * delay:.3g} ms ({1e3 * low:.3g} to {1e3 * high:.3g})"
+            for name, delay, (low, high) in zip(names, late, ends, strict=True)
+        )
+        gain = percent(1 - np.exp(each.score - one.score))
+        reason = (
+            f"torques are matched with an earlier motion, each with its own: {', '.join(said)}; beside one delay of "
+            f"all that lowers the errors of left-out torques by {gain}, the mean over the joints"
+        )
+        listed = candidates_of({"one of all": one, "of each": each})
+        return Choice("delay", tuple(late.tolist()), listed, reason, "s", intervals=tuple(map(tuple, ends.tolist())))
+
+
+_EACH_WORTH = 0.02  # of the score: below that all have one delay
+_OFFSETS = 1e-3 * np.array([-40.0, -20.0, -10.0, -5.0, -2.0, 0.0, 2.0, 5.0, 10.0, 20.0, 40.0])  # that are tried [s]
+
+
+def _with_delays_of_each(scoring: Scoring, one: _Timing, parts: Sequence[PreparedLog]) -> _Timing:
+    """Delays of single joints, or of single logs, where these predict clearly better than one of all."""
+    recipe, choice, timed = replace(one[0], delay=0.0), one[2][0], one
+    errors = scoring.of(scoring.statistics(recipe, parts, choice.value))
+    for names, groups in _groups(scoring, parts).items():
+        start, coarse = _coarse_delays(scoring, recipe, parts, groups, choice.value)
+        if len(names) < 2 or not coarse.is_better(errors, _EACH_WORTH):
+            continue
+        fit = _refined_delays(scoring, recipe, parts, groups, start)
+        late, common = fit.settled()
+        other = scoring.of(scoring.statistics(fit.recipe, parts, np.tensordot(late, groups, 1)))
+        if other.is_better(errors, _EACH_WORTH):
+            timed, errors = (
+                (fit.applied(names, late, common, groups), other, (fit.choice(names, late, errors, other),)),
+                other,
+            )
+    return timed
+
+
+def _groups(scoring: Scoring, parts: Sequence[PreparedLog]) -> dict[tuple[str, ...], Array]:
+    """Names of logs, and of joints, and their equations, shape (k, L, r)."""
+    r, sources = len(scoring.target.model.row_labels), [part.log.source for part in parts]
+    logs = tuple(dict.fromkeys(sources))
+    groups = {logs: np.array([[[source == log] * r for source in sources] for log in logs], dtype=float)}
+    if scoring.target.motion.complete and scoring.target.model.torque_equations() is not None:
+        groups[scoring.target.robot.joint_names] = np.repeat(np.eye(r)[:, None], len(parts), axis=1)
+    return groups
+
+
+def _coarse_delays(
+    scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, common: float
+) -> tuple[Array, LeftOut]:
+    """The best delay of each group in turn, beside one of all, by left-out errors."""
+    grid = {delay: scoring.statistics(recipe, parts, delay) for delay in (common + _OFFSETS).tolist()}
+    blocks = [np.unique(block[block >= 0]).size for block in scoring.trial.blocks]
+    late, mixed = np.full(len(groups), common), grid[common]
+    for _ in range(_SWEEPS):
+        for g, rows in enumerate(np.repeat(groups, blocks, axis=1)):
+            tried = {
+                delay: replace(mixed, products=np.where(rows[..., None, None] > 0, one.products, mixed.products))
+                for delay, one in grid.items()
+            }
+            late[g] = min(tried, key=lambda delay: scoring.of(tried[delay]).score)
+            mixed = tried[late[g]]
+    return late, scoring.of(mixed)
+
+
+_SWEEPS = 2
+
+
+def _refined_delays(
+    scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, start: Array
+) -> DelayFit:
+    """With the presliding where it has a size; else each in turn, since where friction jumps nothing has a slope."""
+    if getattr(recipe, _kind(recipe)):
+        return DelayFit.of(scoring, recipe, parts, groups, start)
+    step, late, ends = min(1 / part.log.rate for part in parts), start.copy(), np.zeros((len(start), 2))
+    for _ in range(_SWEEPS):
+        for g in range(len(groups)):
+
+            def others(delay: float, g: int = g) -> Array:
+                return np.tensordot(np.where(np.arange(len(late)) == g, delay, late), groups, 1)
+
+            likelihood = DelayLikelihood.of(
+                _residuals(scoring, recipe, parts, others(late[g])),
+                scoring.of(scoring.statistics(recipe, parts, others(late[g]))),
+                lambda delay: _residuals(scoring, recipe, parts, others(delay)),
+            )
+            late[g], ends[g] = likelihood.found(late[g], _GRID / 2, step)
+    return DelayFit(late, np.ptp(ends, axis=1) / 2, recipe, np.zeros((0, 0)))
 
 
 _SLIDING_WORTH = 0.005  # of the score: below that the exact sign stays
@@ -315,7 +460,7 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
         """Best delay of a kind of presliding, and then its best size at that delay."""
         if "delay" not in free:
             return tried, scored(tried, 0.0), ()
-        along = ridge_of(scoring, tried, parts) if together else Ridge(tried)
+        along = Ridge.of(scoring, tried, parts) if together else Ridge(tried)
         delay, choice = delay_of(softened(tried), along, parts, tried)
         alike = tried, along.at(delay)
         resized = min(alike, key=lambda one: scored(one, delay).score)
@@ -338,6 +483,8 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
         chosen = exact
     elif last[0].breakaway and last[1].score - best[1].score <= _HOLDING[_later(best[0], last[0])]:
         chosen = last
+    if chosen[2]:
+        chosen = _with_delays_of_each(softened(chosen[0]), chosen, parts)
     if len(timings) == 1:
         return chosen[0], chosen[2]
     words = _sliding_words(chosen[0])
