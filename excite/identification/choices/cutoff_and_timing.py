@@ -247,10 +247,11 @@ class Ridge:
     @classmethod
     def of(cls, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> Ridge:
         """Of the largest likelihood of one delay of all rows; none where the presliding has no single size."""
-        size = getattr(recipe, _kind(recipe))
-        if not size or isinstance(size, tuple):
+        if not _is_smooth(recipe, parts):
             return cls(recipe)
         fit = DelayFit.of(scoring, recipe, parts, np.ones((1, 1, 1)))
+        if not _is_smooth(fit.recipe, parts):
+            return cls(fit.recipe)
         return cls(fit.recipe, float(fit.delays[0]), float(-fit.information[0, 1] / fit.information[1, 1]))
 
     def at(self, delay: float) -> Recipe:
@@ -264,6 +265,14 @@ class Ridge:
 
 def _kind(recipe: Recipe) -> str:
     return "breakaway" if recipe.breakaway else "sign_width"
+
+
+def _is_smooth(recipe: Recipe, parts: Sequence[PreparedLog]) -> bool:
+    """Whether friction takes some samples to change its direction, so that a delay changes it smoothly."""
+    size = getattr(recipe, _kind(recipe))
+    step = min(1 / part.log.rate for part in parts)
+    way = step ** (2 if recipe.breakaway else 1) * np.median([np.sqrt(np.mean(part.samples.ddq**2)) for part in parts])
+    return not isinstance(size, tuple) and size > way
 
 
 _ROUNDS = 12
@@ -368,13 +377,15 @@ def _with_delays_of_each(scoring: Scoring, one: _Timing, parts: Sequence[Prepare
     recipe, choice, timed = replace(one[0], delay=0.0), one[2][0], one
     errors = scoring.of(scoring.statistics(recipe, parts, choice.value))
     for names, groups in _groups(scoring, parts).items():
+        if len(names) < 2:
+            continue
         start, coarse = _coarse_delays(scoring, recipe, parts, groups, choice.value)
-        if len(names) < 2 or not coarse.is_better(errors, _EACH_WORTH):
+        if errors.score - coarse.score < _EACH_WORTH:
             continue
         fit = _refined_delays(scoring, recipe, parts, groups, start)
         late, common = fit.settled()
         other = scoring.of(scoring.statistics(fit.recipe, parts, np.tensordot(late, groups, 1)))
-        if other.is_better(errors, _EACH_WORTH):
+        if other.is_better(errors, _EACH_WORTH, 2.0):
             timed, errors = (
                 (fit.applied(names, late, common, groups), other, (fit.choice(names, late, errors, other),)),
                 other,
@@ -417,9 +428,12 @@ def _refined_delays(
     scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, start: Array
 ) -> DelayFit:
     """With the presliding where it has a size; else each in turn, since where friction jumps nothing has a slope."""
-    if getattr(recipe, _kind(recipe)):
-        return DelayFit.of(scoring, recipe, parts, groups, start)
     step, late, ends = min(1 / part.log.rate for part in parts), start.copy(), np.zeros((len(start), 2))
+    if _is_smooth(recipe, parts):
+        fit = DelayFit.of(scoring, recipe, parts, groups, start)
+        if _is_smooth(fit.recipe, parts):
+            return fit
+        recipe, late = fit.recipe, fit.delays
     for _ in range(_SWEEPS):
         for g in range(len(groups)):
 
@@ -462,11 +476,10 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
             return tried, scored(tried, 0.0), ()
         along = Ridge.of(scoring, tried, parts) if together else Ridge(tried)
         delay, choice = delay_of(softened(tried), along, parts, tried)
-        alike = tried, along.at(delay)
-        resized = min(alike, key=lambda one: scored(one, delay).score)
+        resized = min((tried, along.at(delay)), key=lambda one: scored(one, delay).score)
         low, high = choice.interval if delay and choice.interval else (0.0, 0.0)
-        alike = [one for one in choice.candidates if low <= one.value <= high]
-        return replace(resized, delay=delay), scored(resized, min(alike, key=lambda one: one.score).value), (choice,)
+        alike = [delay, *(one.value for one in choice.candidates if low <= one.value <= high)]
+        return replace(resized, delay=delay), min((scored(resized, one) for one in alike), key=_score), (choice,)
 
     slidings = _slidings(scoring, recipe, parts)
     together = len(slidings) > 1
@@ -490,6 +503,10 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     words = _sliding_words(chosen[0])
     listed = candidates_of({_sliding_words(tried): errors for tried, errors, _ in timings})
     return chosen[0], (*chosen[2], Choice("presliding", words, listed, f"{words}, as left-out torques show"))
+
+
+def _score(errors: LeftOut) -> float:
+    return errors.score
 
 
 def _later(one: Recipe, other: Recipe) -> bool:
