@@ -345,15 +345,17 @@ class DelayFit:
         common = 0.0 if np.all(holds[0] >= alike) else mean
         return np.where(alike, common, np.round(self.delays, 6)), common
 
-    def applied(self, names: Sequence[str], late: Array, common: float, groups: Array) -> Recipe:
+    def applied(self, names: Sequence[str], groups: Array) -> Recipe:
         """The recipe with the delays of joints, whose groups have equations of every log, or of logs."""
+        late, common = self.settled()
         if np.all(np.any(groups, axis=2)):
             return replace(self.recipe, delay=tuple(late.tolist()))
         further = {name: delay for name, delay in zip(names, (late - common).tolist(), strict=True) if delay}
         return replace(self.recipe, delay=common, log_delays=further)
 
-    def choice(self, names: Sequence[str], late: Array, one: LeftOut, each: LeftOut) -> Choice:
+    def choice(self, names: Sequence[str], one: LeftOut, each: LeftOut) -> Choice:
         """The choice of these delays instead of one of all, from the errors of both."""
+        late, _ = self.settled()
         ends = np.column_stack([self.delays - self.half, self.delays + self.half])
         said = (
             f"{name} {1e3 * delay:.3g} ms ({1e3 * low:.3g} to {1e3 * high:.3g})"
@@ -372,25 +374,33 @@ _EACH_WORTH = 0.02  # of the score: below that all have one delay
 _OFFSETS = 1e-3 * np.array([-40.0, -20.0, -10.0, -5.0, -2.0, 0.0, 2.0, 5.0, 10.0, 20.0, 40.0])  # that are tried [s]
 
 
-def _with_delays_of_each(scoring: Scoring, one: _Timing, parts: Sequence[PreparedLog]) -> _Timing:
-    """Delays of single joints, or of single logs, where these predict clearly better than one of all."""
-    recipe, choice, timed = replace(one[0], delay=0.0), one[2][0], one
-    errors = scoring.of(scoring.statistics(recipe, parts, choice.value))
+def _with_delays_of_each(
+    chosen: _Timing, timings: Sequence[_Timing], softened: Callable[[Recipe], Scoring], parts: Sequence[PreparedLog]
+) -> _Timing:
+    """Delays of single joints, or of single logs, where these predict clearly better than one of all.
+
+    All kinds of presliding are tried again with them, for one that is wrong can stand for delays that differ.
+    """
+    recipe, common = replace(chosen[0], delay=0.0), chosen[2][0].value
+    scoring = softened(recipe)
+    errors = scoring.of(scoring.statistics(recipe, parts, common))
     for names, groups in _groups(scoring, parts).items():
         if len(names) < 2:
             continue
-        start, coarse = _coarse_delays(scoring, recipe, parts, groups, choice.value)
+        _, coarse = _coarse_delays(scoring, recipe, parts, groups, common)
         if errors.score - coarse.score < _EACH_WORTH:
             continue
-        fit = _refined_delays(scoring, recipe, parts, groups, start)
-        late, common = fit.settled()
-        other = scoring.of(scoring.statistics(fit.recipe, parts, np.tensordot(late, groups, 1)))
-        if other.is_better(errors, _EACH_WORTH, 2.0):
-            timed, errors = (
-                (fit.applied(names, late, common, groups), other, (fit.choice(names, late, errors, other),)),
-                other,
-            )
-    return timed
+        fits = {}
+        for own in (replace(one[0], delay=0.0) for one in timings):
+            start, _ = _coarse_delays(softened(own), own, parts, groups, common)
+            fit = _refined_delays(softened(own), own, parts, groups, start)
+            late = np.tensordot(fit.settled()[0], groups, 1)
+            fits[fit] = softened(own).of(softened(own).statistics(fit.recipe, parts, late))
+        best = best_of(fits)
+        if fits[best].is_better(errors, _EACH_WORTH, 2.0):
+            choice = best.choice(names, errors, fits[best])
+            chosen, errors = (best.applied(names, groups), fits[best], (choice,)), fits[best]
+    return chosen
 
 
 def _groups(scoring: Scoring, parts: Sequence[PreparedLog]) -> dict[tuple[str, ...], Array]:
@@ -451,7 +461,6 @@ def _refined_delays(
 
 _SLIDING_WORTH = 0.005  # of the score: below that the exact sign stays
 _HOLDING = 0.05, 0.1  # of the score: what a direction at standstill is worth, and one that needs less delay
-_FACTORS = (0.25, 0.5, 2**-0.5, 1.0, 2**0.5, 2.0, 4.0)
 
 
 def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Chosen:
@@ -497,7 +506,7 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     elif last[0].breakaway and last[1].score - best[1].score <= _HOLDING[_later(best[0], last[0])]:
         chosen = last
     if chosen[2]:
-        chosen = _with_delays_of_each(softened(chosen[0]), chosen, parts)
+        chosen = _with_delays_of_each(chosen, timings, softened, parts)
     if len(timings) == 1:
         return chosen[0], chosen[2]
     words = _sliding_words(chosen[0])
@@ -521,16 +530,6 @@ def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) ->
 
 
 _Timing = tuple[Recipe, LeftOut, tuple[Choice, ...]]
-
-
-def _resized(recipe: Recipe, scored: Callable[[Recipe], LeftOut]) -> Recipe:
-    """The presliding with a velocity or a distance that predicts best, up to four times or a quarter of the given."""
-    kind = "breakaway" if recipe.breakaway else "sign_width"
-    given = getattr(recipe, kind)
-    if not given or isinstance(given, tuple):
-        return recipe
-    tried = [replace(recipe, **{kind: given * factor}) for factor in _FACTORS]
-    return min(tried, key=lambda one: scored(one).score)
 
 
 def _sliding_words(recipe: Recipe) -> str:
