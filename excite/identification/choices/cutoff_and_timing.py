@@ -210,7 +210,9 @@ class DelayLikelihood:
         return round(best + side * (outer + _TURN * step), 9)
 
 
-def delay_of(scoring: Scoring, along: Ridge, parts: Sequence[PreparedLog], *undelayed: Recipe) -> tuple[float, Choice]:
+def delay_of(
+    scoring: Scoring, along: DelayFit, parts: Sequence[PreparedLog], *undelayed: Recipe
+) -> tuple[float, Choice]:
     """Delay of the torques of some logs, see `choose_delay`; friction is softened already."""
 
     def scored(delay: float) -> LeftOut:
@@ -221,7 +223,7 @@ def delay_of(scoring: Scoring, along: Ridge, parts: Sequence[PreparedLog], *unde
     def residuals(delay: float) -> list[Array]:
         return _residuals(scoring, along.at(delay), parts, delay)
 
-    return choose_delay(scored, residuals, min(1 / part.log.rate for part in parts), along.delay)
+    return choose_delay(scored, residuals, min(1 / part.log.rate for part in parts), *along.delays.tolist())
 
 
 def _residuals(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], delay: Delays) -> list[Array]:
@@ -234,33 +236,6 @@ def _residuals(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], d
     e = np.concatenate([y - p for (_, y), p in zip(equations, predicted, strict=True)])
     used = np.concatenate(masks)
     return [column[rows] for column, rows in zip(e.T, used.T, strict=True)]
-
-
-@dataclass(frozen=True)
-class Ridge:
-    """Presliding that goes with each delay: friction that changes its direction over less, but later, is much alike."""
-
-    recipe: Recipe  # with the presliding at the delay
-    delay: float | None = None  # of the largest likelihood; None: not known
-    slope: float = 0.0  # of the logarithm of the presliding's size with the delay [1/s]
-
-    @classmethod
-    def of(cls, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> Ridge:
-        """Of the largest likelihood of one delay of all rows; none where the presliding has no single size."""
-        if not _is_smooth(recipe, parts):
-            return cls(recipe)
-        fit = DelayFit.of(scoring, recipe, parts, np.ones((1, 1, 1)))
-        if not _is_smooth(fit.recipe, parts):
-            return cls(fit.recipe)
-        return cls(fit.recipe, float(fit.delays[0]), float(-fit.information[0, 1] / fit.information[1, 1]))
-
-    def at(self, delay: float) -> Recipe:
-        """The recipe with the presliding of another delay."""
-        if self.delay is None:
-            return self.recipe
-        kind = _kind(self.recipe)
-        size = getattr(self.recipe, kind) * np.exp(np.clip(self.slope * (delay - self.delay), -_RANGE, _RANGE))
-        return replace(self.recipe, **{kind: float(size)})
 
 
 def _kind(recipe: Recipe) -> str:
@@ -285,12 +260,32 @@ _STEEP = 10.0  # times the usual slope of a residual, as where friction jumps: s
 
 @dataclass(frozen=True, eq=False)
 class DelayFit:
-    """Delays of k groups of rows and the presliding, of the largest likelihood together."""
+    """Delays of k groups of rows and the presliding, of the largest likelihood together.
 
-    delays: Array  # (k,) [s]
-    half: Array  # (k,) of their intervals [s]
-    recipe: Recipe
-    information: Array  # (k + 1, k + 1) of the delays and the logarithm of the presliding's size
+    Friction that changes its direction over less, but later, is much alike, so that another presliding goes with each
+    delay.
+    """
+
+    recipe: Recipe  # with the presliding
+    delays: Array = field(default_factory=lambda: np.zeros(0))  # (k,) [s]; none where nothing is known of them
+    half: Array = field(default_factory=lambda: np.zeros(0))  # (k,) of their intervals [s]
+    slope: float = 0.0  # of the logarithm of the presliding's size with the first delay [1/s]
+
+    def at(self, delay: float) -> Recipe:
+        """The recipe with the presliding that goes with another delay of all rows."""
+        kind, further = _kind(self.recipe), float(self.slope * (delay - self.delays).sum())
+        size = getattr(self.recipe, kind)
+        return replace(
+            self.recipe, **{kind: size * float(np.exp(np.clip(further, -_RANGE, _RANGE)))} if further else {}
+        )
+
+    @classmethod
+    def of_all(cls, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> DelayFit:
+        """One delay of all rows; none where friction does not change its direction smoothly."""
+        fit = cls(recipe)
+        if _is_smooth(recipe, parts):
+            fit = cls.of(scoring, recipe, parts, np.ones((1, 1, 1)))
+        return fit if _is_smooth(fit.recipe, parts) else cls(fit.recipe)
 
     @classmethod
     def of(
@@ -332,10 +327,9 @@ class DelayFit:
             x = np.clip(x + change, -(limit := np.append(np.full(k, LONGEST / step), _RANGE)), limit)
             if change @ H @ change < _SETTLED:
                 break
-        units = np.append(np.full(k, step), 1.0)
         deviation = step * np.sqrt(np.maximum(np.diag(np.linalg.pinv(H))[:-1], 0.0))
         half = np.sqrt(2 * likelihood.margin) * deviation + _TURN * step
-        return cls(step * x[:-1], half, sized(x), H / np.outer(units, units))
+        return cls(sized(x), step * x[:-1], half, float(-H[0, -1] / H[-1, -1] / step))
 
     def settled(self) -> tuple[Array, float]:
         """Delays of each group, and that of most groups, whose intervals hold it: zero, or their mean."""
@@ -456,7 +450,7 @@ def _refined_delays(
                 lambda delay: _residuals(scoring, recipe, parts, others(delay)),
             )
             late[g], ends[g] = likelihood.found(late[g], _GRID / 2, step)
-    return DelayFit(late, np.ptp(ends, axis=1) / 2, recipe, np.zeros((0, 0)))
+    return DelayFit(recipe, late, np.ptp(ends, axis=1) / 2)
 
 
 _SLIDING_WORTH = 0.005  # of the score: below that the exact sign stays
@@ -483,7 +477,7 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
         """Best delay of a kind of presliding, and then its best size at that delay."""
         if "delay" not in free:
             return tried, scored(tried, 0.0), ()
-        along = Ridge.of(scoring, tried, parts) if together else Ridge(tried)
+        along = DelayFit.of_all(scoring, tried, parts) if together else DelayFit(tried)
         delay, choice = delay_of(softened(tried), along, parts, tried)
         resized = min((tried, along.at(delay)), key=lambda one: scored(one, delay).score)
         low, high = choice.interval if delay and choice.interval else (0.0, 0.0)

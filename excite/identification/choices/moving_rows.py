@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.identification.biases import SPEEDS, standstill_candidates
-from excite.identification.choices.cutoff_and_timing import LONGEST, Ridge, choose_cutoff_and_timing, delay_of
+from excite.identification.choices.cutoff_and_timing import LONGEST, DelayFit, choose_cutoff_and_timing, delay_of
 from excite.identification.choices.left_out import Choice, LeftOut, best_of, candidates_of, differ, jackknife
 from excite.identification.choices.scoring import Mask, Scoring
 from excite.identification.equations import nearest
@@ -99,7 +99,7 @@ def _with_delay_of(
     recipe, choices = choose_cutoff_and_timing(scoring, plain, cutoffs, settled)
     if "delay" in every.free:
         soft = fast.softened(recipe)
-        delay, choice = delay_of(soft, Ridge(recipe), soft.parts(recipe))
+        delay, choice = delay_of(soft, DelayFit(recipe), soft.parts(recipe))
         if choice.interval and np.ptp(choice.interval) > LONGEST:
             choice = next(one for one in every.choices if one.name == "delay")
             delay = choice.value
