@@ -268,7 +268,7 @@ class DelayFit:
 
     recipe: Recipe  # with the presliding
     delays: Array = field(default_factory=lambda: np.zeros(0))  # (k,) [s]; none where nothing is known of them
-    half: Array = field(default_factory=lambda: np.zeros(0))  # (k,) of their intervals [s]
+    ends: Array = field(default_factory=lambda: np.zeros((0, 2)))  # of their intervals [s]
     slope: float = 0.0  # of the logarithm of the presliding's size with the first delay [1/s]
 
     def at(self, delay: float) -> Recipe:
@@ -329,31 +329,33 @@ class DelayFit:
                 break
         deviation = step * np.sqrt(np.maximum(np.diag(np.linalg.pinv(H))[:-1], 0.0))
         half = np.sqrt(2 * likelihood.margin) * deviation + _TURN * step
-        return cls(sized(x), step * x[:-1], half, float(-H[0, -1] / H[-1, -1] / step))
+        delays = step * x[:-1]
+        return cls(
+            sized(x), delays, np.column_stack([delays - half, delays + half]), float(-H[0, -1] / H[-1, -1] / step)
+        )
 
-    def settled(self) -> tuple[Array, float]:
-        """Delays of each group, and that of most groups, whose intervals hold it: zero, or their mean."""
-        holds = np.abs(self.delays - np.append(0.0, self.delays)[:, None]) <= self.half
+    def with_shared(self) -> DelayFit:
+        """One delay for the most groups whose intervals hold it: zero, or their mean."""
+        half = np.ptp(self.ends, axis=1) / 2
+        holds = np.array([(self.ends[:, 0] <= x) & (x <= self.ends[:, 1]) for x in (0.0, *self.delays)])
         alike = holds[np.argmax(holds.sum(axis=1))]
-        mean = round(float(np.average(self.delays[alike], weights=self.half[alike] ** -2.0)), 6)
-        common = 0.0 if np.all(holds[0] >= alike) else mean
-        return np.where(alike, common, np.round(self.delays, 6)), common
+        mean = 0.0 if np.all(holds[0] >= alike) else np.average(self.delays[alike], weights=half[alike] ** -2.0)
+        return replace(self, delays=np.where(alike, mean, self.delays))
 
     def applied(self, names: Sequence[str], groups: Array) -> Recipe:
         """The recipe with the delays of joints, whose groups have equations of every log, or of logs."""
-        late, common = self.settled()
+        late = np.round(self.delays, 6).tolist()
         if np.all(np.any(groups, axis=2)):
-            return replace(self.recipe, delay=tuple(late.tolist()))
-        further = {name: delay for name, delay in zip(names, (late - common).tolist(), strict=True) if delay}
+            return replace(self.recipe, delay=tuple(late))
+        common = max(late, key=late.count)
+        further = {name: delay - common for name, delay in zip(names, late, strict=True) if delay != common}
         return replace(self.recipe, delay=common, log_delays=further)
 
     def choice(self, names: Sequence[str], one: LeftOut, each: LeftOut) -> Choice:
         """The choice of these delays instead of one of all, from the errors of both."""
-        late, _ = self.settled()
-        ends = np.column_stack([self.delays - self.half, self.delays + self.half])
         said = (
             f"{name} {1e3 * delay:.3g} ms ({1e3 * low:.3g} to {1e3 * high:.3g})"
-            for name, delay, (low, high) in zip(names, late, ends, strict=True)
+            for name, delay, (low, high) in zip(names, self.delays, self.ends, strict=True)
         )
         gain = percent(1 - np.exp(each.score - one.score))
         reason = (
@@ -361,7 +363,8 @@ class DelayFit:
             f"all that lowers the errors of left-out torques by {gain}, the mean over the joints"
         )
         listed = candidates_of({"one of all": one, "of each": each})
-        return Choice("delay", tuple(late.tolist()), listed, reason, "s", intervals=tuple(map(tuple, ends.tolist())))
+        value, ends = tuple(np.round(self.delays, 6).tolist()), tuple(map(tuple, self.ends.tolist()))
+        return Choice("delay", value, listed, reason, "s", intervals=ends)
 
 
 _EACH_WORTH = 0.02  # of the score: below that all have one delay
@@ -388,8 +391,14 @@ def _with_delays_of_each(
         for own in (replace(one[0], delay=0.0) for one in timings):
             start, _ = _coarse_delays(softened(own), own, parts, groups, common)
             fit = _refined_delays(softened(own), own, parts, groups, start)
-            late = np.tensordot(fit.settled()[0], groups, 1)
-            fits[fit] = softened(own).of(softened(own).statistics(fit.recipe, parts, late))
+            shared, single = (
+                (
+                    one,
+                    softened(own).of(softened(own).statistics(one.recipe, parts, np.tensordot(one.delays, groups, 1))),
+                )
+                for one in (fit.with_shared(), fit)
+            )
+            fits |= [single if shared[1].score - single[1].score > _EACH_WORTH else shared]
         best = best_of(fits)
         if fits[best].is_better(errors, _EACH_WORTH, 2.0):
             choice = best.choice(names, errors, fits[best])
@@ -450,7 +459,7 @@ def _refined_delays(
                 lambda delay: _residuals(scoring, recipe, parts, others(delay)),
             )
             late[g], ends[g] = likelihood.found(late[g], _GRID / 2, step)
-    return DelayFit(recipe, late, np.ptp(ends, axis=1) / 2)
+    return DelayFit(recipe, late, ends)
 
 
 _SLIDING_WORTH = 0.005  # of the score: below that the exact sign stays
