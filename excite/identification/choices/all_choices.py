@@ -6,7 +6,13 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from excite.errors import ConicSolverError
-from excite.identification.choices.cutoff_and_timing import PERIODS, choose_signals, choose_timing, cutoff_candidates
+from excite.identification.choices.cutoff_and_rows import (
+    PERIODS,
+    choose_by_rows,
+    choose_signals,
+    choose_standstill,
+    cutoff_candidates,
+)
 from excite.identification.choices.friction_terms import (
     TERM_SETTINGS,
     choose_bias,
@@ -15,8 +21,8 @@ from excite.identification.choices.friction_terms import (
     possible_terms,
 )
 from excite.identification.choices.left_out import Choice
-from excite.identification.choices.moving_rows import choose_by_rows, choose_standstill
 from excite.identification.choices.scoring import LogPiece, Scoring, choose_bodies, pieces_of, scoring_of, trial_of
+from excite.identification.choices.timing import choose_timing
 from excite.identification.prediction import beside_curves, check_joint_torques
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import ALL, Recipe
