@@ -95,13 +95,15 @@ def delay_columns(context: Context, coefficients: Array) -> Array:
     """  # coefficients (p,)
     target, recipe = context.target, context.recipe
     late = np.atleast_1d(recipe.delay) != 0.0  # of all joints or of each
-    logs = [*[None] * bool(np.any(late)), *dict(recipe.log_delays or ())]
+    logs: list[str | None] = [None] if np.any(late) else []
+    logs += dict(recipe.log_delays or ())
     if not logs or target.model.window is not None:
         return np.zeros((0, 0))
 
     def change(part: PreparedLog) -> Array:
         slope = -np.gradient(predicted_rows(target, part.samples, recipe, coefficients), axis=0)
-        each = np.eye(slope.shape[1])[late] if late.size > 1 else np.ones((1, slope.shape[1]))
+        r = len(target.model.row_labels)
+        each = np.eye(r)[late] if late.size > 1 else np.ones((1, r))
         return np.concatenate([slope * each[:, None] * (log in (None, part.log.source)) for log in logs])
 
     return instant_columns(context, change)

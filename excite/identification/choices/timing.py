@@ -103,14 +103,15 @@ class DelayLikelihood:
         return cls(sizes, weights, margin, residuals)
 
     def misfit(self, delay: float) -> float:
-        """Minus the logarithm: Tukey's bisquare, which is half the square of small deviations."""
-        if delay not in self.tried:
-            own = self.residuals(delay)
-            shares = [
-                1 - np.maximum(1 - (e / s / _BISQUARE) ** 2, 0.0) ** 3 for e, s in zip(own, self.sizes, strict=True)
-            ]
-            self.tried[delay] = _MOST * float(self.weights @ [share.sum() for share in shares])
+        """Minus the logarithm of the likelihood of a delay."""
+        if delay not in self.tried and self.residuals is not None:
+            self.tried[delay] = self.misfit_of(self.residuals(delay))
         return self.tried[delay]
+
+    def misfit_of(self, own: list[Array]) -> float:
+        """Minus the logarithm: Tukey's bisquare, which is half the square of small deviations."""
+        shares = [1 - np.maximum(1 - (e / s / _BISQUARE) ** 2, 0.0) ** 3 for e, s in zip(own, self.sizes, strict=True)]
+        return _MOST * float(self.weights @ [share.sum() for share in shares])
 
     def found(self, near: float, distance: float, step: float) -> tuple[float, tuple[float, float]]:
         """Mean of the delays about one that is near, and the ends of their interval."""
@@ -143,8 +144,7 @@ def delay_of(
 
     def scored(delay: float) -> LeftOut:
         recipes = (along.at(delay), *(() if delay else undelayed))
-        errors = [scoring.of(scoring.statistics(recipe, parts, delay)) for recipe in recipes]
-        return min(errors, key=lambda one: one.score)
+        return min((scoring.of(scoring.statistics(one, parts, delay)) for one in recipes), key=lambda one: one.score)
 
     def residuals(delay: float) -> list[Array]:
         return _residuals(scoring, along.at(delay), parts, delay)
@@ -199,11 +199,11 @@ class DelayFit:
 
     def at(self, delay: float) -> Recipe:
         """The recipe with the presliding that goes with another delay of all rows."""
+        if not self.slope:
+            return self.recipe
         kind, further = _kind(self.recipe), float(self.slope * (delay - self.delays).sum())
         size = getattr(self.recipe, kind)
-        return replace(
-            self.recipe, **{kind: size * float(np.exp(np.clip(further, -_RANGE, _RANGE)))} if further else {}
-        )
+        return replace(self.recipe, **{kind: size * float(np.exp(np.clip(further, -_RANGE, _RANGE)))})
 
     @classmethod
     def of_all(cls, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> DelayFit:
@@ -219,24 +219,18 @@ class DelayFit:
     ) -> DelayFit:
         """By Gauss and Newton with Tukey's weights; the size is known to a factor of e before."""
         # groups (k, L, r): 1 for the equations of each log that are in it
-        step, k = min(1 / part.log.rate for part in parts), len(groups)
-        kind = _kind(recipe)
+        step, k, kind = min(1 / part.log.rate for part in parts), len(groups), _kind(recipe)
         given = getattr(recipe, kind)
-        x = np.append(
-            np.full(k, start / step), 0.0
-        )  # delays over the sample time, logarithm of the size over the given
+        x = np.append(np.full(k, start / step), 0.0)  # delays in samples, logarithm of the size over the given
+        difference = np.append(np.full(k, _QUARTER), _LITTLE)
+        most, limit = (np.append(np.full(k, delay / step), size) for delay, size in (_FARTHEST, (LONGEST, _RANGE)))
 
         def sized(x: Array) -> Recipe:
-            one = given and not isinstance(given, tuple)
-            return replace(recipe, **{kind: given * float(np.exp(x[-1]))}) if one else recipe
+            return replace(recipe, **{kind: given * float(np.exp(x[-1]))})
 
         def residuals(x: Array) -> list[Array]:
             return _residuals(scoring, sized(x), parts, step * np.tensordot(x[:-1], groups, 1))
 
-        difference, most = (
-            np.append(np.full(k, _QUARTER), _LITTLE),
-            np.append(np.full(k, _FARTHEST[0] / step), _FARTHEST[1]),
-        )
         errors = scoring.of(scoring.statistics(recipe, parts))
         for _ in range(_ROUNDS):
             own, *ahead = (residuals(y) for y in (x, *(x + np.diag(difference))))
@@ -245,20 +239,22 @@ class DelayFit:
             g = H @ x
             for e, size, weight, *others in zip(own, likelihood.sizes, likelihood.weights, *ahead, strict=True):
                 J = (np.array(others) - e) / difference[:, None]
-                slope = np.abs(J[:-1]).sum(axis=0)
+                steep = np.abs(J[:-1]).sum(axis=0)
                 J_w = weight * J * np.maximum(1 - (e / size / _BISQUARE) ** 2, 0.0) ** 2 / size**2
-                J_w[:, slope > _STEEP * np.median(slope)] = 0.0
+                J_w[:, steep > _STEEP * np.median(steep)] = 0.0
                 H, g = H + J_w @ J.T, g + J_w @ e
             change = np.clip(-np.linalg.lstsq(H, g, rcond=None)[0], -most, most)
-            x = np.clip(x + change, -(limit := np.append(np.full(k, LONGEST / step), _RANGE)), limit)
+            x = np.clip(x + change, -limit, limit)
             if change @ H @ change < _SETTLED:
                 break
-        deviation = step * np.sqrt(np.maximum(np.diag(np.linalg.pinv(H))[:-1], 0.0))
-        half = np.sqrt(2 * likelihood.margin) * deviation + _TURN * step
-        delays = step * x[:-1]
-        return cls(
-            sized(x), delays, np.column_stack([delays - half, delays + half]), float(-H[0, -1] / H[-1, -1] / step)
-        )
+        delays, variance = step * x[:-1], step**2 * np.maximum(np.diag(np.linalg.pinv(H))[:-1], 0.0)
+        half = np.sqrt(2 * likelihood.margin * variance) + _TURN * step
+        slope = float(-H[0, -1] / H[-1, -1] / step)
+        return cls(sized(x), delays, np.column_stack([delays - half, delays + half]), slope)
+
+    def of_rows(self, groups: Array) -> Array:
+        """The delay of each equation of each log, shape (L, r)."""
+        return np.asarray(np.tensordot(self.delays, groups, 1))
 
     def with_shared(self) -> DelayFit:
         """One delay for the most groups whose intervals hold it: zero, or their mean."""
@@ -310,23 +306,26 @@ def _with_delays_of_each(
     for names, groups in _groups(scoring, parts).items():
         if len(names) < 2:
             continue
-        _, coarse = _coarse_delays(scoring, recipe, parts, groups, common)
+        start, coarse = _coarse_delays(scoring, recipe, parts, groups, common)
         if errors.score - coarse.score < _EACH_WORTH:
             continue
-        fits = {}
+        one, each = (_residuals(scoring, recipe, parts, late) for late in (common, np.tensordot(start, groups, 1)))
+        likelihood = DelayLikelihood.of(each, coarse)
+        if likelihood.misfit_of(one) - likelihood.misfit_of(each) < len(names) * likelihood.margin:
+            continue
+        fits: dict[DelayFit, LeftOut] = {}
         for own in (replace(one[0], delay=0.0) for one in timings):
-            start, _ = _coarse_delays(softened(own), own, parts, groups, common)
-            fit = _refined_delays(softened(own), own, parts, groups, start)
-            shared, single = (
-                (
-                    one,
-                    softened(own).of(softened(own).statistics(one.recipe, parts, np.tensordot(one.delays, groups, 1))),
-                )
-                for one in (fit.with_shared(), fit)
-            )
-            fits |= [single if shared[1].score - single[1].score > _EACH_WORTH else shared]
-        best = best_of(fits)
-        if fits[best].is_better(errors, _EACH_WORTH, 2.0):
+            soft = softened(own)
+            start, coarse = _coarse_delays(soft, own, parts, groups, common)
+            if coarse.score > errors.score:  # a kind that delays of each do not help
+                continue
+            fit = _refined_delays(soft, own, parts, groups, start)
+            shared = fit.with_shared()
+            both = {one: soft.of(soft.statistics(one.recipe, parts, one.of_rows(groups))) for one in (shared, fit)}
+            taken = fit if both[shared].score - both[fit].score > _EACH_WORTH else shared
+            fits[taken] = both[taken]
+        best = best_of(fits) if fits else DelayFit(recipe)
+        if fits and fits[best].is_better(errors, _EACH_WORTH, 2.0):
             choice = best.choice(names, errors, fits[best])
             chosen, errors = (best.applied(names, groups), fits[best], (choice,)), fits[best]
     return chosen
@@ -417,7 +416,11 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
         resized = min((tried, along.at(delay)), key=lambda one: scored(one, delay).score)
         low, high = choice.interval if delay and choice.interval else (0.0, 0.0)
         alike = [delay, *(one.value for one in choice.candidates if low <= one.value <= high)]
-        return replace(resized, delay=delay), min((scored(resized, one) for one in alike), key=_score), (choice,)
+        return (
+            replace(resized, delay=delay),
+            min((scored(resized, one) for one in alike), key=lambda one: one.score),
+            (choice,),
+        )
 
     slidings = _slidings(scoring, recipe, parts)
     together = len(slidings) > 1
@@ -441,10 +444,6 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     words = _sliding_words(chosen[0])
     listed = candidates_of({_sliding_words(tried): errors for tried, errors, _ in timings})
     return chosen[0], (*chosen[2], Choice("presliding", words, listed, f"{words}, as left-out torques show"))
-
-
-def _score(errors: LeftOut) -> float:
-    return errors.score
 
 
 def _later(one: Recipe, other: Recipe) -> bool:
