@@ -80,11 +80,11 @@ class Case:
 
 
 def common_cases(robots: Sequence[str], first: int) -> list[Case]:
-    """Logs all of whose torques are late: every delay of the fastest robot, every other one of the others, and none."""
+    """Logs all of whose torques are late: every other delay of the fastest robot, fewer of the others, and none."""
     cases = []
     for robot, (k, rate) in [(name, each) for name in robots for each in enumerate(RATES[name])]:
         delays = [*(share / rate for share in SHARES), *TIMES]
-        used = delays if robot == FASTEST else sorted({0.0, *delays[k % 2 :: 2]})
+        used = sorted({0.0, *(delays[k % 2 :: 2] if robot == FASTEST else delays[1 + k :: 4])})
         cases += [
             Case(robot, rate, noise, (delay,), first + j % 3)
             for j, delay in enumerate(used)

@@ -254,7 +254,7 @@ class Recipe:
         if isinstance(self.sign_width, tuple) or isinstance(self.breakaway, tuple):
             raise InputError("repetitions take one `sign_width` or `breakaway` for all drives")
         if isinstance(self.delay, tuple):
-            raise InputError("repetitions take one `delay` for all joints")
+            raise InputError("repetitions take one `delay` for all joints; give one, or leave out `repeat`")
         if self.standstill:
             raise InputError("repetitions use every row; leave out `standstill`")
 
