@@ -84,11 +84,11 @@ def common_cases(robots: Sequence[str], first: int) -> list[Case]:
     cases = []
     for robot, (k, rate) in [(name, each) for name in robots for each in enumerate(RATES[name])]:
         delays = [*(share / rate for share in SHARES), *TIMES]
-        used = sorted({0.0, *(delays[k % 2 :: 2] if robot == FASTEST else delays[1 + k :: 4])})
+        used = sorted({0.0, *(delays[k % 2 :: 2] if robot == FASTEST else delays[3 + k : 4 + k])})
         cases += [
             Case(robot, rate, noise, (delay,), first + j % 3)
             for j, delay in enumerate(used)
-            for noise in (NOISE_KINDS if not delay else NOISE_KINDS[(j + k) % 2 :][:1])
+            for noise in (NOISE_KINDS if not delay and robot == FASTEST else NOISE_KINDS[(j + k) % 2 :][:1])
         ]
         cases += [
             Case(robot, rate, NOISE_KINDS[(j + k) % 2], (delay,), first + 3 + j, PRESLIDING[(j + k) % 3])
@@ -218,9 +218,12 @@ def _counted_of_each(what: str, cases: list[dict[str, Any]]) -> str:
     apart = [one for one in unlike if len(one["found"]) > 1]
     inside = [low <= x <= high for one in apart for x, (low, high) in zip(one["true"], one["intervals"], strict=True)]
     false = sum(len(one["found"]) > 1 for one in cases if one not in unlike)
+    other = [(x, one["intervals"][0]) for one in unlike if len(one["intervals"]) == 1 for x in one["true"]]
+    held = sum(low <= x <= high for x, (low, high) in other)
     return (
         f"Of {len(unlike)} cases whose {what} have different delays, {len(apart)} are given delays of their own, of "
-        f"which {sum(inside)} of {len(inside)} are in the stated intervals; "
+        f"which {sum(inside)} of {len(inside)} are in the stated intervals; the one interval of the others holds "
+        f"{held} of {len(other)}; "
         f"{false} of {len(cases) - len(unlike)} with one delay are.\n"
     )
 
