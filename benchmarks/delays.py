@@ -46,7 +46,7 @@ from regressors.samples import Array
 
 HERE = Path(__file__).resolve().parent
 RATES = {"irp6": (100.0, 125.0, 200.0, 500.0), "panda": (100.0,), "ur10e": (100.0, 125.0)}
-FASTEST = "irp6"
+FASTEST, EACH = "irp6", ("irp6", "ur10e")  # robots with most logs, and with delays of single joints and logs
 SHARES = (0.0, 0.3, 1.25)  # delays, of a sample
 TIMES = (0.005, -0.005, 0.010, -0.020, 0.020, 0.040)  # delays [s]
 LEVEL, ENCODER = 0.02, 1e-5  # noise, of each joint's root mean square; step of the positions [rad]
@@ -101,7 +101,7 @@ def common_cases(robots: Sequence[str], first: int) -> list[Case]:
 def cases_of_each(robots: Sequence[str], first: int) -> list[Case]:
     """Logs in which one joint is late, or each by its own delay, and several logs with delays of their own."""
     cases = []
-    for robot, (k, rate) in [(name, each) for name in robots for each in enumerate(RATES[name])]:
+    for robot, (k, rate) in [(name, each) for name in robots if name in EACH for each in enumerate(RATES[name])]:
         n, rng = _target(robot, first).robot.n, np.random.default_rng(first + k)
         one = tuple(ONE_LATE[k % 3] if j == k % n else 0.0 for j in range(n))
         every = tuple(np.round(rng.uniform(0.0, 0.02, n), 4).tolist())
