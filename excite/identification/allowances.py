@@ -80,26 +80,33 @@ def found_columns(estimate: Estimate, context: Context, found: frozenset[str]) -
     """Names of the settings that were found, and their columns of the equations, shape (m,); see `with_uncertainty`."""
     if estimate.method not in METHODS:
         return []
-    of_each = {PRESLIDING: presliding_column, DELAY: delay_column}
-    columns = [(name, of_each[name](context, estimate.coefficients)) for name in of_each if name in found]
+    width = presliding_column(context, estimate.coefficients) if PRESLIDING in found else None
+    columns = [] if width is None else [(PRESLIDING, width)]
+    if DELAY in found:
+        columns += [(DELAY, column) for column in delay_columns(context, estimate.coefficients).T]
     biases = nuisance_columns(context, constants).T if BIAS in found and context.recipe.bias else ()
-    columns += [(BIAS, column) for column in biases if np.any(column)]
-    return [(name, column) for name, column in columns if column is not None]
+    return columns + [(BIAS, column) for column in biases if np.any(column)]
 
 
-def delay_column(context: Context, coefficients: Array) -> Array | None:
-    """Change of the predicted torques with the delay, ``-d (W beta) / dt``, per sample time, shape (m,).
+def delay_columns(context: Context, coefficients: Array) -> Array:
+    """Change of the predicted torques with each delay, ``-d (W beta) / dt``, per sample time, shape (m, k).
 
-    Torques that act later belong to an earlier motion.
+    Torques that act later belong to an earlier motion. There is one delay of all, or one of each joint or log.
     """  # coefficients (p,)
     target, recipe = context.target, context.recipe
-    if not recipe.delay or target.model.window is not None:
-        return None
+    late = np.atleast_1d(recipe.delay) != 0.0  # of all joints or of each
+    logs: list[str | None] = [None] if np.any(late) else []
+    logs += dict(recipe.log_delays or ())
+    if not logs or target.model.window is not None:
+        return np.zeros((0, 0))
 
     def change(part: PreparedLog) -> Array:
-        return -np.gradient(predicted_rows(target, part.samples, recipe, coefficients), axis=0)[None]
+        slope = -np.gradient(predicted_rows(target, part.samples, recipe, coefficients), axis=0)
+        r = len(target.model.row_labels)
+        each = np.eye(r)[late] if late.size > 1 else np.ones((1, r))
+        return np.concatenate([slope * each[:, None] * (log in (None, part.log.source)) for log in logs])
 
-    return instant_columns(context, change)[:, 0]
+    return instant_columns(context, change)
 
 
 _WIDTH_STEP = 0.05  # of log w

@@ -238,6 +238,9 @@ def sample_way(samples: Samples) -> Array:
     return np.asarray(samples.dq * (samples.time[-1] - samples.time[0]) / max(samples.time.size - 1, 1))
 
 
+_CAME = 0.05  # of the distance: what noise does not move a drive
+
+
 def measured_direction(z: Array, distance: float | Array, pace: Array | None = None) -> Array:
     """Direction of friction along a measured path, which begins in the midst of a motion, from -1 to 1.
 
@@ -245,7 +248,7 @@ def measured_direction(z: Array, distance: float | Array, pace: Array | None = N
     beyond the distance; the direction is zero where there is none.
     """  # z (N, k); distance (k,); pace (N, k)
     moved = z - z[:1]
-    first = np.argmax(np.abs(moved) > distance, axis=0)
+    first = np.argmax(np.abs(moved) > _CAME * distance, axis=0)
     return dahl_direction(z, distance, np.sign(moved[first, np.arange(z.shape[1])]), pace)
 
 

@@ -141,7 +141,8 @@ def _with_motion(rows: UsableRows, target: IdentificationTarget, recipe: Recipe)
     notes = [*rows.notes, *event_notes(events, 1.0 / log.rate), *rows.remarks, *steps]
     events = (*events, *rows.saturated)
     spans = (*spans_left_out(events), *_unknown_ends(uniform.time, recipe))
-    measured, samples = measured_channel(uniform, target)[motion.kept], delayed(motion.samples, recipe.common_delay)
+    measured = measured_channel(uniform, target)[motion.kept]
+    samples = delayed(motion.samples, recipe.delay_of(log.source))
     temperature = _temperature(uniform, recipe)
     return PreparedLog(
         rows.moving,

@@ -77,6 +77,8 @@ class Recipe:
         Standard deviation of the described bodies in the estimator physical, in their sizes.
     delay : float or tuple of float
         Of the recorded torques after the positions [s], of all moving joints or of each.
+    log_delays : mapping of str to float, optional
+        Further delay of single logs, by the name of their file [s].
     bias : tuple of float, optional
         Constant wrench that the force/torque sensor measures beside the load's, which is subtracted: forces [N], then
         torques [Nm]; chosen, or none, if not given.
@@ -172,6 +174,7 @@ class Recipe:
         metavar="F,...",
         unset=AUTO,
     )
+    log_delays: Factors | Mapping[str, float] | None = None
     signals_chosen: bool = False
 
     def __post_init__(self) -> None:
@@ -185,7 +188,9 @@ class Recipe:
         if self.bias is not None and any(self.bias) and len(self.bias) != _OF_WRENCH:
             raise InputError("`bias` must be six numbers, three forces and three torques, or 0 for none")
         if self.torque_factors is not None:
-            object.__setattr__(self, "torque_factors", _factors_of(self.torque_factors))
+            object.__setattr__(self, "torque_factors", _named("torque_factors", self.torque_factors))
+        if self.log_delays is not None:
+            object.__setattr__(self, "log_delays", _named("delay", self.log_delays))
         if self.sign_width and self.breakaway:
             raise InputError(
                 "friction changes sign over a velocity or over a distance; give `sign_width` or `breakaway`, not both"
@@ -249,7 +254,7 @@ class Recipe:
         if isinstance(self.sign_width, tuple) or isinstance(self.breakaway, tuple):
             raise InputError("repetitions take one `sign_width` or `breakaway` for all drives")
         if isinstance(self.delay, tuple):
-            raise InputError("repetitions take one `delay` for all joints")
+            raise InputError("repetitions take one `delay` for all joints; give one, or leave out `repeat`")
         if self.standstill:
             raise InputError("repetitions use every row; leave out `standstill`")
 
@@ -257,6 +262,10 @@ class Recipe:
     def common_delay(self) -> float:
         """The delay of all joints, or that which half of them do not exceed [s]."""
         return sorted(self.delay)[(len(self.delay) - 1) // 2] if isinstance(self.delay, tuple) else self.delay
+
+    def delay_of(self, log: str) -> float:
+        """The common delay of a log, by the name of its file [s]."""
+        return self.common_delay + dict(self.log_delays or ()).get(log, 0.0)
 
     @property
     def common_width(self) -> float:
@@ -277,12 +286,12 @@ class Recipe:
         return {**plain, "estimator": name_of(self.estimator)}
 
 
-def _factors_of(given: Mapping[str, float] | Factors) -> Factors:
-    """Factors as pairs of name and number, or `InputError` for one that is not a positive number."""
-    factors = tuple((str(name), float(value)) for name, value in dict(given).items())
-    for name, value in factors:
-        check("torque_factors", value, f"torque_factors: that of {name}")
-    return factors
+def _named(what: str, given: Mapping[str, float] | Factors) -> Factors:
+    """Values as pairs of name and number, or `InputError` for one that is not in its bounds."""
+    values = tuple((str(name), float(value)) for name, value in dict(given).items())
+    for name, value in values:
+        check(what, value, f"{what}: that of {name}")
+    return values
 
 
 def not_repeated() -> InputError:

@@ -19,7 +19,7 @@ import numpy as np
 import scipy.linalg
 import scipy.optimize
 
-from excite.identification.choices.cutoff_and_timing import LONGEST
+from excite.identification.choices.timing import LONGEST
 from excite.identification.impossible_parameters import described_coefficients, inertial_columns, signs_of_bodies
 from excite.identification.large_residual import Doubt
 from excite.identification.log_faults import (

@@ -96,7 +96,7 @@ def effort_noise(result: Identification) -> Array:
 def position_noise(result: Identification) -> Array:
     """Standard deviation of the noise filtered out of the first log's positions, shape (n,) [rad or m]."""
     part = result.prepared[0]
-    delay, log = result.recipe.common_delay, part.log
+    delay, log = result.recipe.delay_of(part.log.source), part.log
     samples = delayed(part.samples, -delay)  # as the positions were recorded, but for the ends
     within = (log.time >= samples.time[0] + abs(delay)) & (log.time <= samples.time[-1] - abs(delay))
     smooth = np.column_stack([np.interp(log.time[within], samples.time, q) for q in samples.q.T])

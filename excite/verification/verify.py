@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.identification.choices.cutoff_and_timing import HIGHEST
+from excite.identification.choices.cutoff_and_rows import HIGHEST
 from excite.identification.doubts import answers
 from excite.identification.identification import Identification
 from excite.identification.identify import rows_prediction

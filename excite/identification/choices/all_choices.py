@@ -6,7 +6,13 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from excite.errors import ConicSolverError
-from excite.identification.choices.cutoff_and_timing import PERIODS, choose_signals, choose_timing, cutoff_candidates
+from excite.identification.choices.cutoff_and_rows import (
+    PERIODS,
+    choose_by_rows,
+    choose_signals,
+    choose_standstill,
+    cutoff_candidates,
+)
 from excite.identification.choices.friction_terms import (
     TERM_SETTINGS,
     choose_bias,
@@ -15,8 +21,8 @@ from excite.identification.choices.friction_terms import (
     possible_terms,
 )
 from excite.identification.choices.left_out import Choice
-from excite.identification.choices.moving_rows import choose_by_rows, choose_standstill
 from excite.identification.choices.scoring import LogPiece, Scoring, choose_bodies, pieces_of, scoring_of, trial_of
+from excite.identification.choices.timing import choose_timing
 from excite.identification.prediction import beside_curves, check_joint_torques
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import ALL, Recipe
@@ -151,7 +157,7 @@ def _cutoffs(pieces: Sequence[LogPiece], automatic: Sequence[PreparedLog]) -> li
     return [PERIODS / cut, *cutoffs] if cut <= _MOST_CUT * duration else []
 
 
-_OF_TIMING = ("delay", "sign_width", "breakaway")
+_OF_TIMING = ("delay", "log_delays", "sign_width", "breakaway")
 
 
 @dataclass
@@ -226,7 +232,7 @@ class ChoicesInTurn:
         sliding = self.scoring.softened(self.tried)
         self.task, choice = choose_terms(sliding, self.robot, self.task, self.tried, self.free)
         self.progress("choosing the delay and the presliding again, with these parameters")
-        again = [name for name in _OF_TIMING if name != "delay" or name in timed]
+        again = [name for name in _OF_TIMING if "delay" not in name or "delay" in timed]
         plain = replace(self.tried, **{name: getattr(self.undirected, name) for name in again})
         # rows near standstill show how friction changes its direction
         self.tried, choices = choose_timing(self._own(self.tried), plain, timed)

@@ -43,6 +43,8 @@ class Choice:
         Of the value.
     interval : tuple of float, optional
         99 % interval of a value that was estimated.
+    intervals : tuple of tuple of float
+        Those of each joint or log, where these have values of their own.
     """
 
     name: str
@@ -51,6 +53,7 @@ class Choice:
     reason: str
     unit: str | None = None
     interval: tuple[float, float] | None = None
+    intervals: tuple[tuple[float, float], ...] = ()
 
 
 COUNT = 5

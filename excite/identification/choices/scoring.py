@@ -40,6 +40,8 @@ from regressors.robot.robot import Robot
 from regressors.robot.symbolic.vectorised import SparseRow
 from regressors.samples import Array, Index, Samples
 
+Delays = float | Array  # of all measurements after the motion, or of each equation of each log, shape (L, r) [s]
+
 
 @dataclass(frozen=True, eq=False)
 class Scoring:
@@ -61,7 +63,7 @@ class Scoring:
         return self.trial.prepared(self.target, recipe)
 
     def statistics(
-        self, recipe: Recipe, parts: Sequence[PreparedLog] | None = None, delay: float = 0.0
+        self, recipe: Recipe, parts: Sequence[PreparedLog] | None = None, delay: Delays = 0.0
     ) -> BlockStatistics:
         """Sums of products under a recipe; of the logs under it, where these are known."""
         return self.trial.statistics(self.target, self.parts(recipe) if parts is None else parts, recipe, delay)
@@ -327,7 +329,7 @@ class Trial:
         target: IdentificationTarget,
         parts: Sequence[PreparedLog],
         recipe: Recipe,
-        delay: float = 0.0,
+        delay: Delays = 0.0,
         kept: Sequence[Mask] | None = None,
     ) -> BlockStatistics:
         """Sums of products of every block."""  # kept (N, r)
@@ -341,17 +343,26 @@ class Trial:
         return BlockStatistics.of_sparse(W, y, self.blocks, target.base.rank)
 
     def equations(
-        self, target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe, delay: float = 0.0
+        self, target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe, delay: Delays = 0.0
     ) -> list[TrialEquations]:
         """W, of each equation, and y, shape (N, r), of each log at its trial instants; valid until the next call."""
+        late = np.broadcast_to(delay, (len(parts), len(target.model.row_labels)))
         equations = []
-        for part, time in zip(parts, self.instants, strict=True):
-            trial, measured = self._rows(target, part, delay, time), part.measured
-            if self.friction is not None:
-                measured = without_friction(replace(part, samples=trial.motion), target, self.friction, recipe).measured
-            y = target.model.right_side(trial.samples, measured[trial.rows])
-            equations.append((trial.regressor(recipe), y.reshape(trial.rows.size, -1)))
+        for part, time, own in zip(parts, self.instants, late.tolist(), strict=True):
+            under = {one: self._under(target, part, recipe, one, time) for one in dict.fromkeys(own)}
+            W = [under[one][0][j] for j, one in enumerate(own)]
+            equations.append((W, np.column_stack([under[one][1][:, j] for j, one in enumerate(own)])))
         return equations
+
+    def _under(
+        self, target: IdentificationTarget, part: PreparedLog, recipe: Recipe, delay: float, time: Array
+    ) -> TrialEquations:
+        """W and y of one log under one delay of all equations."""
+        trial, measured = self._rows(target, part, delay, time), part.measured
+        if self.friction is not None:
+            measured = without_friction(replace(part, samples=trial.motion), target, self.friction, recipe).measured
+        y = target.model.right_side(trial.samples, measured[trial.rows])
+        return trial.regressor(recipe), y.reshape(trial.rows.size, -1)
 
     def _rows(self, target: IdentificationTarget, part: PreparedLog, delay: float, time: Array) -> TrialRows:
         """Equations of the last ones, or new ones; arguments as of `TrialRows`."""

@@ -15,7 +15,7 @@ from played import EXACT, TASK, described, found, irp6, noisy, played, three_joi
 from excite.identification.allowances import (
     allowing_for_pull,
     allowing_for_selection,
-    delay_column,
+    delay_columns,
     presliding_column,
     with_nuisance,
     without_nuisance,
@@ -105,7 +105,7 @@ def test_the_column_is_the_change_of_the_prediction_with_the_delay(changes: dict
     log, recipe = played(three_joints(), 3), replace(DELAYED, **changes)
     result = found(TASK, log, recipe=recipe)
     beta = result.estimate.coefficients
-    column = delay_column(Context(result.target, result.prepared, recipe), beta)
+    (column,) = delay_columns(Context(result.target, result.prepared, recipe), beta).T
     predicted = []
     for step in (-STEP, STEP):
         other = replace(recipe, delay=recipe.delay + step)
@@ -137,10 +137,10 @@ def test_joints_have_delays_of_their_own(tmp_path: Path) -> None:
 def test_there_is_none_without_a_delay_or_for_windows() -> None:
     log = played(three_joints(), 3)
     plain = found(TASK, log, recipe=replace(DELAYED, delay=0.0))
-    assert delay_column(Context(plain.target, plain.prepared, plain.recipe), plain.estimate.coefficients) is None
+    assert not delay_columns(Context(plain.target, plain.prepared, plain.recipe), plain.estimate.coefficients).size
     energy = found(Task("irp6", model="energy"), log, recipe=replace(EXACT, sign_width=0.0))
     recipe = replace(energy.recipe, delay=2e-3)
-    assert delay_column(Context(energy.target, energy.prepared, recipe), energy.estimate.coefficients) is None
+    assert not delay_columns(Context(energy.target, energy.prepared, recipe), energy.estimate.coefficients).size
 
 
 def test_a_delay_that_is_found_widens_the_intervals() -> None:

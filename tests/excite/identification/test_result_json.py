@@ -123,7 +123,8 @@ def test_older_files_are_read_and_written_anew(sample: str, tmp_path: Path) -> N
     """A recursive identification from two logs with the estimates of each, and one from one log without curves."""
     older = json.loads((SAMPLES / sample / "result.json").read_text())
     assert older["recipe"].pop("pull") == 0.0  # a setting that is gone
-    older["recipe"]["bias"] = older["task"]["locked_drives"] = None  # and two that are new
+    # and three that are new
+    older["recipe"]["bias"] = older["recipe"]["log_delays"] = older["task"]["locked_drives"] = None
     read = load_result(SAMPLES / sample)
     content = plain(read)
     assert (older["schema"], content["schema"]) == ("excite.result/1", "excite.result/2")

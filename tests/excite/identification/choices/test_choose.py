@@ -15,9 +15,12 @@ from played import LOAD, curves, irp6, noisy, periodic, played, three_joints
 
 import excite
 from excite.errors import ConicSolverError
+from excite.identification.allowances import delay_columns
 from excite.identification.choices import all_choices as choose, scoring as trial
 from excite.identification.choices.all_choices import free_settings
 from excite.identification.choices.friction_terms import TERM_SETTINGS
+from excite.identification.equations import measured_regressor
+from excite.identification.estimator import Context
 from excite.identification.estimators.physical import Physical
 from excite.identification.identification import Identification
 from excite.identification.procedure import estimate_parameters
@@ -30,7 +33,7 @@ from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
 from regressors.models.differential import DifferentialModel
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.samples import Array
+from regressors.samples import Array, Samples
 
 ALL_OF_TORQUES = ["cutoff", "signals", "terms", "delay", "presliding", "standstill", "estimator"]
 OF_ENERGY = ["cutoff", "signals", "terms", "delay", "estimator"]
@@ -122,6 +125,44 @@ def test_a_planted_delay_is_found_within_its_interval(delay: float) -> None:
     np.testing.assert_allclose(result.coefficients, beta, atol=0.02 * np.abs(beta).max())
     other = excite.verify(result, replace(late(delay), sha256="another"))
     assert other.relative_error < 0.01
+
+
+@pytest.mark.parametrize("delay", [0.0, pytest.param(0.01, marks=pytest.mark.slow)])
+def test_presliding_is_not_taken_for_a_delay_nor_a_delay_for_presliding(delay: float) -> None:
+    """Friction of the drives that changes its direction over 2 mrad."""
+    log, motion = late(delay), three_joints()
+    acted = Sines(motion.centre, motion.amplitude, motion.frequency, motion.phase - motion.frequency * delay)
+    moved = acted.samples(log.time)
+    samples = Samples(moved.time, *(x[:, :3] for x in (moved.q, moved.dq, moved.ddq, moved.dddq)))
+    effort = measured_regressor(plain().target, samples, 2e-3) @ plain().coefficients
+    turning = noisy(replace(log, effort=effort.reshape(-1, 3), sha256=f"presliding {delay}"), 1.0, 0.0, 2)
+    result = excite.identify("irp6", turning, choose=("cutoff", "delay"))
+    low, high = choice_of(result, "delay").interval
+    assert low < delay < high < low + 5e-3
+    assert bool(result.recipe.delay) == bool(delay)
+    assert result.recipe.breakaway == pytest.approx(2e-3, rel=0.03)
+
+
+def test_delays_of_single_joints_and_logs_are_found_applied_stated_and_read_back(tmp_path: Path) -> None:
+    effort = np.column_stack([late(0.0).effort[:, 0], late(0.012).effort[:, 1], late(0.0).effort[:, 2]])
+    joint = excite.identify("irp6", replace(late(0.0), effort=effort, sha256="joint"), choose=("cutoff", "delay"))
+    other = replace(noisy(played(three_joints(3), 3, 200.0, 8.0), 0.2, 1e-6, 3), source="B", sha256="B")
+    rows = round(0.01 * 200.0)
+    other = replace(other.rows(slice(rows, None)), effort=other.effort[:-rows])
+    logs = excite.identify("irp6", [late(0.0), other], choose=("cutoff", "delay"))
+    for result, true, names in ((joint, (0.0, 0.012, 0.0), ("q1", "q2", "q3")), (logs, (0.0, 0.01), ("LOG", "B"))):
+        choice = choice_of(result, "delay")
+        np.testing.assert_allclose(choice.value, true, atol=4e-4)
+        assert all(low <= x <= high for x, (low, high) in zip(true, choice.intervals, strict=True))
+        assert all(f"{name} {1e3 * x:.3g} ms (" in choice.reason for name, x in zip(names, choice.value, strict=True))
+        assert result.training_error < 0.05  # of torques whose friction jumps, interpolated or shifted by rows
+        result.save(tmp_path / names[0])
+        assert load_result(tmp_path / names[0]).recipe == result.recipe
+    assert joint.recipe.delay == choice_of(joint, "delay").value
+    assert (logs.recipe.delay, dict(logs.recipe.log_delays)) == (0.0, {"B": choice.value[1]})
+    column = delay_columns(Context(logs.target, logs.prepared, logs.recipe), logs.estimate.coefficients)
+    assert column.shape[1] == 1
+    assert np.all(column[logs.observations.log == 0] == 0.0)
 
 
 def test_planted_terms_are_chosen_for_their_drive() -> None:

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, strategies as st
 from played import irp6, noisy, played, three_joints
 
-from excite.identification.choices.cutoff_and_timing import choose_cutoff, choose_delay, cutoff_candidates
+from excite.identification.choices.cutoff_and_rows import choose_cutoff, cutoff_candidates, preferred_rows
 from excite.identification.choices.left_out import BlockStatistics, LeftOut, left_out, time_blocks
-from excite.identification.choices.moving_rows import preferred_rows
+from excite.identification.choices.timing import choose_delay
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
 from excite.logs.log import Log

@@ -1,4 +1,4 @@
-"""Choice of cutoff, presliding and delay by rows of moving drives, where friction holds the others.
+"""Choice of the cutoff and of the method of signals, by all rows or, where friction holds others, by those that move.
 
 Friction at standstill takes any value, and jumps where a drive breaks loose. To predict such rows, a low cutoff and a
 delay help that blur them, and bias what moving drives show.
@@ -9,18 +9,138 @@ Where friction is not a function of the motion, rows may also be left out of the
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from excite.identification.biases import SPEEDS, standstill_candidates
-from excite.identification.choices.cutoff_and_timing import LONGEST, choose_cutoff_and_timing, delay_of
 from excite.identification.choices.left_out import Choice, LeftOut, best_of, candidates_of, differ, jackknife
 from excite.identification.choices.scoring import Mask, Scoring
+from excite.identification.choices.timing import LONGEST, Chosen, DelayFit, Scored, choose_timing, delay_of
 from excite.identification.equations import nearest
 from excite.identification.recipe import Recipe
 from excite.information.target import least_speeds, typical_speed
+from regressors.errors import InputError, percent
 from regressors.samples import Array
+
+_TIMES_IN_TURN = 3
+
+
+def choose_cutoff_and_timing(
+    scoring: Scoring, recipe: Recipe, cutoffs: Sequence[float], free: frozenset[str]
+) -> Chosen:
+    """Choose the cutoff, the presliding of friction and the delay of the torques.
+
+    The errors of a delay or a friction that is not known hide what a cutoff does. So where one is found, the cutoff is
+    chosen again with it, and the timing again with that cutoff, until the cutoff stays.
+    """
+    if not cutoffs:
+        return choose_timing(scoring, recipe, free)
+    known, of_timing = recipe, tuple[Choice, ...]()
+
+    def scored(cutoff: float) -> LeftOut:
+        timed = scoring.softened(known)  # with what is known of the timing
+        return timed.of(timed.statistics(replace(known, cutoff=cutoff)))
+
+    for _ in range(_TIMES_IN_TURN):
+        cutoff, choice = choose_cutoff(cutoffs, scored)
+        if of_timing and cutoff == known.cutoff:
+            break
+        known, of_timing = choose_timing(scoring, replace(recipe, cutoff=cutoff), free)
+        if known == replace(recipe, cutoff=cutoff):
+            break
+    return known, (choice, *of_timing)
+
+
+_STEP = 2.0  # between the cutoffs that are tried first
+PERIODS = 2.0  # of the cutoff that are cut from each end, see `excite.logs.signals.filters.edge`
+_CUT = 0.05  # largest share of a log that may be cut from each end
+HIGHEST = 0.35  # of the sample rate
+_PLATEAU = 0.001, 0.005  # of the score: a gain that counts as none, within its standard error up to the second
+
+
+def cutoff_candidates(duration: float, rate: float) -> list[float]:
+    """Cutoffs to try, from the lowest that leaves nine tenths of a log to 0.35 of the sample rate [Hz].
+
+    None where a log has too few rows for both.
+    """
+    highest = HIGHEST * rate
+    lowest = PERIODS / (_CUT * duration)
+    if lowest > highest:
+        return []
+    count = int(np.floor(np.log(highest / lowest) / np.log(_STEP))) + 1
+    return [float(highest / _STEP**k) for k in range(count)][::-1]
+
+
+def choose_cutoff(candidates: Sequence[float], scored: Scored) -> tuple[float, Choice]:
+    """Highest cutoff that predicts as well as the best, within the standard error: by octaves, then beside the best.
+
+    A cutoff that is too low loses motion; one that is too high lets noise through, which spoils the accelerations.
+    """
+    scores = {cutoff: scored(cutoff) for cutoff in candidates}
+    for ratio in (np.sqrt(_STEP), np.sqrt(np.sqrt(_STEP))):
+        best = best_of(scores)
+        for near in (best / ratio, best * ratio):
+            if min(scores) < near < max(scores) and not any(abs(np.log(near / c)) < 1e-6 for c in scores):
+                scores[near] = scored(near)
+    best, last = best_of(scores), max(scores)
+    gains = {cutoff: scores[best].gain_over(errors) for cutoff, errors in scores.items()}
+    chosen = max(cutoff for cutoff, (gain, e) in gains.items() if gain <= min(max(e, _PLATEAU[0]), _PLATEAU[1]))
+    value = float(f"{chosen:.3g}")
+    reason = f"positions are low-passed at {value:g} Hz, which predicts left-out torques to {scores[chosen].percent}"
+    if chosen != best:
+        gain, deviation = gains[chosen]
+        reason += f" ({best:.3g} Hz: {scores[best].percent}, better by {100 * gain:.2g} +- {percent(deviation)} only)"
+    elif last != best:
+        reason += f" ({last:.3g} Hz: {scores[last].percent})"
+    return value, Choice("cutoff", value, candidates_of(dict(sorted(scores.items()))), reason, "Hz")
+
+
+_METHOD_WORTH = 0.01  # of the score: below that the low-pass stays
+_LOW_PASS = "butterworth"
+_METHODS = {
+    _LOW_PASS: "are differentiated after the low-pass",
+    "savitzky-golay": "are differentiated by polynomials over moving windows of that bandwidth (savitzky-golay)",
+    "spline": "are differentiated by splines with knots of that bandwidth (spline)",
+    "measured velocity": "are low-passed, and the measured velocities are used (`measured_velocity`)",
+    "fourier": "are fitted by Fourier series, since the motion repeats itself (fourier)",
+}
+
+
+def choose_signals(scoring: Scoring, recipe: Recipe, *, whole: bool) -> Chosen:
+    """Choose the method: another than the low-pass where it predicts better by more than a standard error, and 1 %.
+
+    The others have the bandwidth of the low-pass, so that one evaluation of each is enough. Averages over periods are
+    not among them: they have other rows.
+    """
+    timed, recipes, tried = scoring.softened(recipe), _recipes(scoring, recipe, whole=whole), dict[str, LeftOut]()
+    for name, one in recipes.items():
+        with suppress(InputError):  # it does not apply, as a Fourier series to what does not repeat
+            tried[name] = timed.of(timed.statistics(one))
+    if len(tried) < 2 or _LOW_PASS not in tried:
+        return recipe, ()
+    best, listed = best_of(tried), candidates_of(tried)
+    if not tried[best].is_better(tried[_LOW_PASS], _METHOD_WORTH):
+        others = ", ".join(name for name in tried if name != _LOW_PASS)
+        reason = f"positions {_METHODS[_LOW_PASS]}: no other method predicts left-out torques clearly better ({others})"
+        return recipe, (Choice("signals", _LOW_PASS, listed, reason),)
+    reason = (
+        f"positions {_METHODS[best]}, which predicts left-out torques to {tried[best].percent}; after the low-pass "
+        f"they are predicted to {tried[_LOW_PASS].percent}"
+    )
+    return replace(recipes[best], cutoff=recipe.cutoff, signals_chosen=True), (Choice("signals", best, listed, reason),)
+
+
+def _recipes(scoring: Scoring, recipe: Recipe, *, whole: bool) -> dict[str, Recipe]:
+    names = [_LOW_PASS, "savitzky-golay", *(["spline"] if recipe.cutoff is not None else [])]
+    recipes = {name: replace(recipe, signals=name) for name in names}
+    if all(log.dq is not None for log in scoring.trial.logs):
+        recipes["measured velocity"] = replace(recipe, measured_velocity=True)
+    if whole:
+        recipes["fourier"] = replace(recipe, signals="fourier", cutoff=None)
+    return recipes
+
 
 MOVING = 0.1  # of the typical speed
 _ALL, _MOVING, _FAST_DELAY = "all", "of moving drives", "all, but for the delay"
@@ -99,7 +219,7 @@ def _with_delay_of(
     recipe, choices = choose_cutoff_and_timing(scoring, plain, cutoffs, settled)
     if "delay" in every.free:
         soft = fast.softened(recipe)
-        delay, choice = delay_of(soft, recipe, soft.parts(recipe))
+        delay, choice = delay_of(soft, DelayFit(recipe), soft.parts(recipe))
         if choice.interval and np.ptp(choice.interval) > LONGEST:
             choice = next(one for one in every.choices if one.name == "delay")
             delay = choice.value

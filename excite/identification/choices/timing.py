@@ -1,0 +1,469 @@
+"""Choice of the delay of torques, of all, of single joints or logs, and how Coulomb friction changes its direction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+
+import numpy as np
+import scipy.optimize
+import scipy.special
+
+from excite.identification.choices.left_out import NEGLIGIBLE, Choice, LeftOut, best_of, candidates_of
+from excite.identification.choices.scoring import Delays, Scoring
+from excite.identification.equations import listed
+from excite.identification.noise import autocorrelation, effective_samples
+from excite.identification.preparation import PreparedLog
+from excite.identification.presliding import presliding_candidates
+from excite.identification.recipe import Recipe
+from regressors.errors import percent
+from regressors.samples import Array
+
+Chosen = tuple[Recipe, tuple[Choice, ...]]
+Scored = Callable[[float], LeftOut]
+
+LONGEST = 0.05  # [s]
+_BEYOND = 0.01  # that is searched beyond it, so that it is inside the range [s]
+_GRID = 0.01  # [s]
+_PRECISION = 0.01  # of the sample time
+LEAST_GAIN = 0.002  # of the score
+
+Residuals = Callable[[float], list[Array]]  # of each equation under a delay, (N,)
+
+
+def choose_delay(scored: Scored, residuals: Residuals, step: float, near: float | None = None) -> tuple[float, Choice]:
+    """Delay of the torques after the motion; zero where its interval holds zero, or it predicts no better than none.
+
+    Both neighbours are tried at distances that are halved, from 10 ms to a hundredth of a sample: by left-out errors,
+    and below half a sample by `DelayLikelihood`, for a single reversal of friction that lies in the wrong row moves the
+    errors' minimum. The delay is the mean by that likelihood; the interval holds delays that are as likely.
+    """
+    tried: dict[float, LeftOut] = {}
+
+    def score(delay: float) -> float:
+        if abs(delay) > LONGEST + _BEYOND:
+            return np.inf
+        if delay not in tried:
+            tried[delay] = scored(delay)
+        return tried[delay].score
+
+    score(near := _descent(score, 0.0, _GRID, step / 2) if near is None else near)
+    best, (low, high) = DelayLikelihood.of(residuals(near), tried[near], residuals).found(near, step / 2, step)
+    gain = score(0.0) - score(best)
+    listed = candidates_of(dict(sorted(tried.items())))
+    if low <= 0.0 <= high or abs(best) > LONGEST + _BEYOND / 2 or gain < LEAST_GAIN:
+        reason = "torques and positions are taken as recorded at the same time: no delay predicts clearly better"
+        return 0.0, Choice("delay", 0.0, listed, reason, "s", (low, high) if low <= 0.0 <= high else None)
+    when = "before" if best > 0 else "after"
+    near, far = sorted((1e3 * abs(low), 1e3 * abs(high)))
+    reason = (
+        f"torques are matched with the motion {1e3 * abs(best):.3g} ms {when} them ({near:.3g} to {far:.3g} ms), "
+        "which lowers the errors of left-out torques by "
+        f"{percent(1 - np.exp(-gain))}, the mean over the joints; what friction does at its reversals can look like a "
+        "delay"
+    )
+    return best, Choice("delay", best, listed, reason, "s", (low, high))
+
+
+def _descent(misfit: Callable[[float], float], best: float, distance: float, least: float) -> float:
+    """Delay of a small misfit: the better neighbour, or half the distance where none is better, down to the least."""
+    while distance > least:
+        near = min((best, round(best - distance, 9), round(best + distance, 9)), key=misfit)
+        distance, best = (distance / 2 if near == best else distance), near
+    return best
+
+
+_LEVEL = 0.01  # of the interval: what lies outside
+_NORMAL = 1.4826  # deviation of a normal distribution over its median absolute value
+_BISQUARE = 4.685  # standard deviations beyond which a residual counts no further [Beaton, Tukey 1974]
+_MOST = _BISQUARE**2 / 6  # that it counts
+_TURN = 0.1  # of a sample: how exactly it is known between which rows a drive turns
+_EDGE = 0.1  # of an interval's half: how exactly its end is found
+
+
+@dataclass(frozen=True, eq=False)
+class DelayLikelihood:
+    """Likelihood of delays, to whose logarithm a row on the wrong side of a reversal contributes 3.7 at most."""
+
+    sizes: Array  # (r,) deviation of the residuals
+    weights: Array  # (r,) share of the residuals that is independent
+    margin: float  # between logarithms in the interval; one row may be on the wrong side
+    residuals: Residuals | None = None
+    tried: dict[float, float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, own: list[Array], errors: LeftOut, residuals: Residuals | None = None) -> DelayLikelihood:
+        """Sizes and correlation are those of some residuals."""
+        least = NEGLIGIBLE * np.sqrt(errors.sizes / errors.instants)
+        independent = np.array([effective_samples(autocorrelation(e), e.size) for e in own])
+        weights = independent / [e.size for e in own]
+        margin = float(scipy.special.fdtri(1, independent.sum(), 1 - _LEVEL) / 2 + _MOST * weights.max())
+        sizes = np.maximum([_NORMAL * np.median(np.abs(e)) for e in own], least)
+        return cls(sizes, weights, margin, residuals)
+
+    def misfit(self, delay: float) -> float:
+        """Minus the logarithm of the likelihood of a delay."""
+        if delay not in self.tried and self.residuals is not None:
+            self.tried[delay] = self.misfit_of(self.residuals(delay))
+        return self.tried[delay]
+
+    def misfit_of(self, own: list[Array]) -> float:
+        """Minus the logarithm: Tukey's bisquare, which is half the square of small deviations."""
+        shares = [1 - np.maximum(1 - (e / s / _BISQUARE) ** 2, 0.0) ** 3 for e, s in zip(own, self.sizes, strict=True)]
+        return _MOST * float(self.weights @ [share.sum() for share in shares])
+
+    def found(self, near: float, distance: float, step: float) -> tuple[float, tuple[float, float]]:
+        """Mean of the delays about one that is near, and the ends of their interval."""
+        near = _descent(self.misfit, near, distance, _PRECISION * step)
+        low, high = (self.edge(near, side, step) for side in (-1.0, 1.0))
+        return round(self.mean(), 6), (low, high)
+
+    def mean(self) -> float:
+        """Mean of the delays that were tried, by their likelihood."""
+        delays, misfits = np.array(sorted(self.tried.items())).T
+        likelihoods = np.exp(misfits.min() - misfits)
+        return float(np.trapezoid(delays * likelihoods, delays) / np.trapezoid(likelihoods, delays))
+
+    def edge(self, best: float, side: float, step: float) -> float:
+        """End of the interval on one side of the best."""
+        inner, outer, most = 0.0, step / 4, self.misfit(best) + self.margin
+        while self.misfit(round(best + side * outer, 9)) <= most and outer < LONGEST:
+            inner, outer = outer, 2 * outer
+        while outer - inner > _EDGE * outer and outer > _PRECISION * step:
+            middle = (inner + outer) / 2
+            outside = self.misfit(round(best + side * middle, 9)) > most
+            inner, outer = (inner, middle) if outside else (middle, outer)
+        return round(best + side * (outer + _TURN * step), 9)
+
+
+def delay_of(
+    scoring: Scoring, along: DelayFit, parts: Sequence[PreparedLog], *undelayed: Recipe
+) -> tuple[float, Choice]:
+    """Delay of the torques of some logs, see `choose_delay`; friction is softened already."""
+
+    def scored(delay: float) -> LeftOut:
+        recipes = (along.at(delay), *(() if delay else undelayed))
+        return min((scoring.of(scoring.statistics(one, parts, delay)) for one in recipes), key=lambda one: one.score)
+
+    def residuals(delay: float) -> list[Array]:
+        return _residuals(scoring, along.at(delay), parts, delay)
+
+    return choose_delay(scored, residuals, min(1 / part.log.rate for part in parts), *along.delays.tolist())
+
+
+def _residuals(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], delay: Delays) -> list[Array]:
+    """Residuals of each equation under a delay, after the estimate with it."""
+    statistics = scoring.statistics(recipe, parts, delay)
+    beta = scoring.fitted(statistics, scoring.of(statistics).weights)
+    equations = scoring.trial.equations(scoring.target, parts, recipe, delay)
+    masks = scoring.trial.rows or [np.ones(y.shape, dtype=bool) for _, y in equations]
+    predicted = [np.column_stack([beta[place] @ entries for place, entries in W]) for W, _ in equations]
+    e = np.concatenate([y - p for (_, y), p in zip(equations, predicted, strict=True)])
+    used = np.concatenate(masks)
+    return [column[rows] for column, rows in zip(e.T, used.T, strict=True)]
+
+
+def _kind(recipe: Recipe) -> str:
+    return "breakaway" if recipe.breakaway else "sign_width"
+
+
+def _is_smooth(recipe: Recipe, parts: Sequence[PreparedLog]) -> bool:
+    """Whether friction takes some samples to change its direction, so that a delay changes it smoothly."""
+    size = getattr(recipe, _kind(recipe))
+    step = min(1 / part.log.rate for part in parts)
+    way = step ** (2 if recipe.breakaway else 1) * np.median([np.sqrt(np.mean(part.samples.ddq**2)) for part in parts])
+    return not isinstance(size, tuple) and size > way
+
+
+_ROUNDS = 12
+_QUARTER, _LITTLE = 0.25, 0.02  # of a sample, and of the logarithm of a size: of which derivatives are quotients
+_FARTHEST = 0.01, 0.5  # in one round: delay [s], and logarithm of a size
+_RANGE = 3.0  # of the logarithm
+_SETTLED = 0.01  # change of the logarithm of the likelihood, twice
+_STEEP = 10.0  # times the usual slope of a residual, as where friction jumps: such rows have no part
+
+
+@dataclass(frozen=True, eq=False)
+class DelayFit:
+    """Delays of k groups of rows and the presliding, of the largest likelihood together.
+
+    Friction that changes its direction over less, but later, is much alike, so that another presliding goes with each
+    delay.
+    """
+
+    recipe: Recipe  # with the presliding
+    delays: Array = field(default_factory=lambda: np.zeros(0))  # (k,) [s]; none where nothing is known of them
+    ends: Array = field(default_factory=lambda: np.zeros((0, 2)))  # of their intervals [s]
+    slope: float = 0.0  # of the logarithm of the presliding's size with the first delay [1/s]
+
+    def at(self, delay: float) -> Recipe:
+        """The recipe with the presliding that goes with another delay of all rows."""
+        if not self.slope:
+            return self.recipe
+        kind, further = _kind(self.recipe), float(self.slope * (delay - self.delays).sum())
+        size = getattr(self.recipe, kind)
+        return replace(self.recipe, **{kind: size * float(np.exp(np.clip(further, -_RANGE, _RANGE)))})
+
+    @classmethod
+    def of_all(cls, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> DelayFit:
+        """One delay of all rows; none where friction does not change its direction smoothly."""
+        fit = cls(recipe)
+        if _is_smooth(recipe, parts):
+            fit = cls.of(scoring, recipe, parts, np.ones((1, 1, 1)))
+        return fit if _is_smooth(fit.recipe, parts) else cls(fit.recipe)
+
+    @classmethod
+    def of(
+        cls, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, start: Array | float = 0.0
+    ) -> DelayFit:
+        """By Gauss and Newton with Tukey's weights; the size is known to a factor of e before."""
+        # groups (k, L, r): 1 for the equations of each log that are in it
+        step, k, kind = min(1 / part.log.rate for part in parts), len(groups), _kind(recipe)
+        given = getattr(recipe, kind)
+        x = np.append(np.full(k, start / step), 0.0)  # delays in samples, logarithm of the size over the given
+        difference = np.append(np.full(k, _QUARTER), _LITTLE)
+        most, limit = (np.append(np.full(k, delay / step), size) for delay, size in (_FARTHEST, (LONGEST, _RANGE)))
+
+        def sized(x: Array) -> Recipe:
+            return replace(recipe, **{kind: given * float(np.exp(x[-1]))})
+
+        def residuals(x: Array) -> list[Array]:
+            return _residuals(scoring, sized(x), parts, step * np.tensordot(x[:-1], groups, 1))
+
+        errors = scoring.of(scoring.statistics(recipe, parts))
+        for _ in range(_ROUNDS):
+            own, *ahead = (residuals(y) for y in (x, *(x + np.diag(difference))))
+            likelihood = DelayLikelihood.of(own, errors)
+            H = np.diag(np.append(np.zeros(k), 1.0))
+            g = H @ x
+            for e, size, weight, *others in zip(own, likelihood.sizes, likelihood.weights, *ahead, strict=True):
+                J = (np.array(others) - e) / difference[:, None]
+                steep = np.abs(J[:-1]).sum(axis=0)
+                J_w = weight * J * np.maximum(1 - (e / size / _BISQUARE) ** 2, 0.0) ** 2 / size**2
+                J_w[:, steep > _STEEP * np.median(steep)] = 0.0
+                H, g = H + J_w @ J.T, g + J_w @ e
+            change = np.clip(-np.linalg.lstsq(H, g, rcond=None)[0], -most, most)
+            x = np.clip(x + change, -limit, limit)
+            if change @ H @ change < _SETTLED:
+                break
+        delays, variance = step * x[:-1], step**2 * np.maximum(np.diag(np.linalg.pinv(H))[:-1], 0.0)
+        half = np.sqrt(2 * likelihood.margin * variance) + _TURN * step
+        slope = float(-H[0, -1] / H[-1, -1] / step)
+        return cls(sized(x), delays, np.column_stack([delays - half, delays + half]), slope)
+
+    def of_rows(self, groups: Array) -> Array:
+        """The delay of each equation of each log, shape (L, r)."""
+        return np.asarray(np.tensordot(self.delays, groups, 1))
+
+    def with_shared(self) -> DelayFit:
+        """One delay for the most groups whose intervals hold it: zero, or their mean."""
+        half = np.ptp(self.ends, axis=1) / 2
+        holds = np.array([(self.ends[:, 0] <= x) & (x <= self.ends[:, 1]) for x in (0.0, *self.delays)])
+        alike = holds[np.argmax(holds.sum(axis=1))]
+        mean = 0.0 if np.all(holds[0] >= alike) else np.average(self.delays[alike], weights=half[alike] ** -2.0)
+        return replace(self, delays=np.where(alike, mean, self.delays))
+
+    def applied(self, names: Sequence[str], groups: Array) -> Recipe:
+        """The recipe with the delays of joints, whose groups have equations of every log, or of logs."""
+        late = np.round(self.delays, 6).tolist()
+        if np.all(np.any(groups, axis=2)):
+            return replace(self.recipe, delay=tuple(late))
+        common = max(late, key=late.count)
+        further = {name: delay - common for name, delay in zip(names, late, strict=True) if delay != common}
+        return replace(self.recipe, delay=common, log_delays=further)
+
+    def choice(self, names: Sequence[str], one: LeftOut, each: LeftOut) -> Choice:
+        """The choice of these delays instead of one of all, from the errors of both."""
+        said = (
+            f"{name} {1e3 * delay:.3g} ms ({1e3 * low:.3g} to {1e3 * high:.3g})"
+            for name, delay, (low, high) in zip(names, self.delays, self.ends, strict=True)
+        )
+        gain = percent(1 - np.exp(each.score - one.score))
+        reason = (
+            f"torques are matched with an earlier motion, each with its own: {', '.join(said)}; beside one delay of "
+            f"all that lowers the errors of left-out torques by {gain}, the mean over the joints"
+        )
+        listed = candidates_of({"one of all": one, "of each": each})
+        value, ends = tuple(np.round(self.delays, 6).tolist()), tuple(map(tuple, self.ends.tolist()))
+        return Choice("delay", value, listed, reason, "s", intervals=ends)
+
+
+_EACH_WORTH = 0.02  # of the score: below that all have one delay
+_OFFSETS = 1e-3 * np.array([-40.0, -20.0, -10.0, -5.0, -2.0, 0.0, 2.0, 5.0, 10.0, 20.0, 40.0])  # that are tried [s]
+
+
+def _with_delays_of_each(
+    chosen: _Timing, timings: Sequence[_Timing], softened: Callable[[Recipe], Scoring], parts: Sequence[PreparedLog]
+) -> _Timing:
+    """Delays of single joints, or of single logs, where these predict clearly better than one of all.
+
+    All kinds of presliding are tried again with them, for one that is wrong can stand for delays that differ.
+    """
+    recipe, common = replace(chosen[0], delay=0.0), chosen[2][0].value
+    scoring = softened(recipe)
+    errors = scoring.of(scoring.statistics(recipe, parts, common))
+    for names, groups in _groups(scoring, parts).items():
+        if len(names) < 2:
+            continue
+        start, coarse = _coarse_delays(scoring, recipe, parts, groups, common)
+        if errors.score - coarse.score < _EACH_WORTH:
+            continue
+        one, each = (_residuals(scoring, recipe, parts, late) for late in (common, np.tensordot(start, groups, 1)))
+        likelihood = DelayLikelihood.of(each, coarse)
+        if likelihood.misfit_of(one) - likelihood.misfit_of(each) < len(names) * likelihood.margin:
+            continue
+        fits: dict[DelayFit, LeftOut] = {}
+        for own in (replace(one[0], delay=0.0) for one in timings):
+            soft = softened(own)
+            start, coarse = _coarse_delays(soft, own, parts, groups, common)
+            if coarse.score > errors.score:  # a kind that delays of each do not help
+                continue
+            fit = _refined_delays(soft, own, parts, groups, start)
+            shared = fit.with_shared()
+            both = {one: soft.of(soft.statistics(one.recipe, parts, one.of_rows(groups))) for one in (shared, fit)}
+            taken = fit if both[shared].score - both[fit].score > _EACH_WORTH else shared
+            fits[taken] = both[taken]
+        best = best_of(fits) if fits else DelayFit(recipe)
+        if fits and fits[best].is_better(errors, _EACH_WORTH, 2.0):
+            choice = best.choice(names, errors, fits[best])
+            chosen, errors = (best.applied(names, groups), fits[best], (choice,)), fits[best]
+    return chosen
+
+
+def _groups(scoring: Scoring, parts: Sequence[PreparedLog]) -> dict[tuple[str, ...], Array]:
+    """Names of logs, and of joints, and their equations, shape (k, L, r)."""
+    r, sources = len(scoring.target.model.row_labels), [part.log.source for part in parts]
+    logs = tuple(dict.fromkeys(sources))
+    groups = {logs: np.array([[[source == log] * r for source in sources] for log in logs], dtype=float)}
+    if scoring.target.motion.complete and scoring.target.model.torque_equations() is not None:
+        groups[scoring.target.robot.joint_names] = np.repeat(np.eye(r)[:, None], len(parts), axis=1)
+    return groups
+
+
+def _coarse_delays(
+    scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, common: float
+) -> tuple[Array, LeftOut]:
+    """The best delay of each group in turn, beside one of all, by left-out errors."""
+    grid = {delay: scoring.statistics(recipe, parts, delay) for delay in (common + _OFFSETS).tolist()}
+    blocks = [np.unique(block[block >= 0]).size for block in scoring.trial.blocks]
+    late, mixed = np.full(len(groups), common), grid[common]
+    for _ in range(_SWEEPS):
+        for g, rows in enumerate(np.repeat(groups, blocks, axis=1)):
+            tried = {
+                delay: replace(mixed, products=np.where(rows[..., None, None] > 0, one.products, mixed.products))
+                for delay, one in grid.items()
+            }
+            late[g] = min(tried, key=lambda delay: scoring.of(tried[delay]).score)
+            mixed = tried[late[g]]
+    return late, scoring.of(mixed)
+
+
+_SWEEPS = 2
+
+
+def _refined_delays(
+    scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, start: Array
+) -> DelayFit:
+    """With the presliding where it has a size; else each in turn, since where friction jumps nothing has a slope."""
+    step, late, ends = min(1 / part.log.rate for part in parts), start.copy(), np.zeros((len(start), 2))
+    if _is_smooth(recipe, parts):
+        fit = DelayFit.of(scoring, recipe, parts, groups, start)
+        if _is_smooth(fit.recipe, parts):
+            return fit
+        recipe, late = fit.recipe, fit.delays
+    for _ in range(_SWEEPS):
+        for g in range(len(groups)):
+
+            def others(delay: float, g: int = g) -> Array:
+                return np.tensordot(np.where(np.arange(len(late)) == g, delay, late), groups, 1)
+
+            likelihood = DelayLikelihood.of(
+                _residuals(scoring, recipe, parts, others(late[g])),
+                scoring.of(scoring.statistics(recipe, parts, others(late[g]))),
+                lambda delay: _residuals(scoring, recipe, parts, others(delay)),
+            )
+            late[g], ends[g] = likelihood.found(late[g], _GRID / 2, step)
+    return DelayFit(recipe, late, ends)
+
+
+_SLIDING_WORTH = 0.005  # of the score: below that the exact sign stays
+_HOLDING = 0.05, 0.1  # of the score: what a direction at standstill is worth, and one that needs less delay
+
+
+def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Chosen:
+    """Choose the presliding of friction and the delay of the torques.
+
+    A friction that changes its direction late looks like a delay; so each kind of presliding is tried with its own best
+    delay. Presliding over a distance is preferred where it predicts as well as the best, within 5 % of the errors: only
+    it has a direction at standstill, which exciting motions hardly show, but others do; and within 10 % where it needs
+    less delay, since a sign that is smooth and late stands for it. No kind is preferred with a larger delay than that
+    of the best.
+    """
+    parts = scoring.parts(recipe)
+    softened = cache(scoring.softened)
+
+    @cache
+    def scored(recipe: Recipe, delay: float) -> LeftOut:
+        return softened(recipe).of(softened(recipe).statistics(recipe, parts, delay))
+
+    def timing(tried: Recipe) -> _Timing:
+        """Best delay of a kind of presliding, and then its best size at that delay."""
+        if "delay" not in free:
+            return tried, scored(tried, 0.0), ()
+        along = DelayFit.of_all(scoring, tried, parts) if together else DelayFit(tried)
+        delay, choice = delay_of(softened(tried), along, parts, tried)
+        resized = min((tried, along.at(delay)), key=lambda one: scored(one, delay).score)
+        low, high = choice.interval if delay and choice.interval else (0.0, 0.0)
+        alike = [delay, *(one.value for one in choice.candidates if low <= one.value <= high)]
+        return (
+            replace(resized, delay=delay),
+            min((scored(resized, one) for one in alike), key=lambda one: one.score),
+            (choice,),
+        )
+
+    slidings = _slidings(scoring, recipe, parts)
+    together = len(slidings) > 1
+    timings = [timing(tried) for tried in slidings]
+    best = min(timings, key=lambda one: one[1].score)
+
+    def with_no_more_delay(one: _Timing) -> _Timing:
+        delay = best[0].common_delay
+        return (replace(one[0], delay=delay), scored(one[0], delay), best[2]) if _later(one[0], best[0]) else one
+
+    exact, last = with_no_more_delay(timings[0]), with_no_more_delay(timings[-1])
+    chosen = best
+    if best[1].score > exact[1].score - _SLIDING_WORTH:
+        chosen = exact
+    elif last[0].breakaway and last[1].score - best[1].score <= _HOLDING[_later(best[0], last[0])]:
+        chosen = last
+    if chosen[2]:
+        chosen = _with_delays_of_each(chosen, timings, softened, parts)
+    if len(timings) == 1:
+        return chosen[0], chosen[2]
+    words = _sliding_words(chosen[0])
+    listed = candidates_of({_sliding_words(tried): errors for tried, errors, _ in timings})
+    return chosen[0], (*chosen[2], Choice("presliding", words, listed, f"{words}, as left-out torques show"))
+
+
+def _later(one: Recipe, other: Recipe) -> bool:
+    return abs(one.common_delay) > abs(other.common_delay)
+
+
+def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> list[Recipe]:
+    if recipe.sign_width is not None or recipe.breakaway is not None:
+        return [replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)]
+    found = presliding_candidates(recipe, scoring.target, parts, scoring.trial.friction)
+    return [replace(recipe, **sliding) for sliding, _ in found]
+
+
+_Timing = tuple[Recipe, LeftOut, tuple[Choice, ...]]
+
+
+def _sliding_words(recipe: Recipe) -> str:
+    if np.any(recipe.breakaway or 0.0):
+        over = listed(recipe.breakaway)
+        return f"Coulomb friction changes its direction over {over} rad (or m), and holds at standstill"
+    if np.any(recipe.sign_width or 0.0):
+        return f"Coulomb friction changes its sign over {listed(recipe.sign_width)} rad/s (or m/s)"
+    return "Coulomb friction has the sign of the velocity"
