@@ -172,13 +172,8 @@ def read_xacro(
 def expand_xacro(path: str | Path, arguments: Mapping[str, str] | None = None) -> str:
     """Text of the URDF that a xacro file expands to; parameters as of `read_xacro`."""
     path = Path(path)
-    order = {
-        "path": str(path),
-        "arguments": dict(arguments or {}),
-        "seconds": CPU,
-        "memory": MEMORY,
-        "silence": input_files.SILENCE,
-    }
+    caps = {"seconds": CPU, "memory": MEMORY, "silence": input_files.SILENCE}
+    order = {"path": str(path), "arguments": dict(arguments or {}), **caps}
     answer = _answer(json.dumps(order), path)
     if "text" not in answer:
         raise InputError(answer["error"])

@@ -17,10 +17,8 @@ _TENSOR = np.array([[4, 5, 6], [5, 7, 8], [6, 8, 9]])  # places of a tensor's en
 
 def parameter_names(link: int) -> tuple[str, ...]:
     """Names of one link's ten parameters, such as ``m3``, ``m3c3x``, ``I3yy``."""
-    i = link
-    moments = (f"m{i}c{i}x", f"m{i}c{i}y", f"m{i}c{i}z")
-    inertia = tuple(f"I{i}{axes}" for axes in ("xx", "xy", "xz", "yy", "yz", "zz"))
-    return (f"m{i}", *moments, *inertia)
+    inertia = (f"I{link}{axes}" for axes in ("xx", "xy", "xz", "yy", "yz", "zz"))
+    return (f"m{link}", *(f"m{link}c{link}{axis}" for axis in "xyz"), *inertia)
 
 
 PARAMETER_UNITS = ("kg", *("kg m",) * 3, *("kg m^2",) * 6)

@@ -26,6 +26,7 @@ from excite.identification.result_json import RESULT
 from excite.information.target import IdentificationTarget
 from excite.storage.manifest import sha256_of
 from regressors.models.drives import drive_rows
+from regressors.readers.description import known_values
 from regressors.robot.columns import BODY_KINDS, FRICTION_KINDS, ROTOR
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.inertia import inertia_tensor, parameter_names, skew
@@ -34,7 +35,7 @@ from regressors.robot.robot import Link, Robot, Structure, transmission_of
 from regressors.samples import Array
 
 PACKAGE = "excite-trajectories"
-_ZERO = 1e-12  # of a body's largest parameter
+_ZERO = 1e-12  # difference of parameters that are equal
 
 
 def model_of_result(result: Identification) -> IdentifiedModel:
@@ -186,11 +187,7 @@ def _robot(
 
 def _kept_structure(robot: Robot) -> Structure:
     """Zeros and equalities of the description that the bodies have; the aggregates only where these are all."""
-    values: dict[str, float] = {}
-    for number, body in zip(robot.body_numbers, robot.bodies, strict=True):
-        if body.theta is not None:
-            small = _ZERO * float(np.abs(body.theta).max())
-            values |= zip(parameter_names(number), np.where(np.abs(body.theta) > small, body.theta, 0.0), strict=True)
+    values = known_values(zip(robot.body_numbers, robot.bodies, strict=True))
     old = robot.structure
     zero = frozenset(name for name in old.zero if values.get(name, 0.0) == 0.0)
     equal = tuple(group for group in old.equal if np.ptp([values.get(name, 0.0) for name in group]) < _ZERO)

@@ -32,6 +32,7 @@ from regressors.robot.friction.load_and_temperature import (
     drive_temperatures as drive_temperatures,
     drives_along,
     drives_with_friction as drives_with_friction,
+    friction_rows,
     loading,
     scaled,
     smooth_direction as smooth_direction,
@@ -204,7 +205,7 @@ class FrictionCurves(Rebuilt):
         z = rest @ torques_at_drives(robot).T
         for k, _, curve, row in self._of_drives(robot):
             z[:, k] = carried(z[:, k], loading(curve, np.sign(dq @ row) if direction is None else direction[:, k]))
-        return np.asarray(z @ np.array([row for _, row in drives_with_friction(robot)]))
+        return np.asarray(z @ friction_rows(robot))
 
     def joint_expression(self, robot: Robot, dq: ca.SX, direction: ca.SX, load: ca.SX | None = None) -> ca.SX:
         """``C' f(C dq)`` as an expression, see `joint_torque`."""  # dq, load (n, 1); direction (k, 1)
@@ -226,7 +227,7 @@ class FrictionCurves(Rebuilt):
         z = ca.mtimes(sparse(torques_at_drives(robot)), rest)
         for k, _, curve, _ in self._of_drives(robot):
             z[k] = carried_expression(z[k], loading(curve, direction[k]))
-        return ca.mtimes(sparse(np.array([row for _, row in drives_with_friction(robot)]).T), z)
+        return ca.mtimes(sparse(friction_rows(robot).T), z)
 
     def _of_drives(self, robot: Robot) -> Iterator[tuple[int, str, FrictionCurve, Array]]:
         """Those of `drives_with_friction` that have a curve: which one, its name, its curve, and its row of C."""
