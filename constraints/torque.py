@@ -258,19 +258,11 @@ def _robust_limits(rows: LimitedTorques, torque: Expression, terms: Expression) 
         deviation = share * ca.sum2(ca.fabs(ca.mtimes(matrix, terms(q, dq, ddq))))
         return ca.vertcat(nominal + deviation, nominal - deviation)
 
-    none = np.full(kept.size, np.inf)
-    ends = ("largest", "least")
+    none, ends = np.full(kept.size, np.inf), ("largest", "least")
     labels = tuple(f"{rows.labels[k]} of plausible robots, {end}" for end in ends for k in kept)
-    return NonlinearConstraint(
-        rows.matrix.shape[1],
-        expression,
-        np.concatenate([-none, lower]),
-        np.concatenate([upper, none]),
-        np.tile(0.5 * (upper - lower), 2),
-        labels,
-        2 * tuple(rows.units[k] for k in kept),
-        quantity="torque of plausible robots",
-    )
+    bounds = np.concatenate([-none, lower]), np.concatenate([upper, none]), np.tile(0.5 * (upper - lower), 2)
+    texts, joints = (labels, 2 * tuple(rows.units[k] for k in kept)), rows.matrix.shape[1]
+    return NonlinearConstraint(joints, expression, *bounds, *texts, quantity="torque of plausible robots")
 
 
 def why_no_torques(robot: Robot) -> str | None:

@@ -197,8 +197,12 @@ class _Expansion:
     def _eval(self, text: str, context: dict[str, Any]) -> str:
         """Value of ``$(eval ...)``, which sees the arguments by their names."""
         convert = self.xacro.substitution_args.convert_value
+
+        def optional(name: str, default: str = "") -> str:
+            return self._variable(name, default)
+
         own = {"arg": lambda name: convert(self._argument(name), "auto"), "find": self.files.package}
-        own |= {"env": self._variable, "optenv": lambda name, default="": self._variable(name, default)}
+        own |= {"env": self._variable, "optenv": optional}
         values = {name: convert(str(value), "auto") for name, value in self._arguments.items()}
         known = known_names(own)
         return str(evaluate(text, values | known | known["xacro"] | {"true": True, "false": False}))

@@ -132,8 +132,11 @@ def _drives(
     resting = {k for k, drive in enumerate(transmission_of(target.robot).drives, 1) if drive.rests}
     limits = described.limits if described.transmission is None else described.transmission.limits
     drives, along, without = [], [], []
+    moves = [name in target.robot.joint_names for name in described.joint_names]
     for number, row in drive_rows(described).items():
-        drive = _described_drive(described, number, row, target)
+        own, moved = transmission_of(described).drives[number - 1], bool(np.any(row[moves]))
+        rotor = own.rotor_inertia if own.rotor_inertia is not None and np.isfinite(own.rotor_inertia) else None
+        drive = ModelDrive(number, own.name, row, own.ratio, moved, rotor, own.coulomb, own.viscous)
         if drive.moved and number not in resting:
             identified = with_parameters(drive, values)
             if curves is not None and (curve := curves.curve(drive.name)) is not None:
@@ -157,14 +160,6 @@ def _drives(
             f"{', '.join(without)}: what it does not have is not written"
         )
     return tuple(drives), notes
-
-
-def _described_drive(robot: Robot, number: int, row: Array, target: IdentificationTarget) -> ModelDrive:
-    moves = [robot.joint_names[k] in target.robot.joint_names for k in range(robot.n)]
-    moved, drive = bool(np.any(row[moves])), transmission_of(robot).drives[number - 1]
-    rotor = drive.rotor_inertia
-    known = rotor if rotor is not None and np.isfinite(rotor) else None
-    return ModelDrive(number, drive.name, row, drive.ratio, moved, known, drive.coulomb, drive.viscous)
 
 
 def _robot(
