@@ -66,10 +66,7 @@ def drive_motions(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> tuple[DriveM
 
 
 def rotor_torque(drive: DriveMotion) -> ca.SX:
-    """Torque at the drive coordinate per unit rotor inertia, ``F'^2 ddz + F' F'' dz^2`` [1/s^2].
-
-    From the rotor's kinetic energy ``1/2 Ia (F'(z) dz)^2`` by Lagrange's equation.
-    """
+    """Torque at the drive per unit rotor inertia, ``F'^2 ddz + F' F'' dz^2``, by Lagrange's equation [1/s^2]."""
     return drive.ratio**2 * drive.ddz + drive.ratio * drive.dratio * drive.dz**2
 
 

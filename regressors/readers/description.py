@@ -208,11 +208,7 @@ _DEGREES = 25.0  # rad; no joint turns four times to one side, and few have a ra
 
 
 def range_of(joint: TreeJoint) -> tuple[float, float]:
-    """Lower and upper position limit [rad or m]; infinite where there is none, or none is known.
-
-    If one of them is stated, the other is zero, as URDF says. A range from zero to zero is what exporters write that do
-    not know it, and counts as not stated.
-    """
+    """Lower and upper position limit, see `parse_urdf`; infinite where there is none, or none is known [rad or m]."""
     if joint.kind == "continuous" or _is_missing(joint):
         return -np.inf, np.inf
     return joint.bounds.get("lower", 0.0), joint.bounds.get("upper", 0.0)

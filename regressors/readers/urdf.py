@@ -29,10 +29,7 @@ _NOISE = 1e-12
 
 
 def read_urdf(path: str | Path, *, base: str | None = None, tip: str | None = None, snap_angles: bool = True) -> Robot:
-    """Read the serial chain from one link to another of a URDF file, as a `Robot`.
-
-    See `parse_urdf` for what is read and how the rest of the tree is treated.
-    """
+    """Read the serial chain from one link to another of a URDF file, as a `Robot`; see `parse_urdf`."""
     path = Path(path)
     with reading(f"the URDF file {str(path)!r}"):
         content = read_bytes(path)

@@ -89,10 +89,7 @@ class FrictionCurves(Rebuilt):
         return cls({name: curve for name, curve in stated.items() if known[name]})
 
     def scaled(self, factors: Mapping[str, float]) -> FrictionCurves:
-        """Return the curves multiplied by one factor each, taken as exact; the factor is 1 where none is given.
-
-        Load shares are limited to 0.99, see `regressors.robot.friction.load_and_temperature.scaled`.
-        """
+        """The curves times one factor each, 1 where none is given, as exact ones; load shares are limited to 0.99."""
         known = ((name, curve) for name in self.curves if (curve := self.curve(name)) is not None)
         return FrictionCurves({name: scaled(curve, factors.get(name, 1.0)) for name, curve in known})
 
