@@ -59,7 +59,7 @@ def inertia_tensor(theta: ArrayLike) -> Array:
 
 
 def pseudo_inertia(theta: ArrayLike) -> Array:
-    """Pseudo-inertia ``J = int [x; 1] [x; 1]' dm = [[tr(I)/2 E - I, m c], [m c', m]]``, positive definite if possible."""
+    """Pseudo-inertia ``J = int [x; 1] [x; 1]' dm = [[tr(I)/2 E - I, m c], [m c', m]]``, > 0 for every real body."""
     # theta (10,)
     t = np.asarray(theta, dtype=float)
     tensor = inertia_tensor(t)
