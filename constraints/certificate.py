@@ -68,8 +68,7 @@ def worst_of_each(uses: Iterable[LimitUse]) -> list[LimitUse]:
     """Keep, of the functions that share a label (parts of one limit), the one with the least margin."""
     worst: dict[str, LimitUse] = {}
     for use in uses:
-        if use.label not in worst or use.margin < worst[use.label].margin:
-            worst[use.label] = use
+        worst[use.label] = min(worst.get(use.label, use), use, key=lambda each: each.margin)
     return list(worst.values())
 
 
@@ -115,10 +114,8 @@ def _stationary_angles(cosine: Array, sine: Array) -> Array:
     polynomial[:, :K] = np.conj(half[:, ::-1])
     angles = np.zeros((count, 2 * K))
     for k, row in enumerate(polynomial):
-        size = np.abs(row).max()
-        if size > 0.0:
-            roots = np.roots(np.where(np.abs(row) > 1e-15 * size, row, 0.0)[::-1])
-            angles[k, : roots.size] = np.angle(roots)
+        roots = np.roots(np.where(np.abs(row) > 1e-15 * np.abs(row).max(), row, 0.0)[::-1])
+        angles[k, : roots.size] = np.angle(roots)
     return angles
 
 

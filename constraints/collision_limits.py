@@ -61,7 +61,8 @@ class Clearance(NonlinearConstraint):
 
     def __init__(self, robot: Robot, motion: PartialMotion, pairs: Sequence[Pair], world: World) -> None:
         self.robot, self.motion, self.pairs, self.world = robot, motion, tuple(pairs), world
-        gaps = list(self._gaps(ca.SX.sym("q", motion.matrix.shape[1])))
+        joints = motion.matrix.shape[1]
+        gaps = list(self._gaps(ca.SX.sym("q", joints)))
         reach = np.array([gap.reach for _, gap in gaps])
         squared = np.array([gap.squared for _, gap in gaps])
         clearance = np.array([pair.clearance for pair, _ in gaps])
@@ -71,17 +72,9 @@ class Clearance(NonlinearConstraint):
             square = 2 * d * (values - clearance) + d**2
             return np.where(squared, np.sqrt(np.maximum(square, 0.0)) - reach, values)
 
-        super().__init__(
-            motion.matrix.shape[1],
-            lambda q, dq, ddq: self._expression(q)[0],
-            clearance,
-            np.full(len(gaps), np.inf),
-            np.full(len(gaps), _SCALE),
-            tuple(pair.label for pair, _ in gaps),
-            ("m",) * len(gaps),
-            shown,
-            "distance",
-        )
+        bounds = clearance, np.full(len(gaps), np.inf), np.full(len(gaps), _SCALE)
+        texts = tuple(pair.label for pair, _ in gaps), ("m",) * len(gaps)
+        super().__init__(joints, lambda q, dq, ddq: self._expression(q)[0], *bounds, *texts, shown, "distance")
 
     def _gaps(self, s: ca.SX) -> Iterator[tuple[Pair, Gap]]:
         frames = Frames(self.robot, ca.mtimes(sparse(self.motion.matrix), s) + ca.DM(self.motion.offset))

@@ -42,14 +42,6 @@ def _most_room(A: Array, lower: Array, upper: Array) -> tuple[Array, float]:
     return best[:-1], float(best[-1])
 
 
-def _least_widening(A: Array, lower: Array, upper: Array) -> Array:
-    """Widenings with the least sum, relative to the half ranges, that leave a pose; one number per row [-]."""
-    half = 0.5 * (upper - lower)
-    k, n = A.shape
-    best = _least(A, lower, upper, -np.diag(half), np.ones(k), (0.0, None))
-    return np.asarray(best[n:] * half)
-
-
 def _least(
     A: Array, lower: Array, upper: Array, slack: Array, cost: Array, bounds: tuple[float | None, float | None]
 ) -> Array:
@@ -93,7 +85,8 @@ def _explanation(limits: Sequence[LinearConstraint], A: Array, lower: Array, upp
         for bound in zip(limit.labels, limit.units, limit.lower, limit.upper, strict=True)
     ]
     parts = [f"{label} in [{low:.4g}, {high:.4g}] {unit}" for label, unit, low, high in (shown[k] for k in keep)]
-    widening = _least_widening(A, lower, upper)
+    half = 0.5 * (upper - lower)  # widenings with the least sum, relative to these, that leave a pose
+    widening = _least(A, lower, upper, -np.diag(half), np.ones(len(A)), (0.0, None))[A.shape[1] :] * half
     needed = np.flatnonzero(widening > 1e-12)
     cures = [f"{shown[k][0]} by {_rounded_up(widening[k]):.4g} {shown[k][1]}" for k in needed]
     cure = f"; the smallest relaxation widens {' and '.join(cures)}" if cures else "; only a single pose keeps them"

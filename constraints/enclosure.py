@@ -132,12 +132,8 @@ def _candidates(piece: Array, start: float, length: float) -> tuple[Array, Array
 
 def _stationary(piece: Array, length: float) -> Array:
     """Instants inside a piece where its derivative vanishes, in a scaled variable for good conditioning."""
-    degree = piece.size - 1
-    slope = np.polyder(piece * length ** np.arange(degree, -1.0, -1.0)) if degree > 0 else np.zeros(1)
-    size = np.abs(slope).max(initial=0.0)
-    if size == 0.0:
-        return np.zeros(0)
-    roots = np.roots(np.where(np.abs(slope) > 1e-15 * size, slope, 0.0))
+    slope = np.polyder(piece * length ** np.arange(piece.size - 1, -1.0, -1.0))
+    roots = np.roots(np.where(np.abs(slope) > 1e-15 * np.abs(slope).max(initial=0.0), slope, 0.0))
     inside = roots[(np.abs(roots.imag) < 1e-6) & (roots.real > 0.0) & (roots.real < 1.0)]
     return np.asarray(inside.real * length)
 
@@ -157,8 +153,7 @@ def chebyshev_extrema(values: Array, duration: float) -> Extrema:
     for column in values.T[:, ::-1]:  # from t = T, where the cosine is one, back to 0
         series = np.cos(np.outer(np.arange(degree + 1), angle)) @ (weights * column)
         series[[0, -1]] /= 2
-        size = np.abs(series).max(initial=0.0)
-        kept = chebyshev.chebtrim(np.where(np.abs(series) > 1e-15 * size, series, 0.0)) if size > 0 else np.zeros(1)
+        kept = chebyshev.chebtrim(np.where(np.abs(series) > 1e-15 * np.abs(series).max(), series, 0.0))
         points = np.concatenate([[-1.0, 1.0], np.cos(angle), _roots(np.asarray(chebyshev.chebder(kept), dtype=float))])
         found.append(chebyshev.chebval(points, kept))
         times.append(0.5 * duration * (1.0 + points))
@@ -166,8 +161,6 @@ def chebyshev_extrema(values: Array, duration: float) -> Extrema:
 
 
 def _roots(series: Array) -> Array:
-    if series.size < 2:
-        return np.zeros(0)
     roots = np.asarray(chebyshev.chebroots(series), dtype=complex)
     return np.asarray(np.clip(roots[np.abs(roots.imag) < 1e-6].real, -1.0, 1.0))
 

@@ -204,10 +204,7 @@ def enclosing_capsule(points: Array) -> Capsule:
 
 
 def enclosing_cylinder(radius: float, length: float) -> Capsule:
-    """Capsule of least volume that contains a cylinder about the z axis, centred at the origin.
-
-    With the line's ends a <= length / 2 from the middle, ``R^2 = radius^2 + (length / 2 - a)^2``.
-    """
+    """Capsule of least volume about a cylinder along z: ``R^2 = radius^2 + (length / 2 - a)^2``, its ends at +-a."""
     if not (np.isfinite(radius + length) and radius > 0 and length > 0):
         raise InputError(f"a cylinder needs a radius and a length greater than zero, given {radius:g} and {length:g}")
 

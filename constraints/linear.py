@@ -8,7 +8,7 @@ Joint limits have A = E, limits on drive coordinates z = C q + z0 have A = C.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,8 +71,7 @@ class LinearConstraint(Constraint):
 
 def _from_limits(
     limits: Limits, matrix: Array, offset: Array, names: tuple[str, ...], units: tuple[str, ...]
-) -> list[LinearConstraint]:
-    selected = []
+) -> Iterator[LinearConstraint]:
     moving = np.any(matrix != 0.0, axis=1)
     for derivative, quantity in enumerate(QUANTITIES):
         upper = limits.upper if derivative == 0 else getattr(limits, quantity)
@@ -81,10 +80,8 @@ def _from_limits(
         if rows.size:
             labels = tuple(f"{names[k]} {quantity}" for k in rows)
             row_units = tuple(units[k] + _UNITS[derivative] for k in rows)
-            selected.append(
-                LinearConstraint(derivative, matrix[rows], offset[rows], lower[rows], upper[rows], labels, row_units)
-            )
-    return selected
+            bounds = lower[rows], upper[rows]
+            yield LinearConstraint(derivative, matrix[rows], offset[rows], *bounds, labels, row_units)
 
 
 def drive_limits(robot: Robot) -> list[LinearConstraint]:
@@ -92,7 +89,7 @@ def drive_limits(robot: Robot) -> list[LinearConstraint]:
     transmission = transmission_of(robot)
     names = tuple(f"drive {drive.name}" for drive in transmission.drives)
     units = tuple("m" if linear else "rad" for linear in linear_drives(robot))
-    return _from_limits(transmission.limits, transmission.coupling, transmission.offset, names, units)
+    return list(_from_limits(transmission.limits, transmission.coupling, transmission.offset, names, units))
 
 
 def linear_limits(robot: Robot) -> tuple[LinearConstraint, ...]:

@@ -216,16 +216,13 @@ class StackedConstraint(NonlinearConstraint):
     def __init__(self, parts: Sequence[NonlinearConstraint]) -> None:
         self.parts = tuple(parts)
         self._first = np.cumsum([0, *(len(part.lower) for part in parts)])
-        super().__init__(
-            parts[0].joints,
-            lambda q, dq, ddq: ca.vertcat(*(part.expression(q, dq, ddq) for part in parts)),
-            np.concatenate([part.lower for part in parts]),
-            np.concatenate([part.upper for part in parts]),
-            np.concatenate([part.scale for part in parts]),
-            tuple(label for part in parts for label in part.labels),
-            tuple(unit for part in parts for unit in part.units),
-            self._shown,
-        )
+        names = ("lower", "upper", "scale")
+        lower, upper, scale = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
+        labels, units = (sum((getattr(part, name) for part in parts), ()) for name in ("labels", "units"))
+        super().__init__(parts[0].joints, self._stacked, lower, upper, scale, labels, units, self._shown)
+
+    def _stacked(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
+        return ca.vertcat(*(part.expression(q, dq, ddq) for part in self.parts))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.parts,)

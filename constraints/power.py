@@ -122,10 +122,8 @@ def _tool(robot: Robot, point: Array, q: ca.SX, dq: ca.SX) -> tuple[LinkMotion, 
 
 
 def tool_box(robot: Robot, point: Array, lower: Array, upper: Array) -> NonlinearConstraint:
-    """Position of a point of the last link within a box of the base frame.
-
-    ``lower <= p + R c <= upper``; bounds may be infinite, so a plane ``z >= 0`` is a box too.
-    """  # point (3,); lower, upper (3,)
+    """Position of a point of the last link in the base frame, ``lower <= p + R c <= upper``; bounds may be infinite."""
+    # point (3,); lower, upper (3,)
     for axis, low, high in zip(AXES, lower, upper, strict=True):
         if not low < high:
             raise InputError(f"tool box, {axis}: the lower bound {low:g} m must be below the upper one {high:g} m")
@@ -145,10 +143,8 @@ def tool_box(robot: Robot, point: Array, lower: Array, upper: Array) -> Nonlinea
 
 
 def tool_speed(robot: Robot, point: Array, speed: float) -> NonlinearConstraint:
-    """Speed of a point of the last link, ``|v + omega x c| <= speed``.
-
-    The bounded function is the squared speed divided by the limit, which is smooth at rest.
-    """  # point (3,)
+    """Speed of a point of the last link, ``|v + omega x c| <= speed``, by its square, which is smooth at rest."""
+    # point (3,)
     if not (np.isfinite(speed) and speed > 0):
         raise InputError(f"tool speed must be a positive number, given {speed}")
 

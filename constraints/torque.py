@@ -56,10 +56,7 @@ def torque_limits(
     motion = of_joints(robot, range(robot.n)) if motion is None else motion
     drives = drive_friction(robot, known, motion, friction)
     torques = viscous_and_carried(robot, known, drives)
-    return [
-        _limits(rows, robot.n, rows.total(*torques), margin).restricted(motion)
-        for rows in limited_torques(robot, drives)
-    ]
+    return [_limits(rows, rows.total(*torques), margin).restricted(motion) for rows in limited_torques(robot, drives)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,11 +163,12 @@ def drive_torque_matrix(robot: Robot) -> Array:
     return matrix
 
 
-def _limits(rows: LimitedTorques, joints: int, torque: Expression, margin: float) -> NonlinearConstraint:
+def _limits(rows: LimitedTorques, torque: Expression, margin: float) -> NonlinearConstraint:
     """Constraint on the finite limits."""
     lower, upper = rows.allowed(margin)
     labels, units = (tuple(texts[k] for k in rows.kept) for texts in (rows.labels, rows.units))
-    return NonlinearConstraint(joints, torque, lower, upper, 0.5 * (upper - lower), labels, units, quantity="torque")
+    joints, scale = rows.matrix.shape[1], 0.5 * (upper - lower)
+    return NonlinearConstraint(joints, torque, lower, upper, scale, labels, units, quantity="torque")
 
 
 @checked
@@ -237,10 +235,8 @@ class PlausibleTorqueLimit(Limit):
         curves = {} if self.friction is None else self.friction.curves
         exact = {drive_column(number, VISCOUS).name: 0.0 for name, number in numbers.items() if name in curves}
         terms = _deviation_terms(robot, {**stated_deviations(robot, self.uncertainty), **exact})
-        return [
-            _robust_limits(rows, robot.n, rows.total(*torques), terms).restricted(motion)
-            for rows in limited_torques(robot, drives)
-        ]
+        limited = limited_torques(robot, drives)
+        return [_robust_limits(rows, rows.total(*torques), terms).restricted(motion) for rows in limited]
 
 
 def _deviation_terms(robot: Robot, deviations: Mapping[str, float]) -> Expression:
@@ -252,7 +248,7 @@ def _deviation_terms(robot: Robot, deviations: Mapping[str, float]) -> Expressio
     return lambda q, dq, ddq: ca.mtimes(model.rows(q, dq, ddq), scaled)
 
 
-def _robust_limits(rows: LimitedTorques, joints: int, torque: Expression, terms: Expression) -> NonlinearConstraint:
+def _robust_limits(rows: LimitedTorques, torque: Expression, terms: Expression) -> NonlinearConstraint:
     """Largest torques below their limits, and least ones above; each with friction at its largest."""
     kept, (lower, upper) = rows.kept, rows.allowed(0.0)
     matrix, share = sparse(rows.matrix[kept]), ca.DM(1 + rows.friction.share[kept])
@@ -262,19 +258,11 @@ def _robust_limits(rows: LimitedTorques, joints: int, torque: Expression, terms:
         deviation = share * ca.sum2(ca.fabs(ca.mtimes(matrix, terms(q, dq, ddq))))
         return ca.vertcat(nominal + deviation, nominal - deviation)
 
-    none = np.full(kept.size, np.inf)
-    ends = ("largest", "least")
+    none, ends = np.full(kept.size, np.inf), ("largest", "least")
     labels = tuple(f"{rows.labels[k]} of plausible robots, {end}" for end in ends for k in kept)
-    return NonlinearConstraint(
-        joints,
-        expression,
-        np.concatenate([-none, lower]),
-        np.concatenate([upper, none]),
-        np.tile(0.5 * (upper - lower), 2),
-        labels,
-        2 * tuple(rows.units[k] for k in kept),
-        quantity="torque of plausible robots",
-    )
+    bounds = np.concatenate([-none, lower]), np.concatenate([upper, none]), np.tile(0.5 * (upper - lower), 2)
+    texts, joints = (labels, 2 * tuple(rows.units[k] for k in kept)), rows.matrix.shape[1]
+    return NonlinearConstraint(joints, expression, *bounds, *texts, quantity="torque of plausible robots")
 
 
 def why_no_torques(robot: Robot) -> str | None:

@@ -31,9 +31,8 @@ _UNLIMITED = {"velocity": 2.0, "acceleration": 10.0}
 def random_states(robot: Robot, count: int, seed: int = 0) -> Samples:
     """Independent states, uniform within the joint limits; within a few SI units where a limit is missing."""
     rng = np.random.default_rng(seed)
-    velocity, acceleration = robot.limits.velocity, robot.limits.acceleration
-    velocity = np.where(np.isfinite(velocity), velocity, _UNLIMITED["velocity"])
-    acceleration = np.where(np.isfinite(acceleration), acceleration, _UNLIMITED["acceleration"])
+    bounds = ((getattr(robot.limits, name), size) for name, size in _UNLIMITED.items())
+    velocity, acceleration = (np.where(np.isfinite(bound), bound, size) for bound, size in bounds)
     shape = (count, robot.n)
     q = rng.uniform(*finite_ranges(robot), shape)
     dq = rng.uniform(-velocity, velocity, shape)

@@ -6,7 +6,7 @@ parameter times its row of C.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -49,9 +49,8 @@ def drive_motions(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> tuple[DriveM
     """Motion of every drive whose joint moves; one per joint where the robot has no transmission."""
     # q, dq, ddq (n, 1)
     transmission, motions = transmission_of(robot), []
-    for k, (number, drive, linear) in enumerate(
-        zip(drive_numbers(robot), transmission.drives, linear_drives(robot), strict=True)
-    ):
+    drives = zip(drive_numbers(robot), transmission.drives, linear_drives(robot), strict=True)
+    for k, (number, drive, linear) in enumerate(drives):
         if drive.rests:
             continue
         row = sparse(transmission.coupling[k : k + 1])
@@ -67,10 +66,7 @@ def drive_motions(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> tuple[DriveM
 
 
 def rotor_torque(drive: DriveMotion) -> ca.SX:
-    """Torque at the drive coordinate per unit rotor inertia, ``F'^2 ddz + F' F'' dz^2`` [1/s^2].
-
-    From the rotor's kinetic energy ``1/2 Ia (F'(z) dz)^2`` by Lagrange's equation.
-    """
+    """Torque at the drive per unit rotor inertia, ``F'^2 ddz + F' F'' dz^2``, by Lagrange's equation [1/s^2]."""
     return drive.ratio**2 * drive.ddz + drive.ratio * drive.dratio * drive.dz**2
 
 
@@ -116,16 +112,9 @@ def friction_torque(
     return friction_magnitude(kind, drive, terms, carried) * sign(drive.dz, sign_width)
 
 
-def drive_columns(
-    drives: tuple[DriveMotion, ...],
-    terms: Terms,
-    sign_width: float = 0.0,
-    carried: Mapping[int, ca.SX] | None = None,
-) -> ca.SX:
+def drive_columns(drives: tuple[DriveMotion, ...], terms: Terms, sign_width: float, loads: dict[int, ca.SX]) -> ca.SX:
     """Joint torques of the columns of `column_list`."""  # result (n, len(columns))
-    loads = carried or {}
-    rotors = [d for d in drives if d.has_rotor and terms.rotor]
-    torques = [d.row.T * rotor_torque(d) for d in rotors]
+    torques = [d.row.T * rotor_torque(d) for d in drives if d.has_rotor and terms.rotor]
     for kind, d in friction_terms(drives, terms):
         torques.append(d.row.T * friction_torque(kind, d, terms, sign_width, loads.get(d.number)))
     return ca.horzcat(ca.SX(drives[0].row.numel() if drives else 0, 0), *torques)

@@ -119,10 +119,7 @@ class EnergyModel(WindowModel):
         return self.reduction.apply(ca.horzcat(ca.SX(1, count), *losses))
 
     def _cumulated(self, samples: Samples, columns: Index) -> Array:
-        """As for any window model, but Coulomb losses come from the lengths of the drives' paths.
-
-        ``int |dz| dt`` is the length of the path of z, exact from turning point to turning point for any sample time.
-        """
+        """As for any window model, but Coulomb losses come from the lengths of the drives' paths, ``int |dz| dt``."""
         cumulated = super()._cumulated(samples, columns)
         lossy = self._integrated_exactly()[columns]
         if not np.any(lossy):

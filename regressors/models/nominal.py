@@ -28,10 +28,7 @@ def standard_values(robot: Robot) -> dict[str, float]:
 
 
 def parameter_values(model: RegressorModel, base: Base, known: dict[str, float]) -> Array:
-    """Base parameters ``beta = D p`` from standard ones; NaN where a contributing standard parameter is unknown.
-
-    Friction offsets that are not stated count as zero.
-    """
+    """Base parameters ``beta = D p``, offsets zero where not stated; NaN where a contributing parameter is unknown."""
     definition, names = model.definition()
     given = {**{column.name: 0.0 for column in model.standard_columns if column.kind == OFFSET}, **known}
     theta = np.array([given.get(name, np.nan) for name in names])

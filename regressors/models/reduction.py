@@ -86,12 +86,7 @@ def _zero_and_equal(robot: Robot, standard: tuple[Column, ...]) -> tuple[tuple[C
         if name not in names and name not in possible:
             raise UnknownName("parameter", name, names)
     kept = [c for c in standard if c.name not in structure.zero and c.name not in leader]
-    place = {column.name: k for k, column in enumerate(kept)}
-    S = np.zeros((len(standard), len(kept)))
-    for row, name in enumerate(names):
-        target = leader.get(name, name)
-        if target in place:
-            S[row, place[target]] = 1.0
+    S = np.array([[leader.get(name, name) == column.name for column in kept] for name in names], dtype=float)
     value = (S / S.sum(axis=0)).T
     return tuple(kept), S, value
 
@@ -108,17 +103,12 @@ def _reflected(robot: Robot, columns: tuple[Column, ...]) -> tuple[tuple[Column,
 def _aggregated(form: Aggregates, columns: tuple[Column, ...]) -> tuple[tuple[Column, ...], Array, Array]:
     """Columns of the aggregates, then those of the friction parameters, which stay as they are."""
     friction = [c for c in columns if c.group not in ("inertial", "rotor")]
-    names = [c.name for c in columns]
+    combinations = [*form.parameters.values(), *({column.name: 1.0} for column in friction)]
+    B = np.array([[terms.get(column.name, 0.0) for column in columns] for terms in combinations], dtype=float)
     aggregates = []
-    B = np.zeros((len(form.parameters) + len(friction), len(columns)))
-    for row, (name, terms) in enumerate(form.parameters.items()):
-        for parameter, coefficient in terms.items():
-            if parameter in names:
-                B[row, names.index(parameter)] = coefficient
+    for name, terms in form.parameters.items():
         units = {c.unit for c in columns if c.name in terms and terms[c.name] in (1.0, -1.0)}
         aggregates.append(Column(name, units.pop() if len(units) == 1 else "", COMBINATION))
-    for row, column in enumerate(friction, len(aggregates)):
-        B[row, names.index(column.name)] = 1.0
     chosen = independent_columns(B)
     R = np.zeros(B.T.shape)
     R[chosen] = np.linalg.inv(B[:, chosen])

@@ -182,7 +182,7 @@ def _value_problems(description: Description, bodies: Sequence[tuple[int, Link]]
                     coefficient_value(coefficient, description.constants)
                 except InputError as error:
                     yield ("structure", "aggregates", i, "parameters", name, parameter), str(error)
-    known = _known_values(bodies)
+    known = known_values(bodies)
     for k, name in enumerate(structure.zero):
         if known.get(name, 0.0) != 0.0:
             yield ("structure", "zero", k), f"{name} is declared zero, but its link gives {known[name]:g}"
@@ -193,7 +193,7 @@ def _value_problems(description: Description, bodies: Sequence[tuple[int, Link]]
             yield ("structure", "equal", k), f"are declared equal, but the links give {listed}"
 
 
-def _known_values(bodies: Sequence[tuple[int, Link]]) -> dict[str, float]:
+def known_values(bodies: Iterable[tuple[int, Link]]) -> dict[str, float]:
     """Known parameters; zeros that a rotated frame turned into rounding errors are zero again."""
     values: dict[str, float] = {}
     for number, body in bodies:
@@ -208,11 +208,7 @@ _DEGREES = 25.0  # rad; no joint turns four times to one side, and few have a ra
 
 
 def range_of(joint: TreeJoint) -> tuple[float, float]:
-    """Lower and upper position limit [rad or m]; infinite where there is none, or none is known.
-
-    If one of them is stated, the other is zero, as URDF says. A range from zero to zero is what exporters write that do
-    not know it, and counts as not stated.
-    """
+    """Lower and upper position limit, see `parse_urdf`; infinite where there is none, or none is known [rad or m]."""
     if joint.kind == "continuous" or _is_missing(joint):
         return -np.inf, np.inf
     return joint.bounds.get("lower", 0.0), joint.bounds.get("upper", 0.0)

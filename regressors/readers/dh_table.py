@@ -17,6 +17,7 @@ import numpy as np
 
 from regressors.errors import LONGEST_NAME, InputError, UnknownName, about, reading, shortened
 from regressors.input_files import read_text
+from regressors.readers.urdf_elements import number_of
 from regressors.robot.gears import ConstantRatio
 from regressors.robot.inertia import Array, from_centre_of_mass, inertia_tensor, transport
 from regressors.robot.robot import Drive, Joint, JointKind, Limits, Link, Robot, Transmission
@@ -148,10 +149,7 @@ def _row(columns: list[tuple[str, str]], cells: list[str], number: int, place: s
 
 
 def _number(cell: str, place: str) -> float:
-    try:
-        value = float("nan" if "_" in cell else cell)
-    except ValueError:
-        value = np.nan
+    value = number_of(cell)
     if not np.isfinite(value):
         raise InputError(f"{place}: expected a number, given {cell!r}")
     return value

@@ -47,10 +47,8 @@ class Document:
 
     def error(self, problems: Iterable[tuple[FieldPath, str]]) -> InputError:
         """One-line error that lists all problems, each with its field and line, in the order of lines."""
-        sorted_problems = sorted(
-            ((self._line(path), _dotted(path), what) for path, what in problems), key=lambda p: p[0]
-        )
-        sentences = (f"{field} (line {line}): {' '.join(what.split())}" for line, field, what in sorted_problems)
+        ordered = sorted((self._line(path), k, path, what) for k, (path, what) in enumerate(problems))
+        sentences = (f"{_dotted(path)} (line {line}): {' '.join(what.split())}" for line, _, path, what in ordered)
         return InputError(f"{self.source}: {'; '.join(sentences)}")
 
     @contextmanager

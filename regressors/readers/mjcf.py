@@ -29,10 +29,7 @@ from regressors.readers.urdf_tree import UrdfTree
 from regressors.robot.inertia import Array
 from regressors.robot.robot import Drive, Limits, Robot, Transmission
 
-_LEFT_OUT = {
-    "springs": ("jnt_stiffness", "jnt_stiffnesspoly"),
-    "damping that is not linear": ("dof_dampingpoly",),
-}
+_LEFT_OUT = {"springs": ("jnt_stiffness", "jnt_stiffnesspoly"), "damping that is not linear": ("dof_dampingpoly",)}
 _UNNAMED = "MuJoCo Model"  # what the compiler calls a model without a name
 
 

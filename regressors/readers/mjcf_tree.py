@@ -158,12 +158,7 @@ def joint_actuators(model: Any) -> list[list[int]]:
 
 
 def torque_limit(model: Any, joint: int, actuators: list[int]) -> float:
-    """Largest torque or force of a joint to both sides [Nm or N]; infinite where the model states none.
-
-    It is the smaller one of ``actuatorfrcrange`` and of what the actuators give together: ``|gear|`` times the limits
-    of their force, or of the control of a plain motor. Of an uneven range the smaller side counts; a range to one side
-    only is not taken for a limit.
-    """
+    """Largest torque or force of a joint to both sides, see `read_mjcf`; infinite where there is no limit [Nm or N]."""
     of_joint = _reach(model.jnt_actfrcrange[joint]) if model.jnt_actfrclimited[joint] else np.inf
     given = sum(abs(float(model.actuator_gear[k, 0])) * _force(model, k) for k in actuators) if actuators else np.inf
     return min(of_joint, given)

@@ -29,10 +29,7 @@ _NOISE = 1e-12
 
 
 def read_urdf(path: str | Path, *, base: str | None = None, tip: str | None = None, snap_angles: bool = True) -> Robot:
-    """Read the serial chain from one link to another of a URDF file, as a `Robot`.
-
-    See `parse_urdf` for what is read and how the rest of the tree is treated.
-    """
+    """Read the serial chain from one link to another of a URDF file, as a `Robot`; see `parse_urdf`."""
     path = Path(path)
     with reading(f"the URDF file {str(path)!r}"):
         content = read_bytes(path)
@@ -172,13 +169,8 @@ def read_xacro(
 def expand_xacro(path: str | Path, arguments: Mapping[str, str] | None = None) -> str:
     """Text of the URDF that a xacro file expands to; parameters as of `read_xacro`."""
     path = Path(path)
-    order = {
-        "path": str(path),
-        "arguments": dict(arguments or {}),
-        "seconds": CPU,
-        "memory": MEMORY,
-        "silence": input_files.SILENCE,
-    }
+    caps = {"seconds": CPU, "memory": MEMORY, "silence": input_files.SILENCE}
+    order = {"path": str(path), "arguments": dict(arguments or {}), **caps}
     answer = _answer(json.dumps(order), path)
     if "text" not in answer:
         raise InputError(answer["error"])

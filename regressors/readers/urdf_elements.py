@@ -81,7 +81,7 @@ class XmlElement:
         if text is None:
             return np.array(default)
         words = text.split()
-        values = [_number(word) for word in words]
+        values = [number_of(word) for word in words]
         usable = np.isfinite(values) | (infinite & ~np.isnan(values))
         if len(words) != len(default) or not np.all(usable):
             count = "a finite number" if len(default) == 1 else f"{len(default)} finite numbers"
@@ -95,7 +95,8 @@ class XmlElement:
         return float(self.numbers(attribute, (default or 0.0,), infinite=infinite)[0])
 
 
-def _number(word: str) -> float:
+def number_of(word: str) -> float:
+    """Number that a word is, NaN where it is none."""
     try:
         return float("nan" if "_" in word else word)  # float() takes 1_0 for ten
     except ValueError:

@@ -17,10 +17,8 @@ _TENSOR = np.array([[4, 5, 6], [5, 7, 8], [6, 8, 9]])  # places of a tensor's en
 
 def parameter_names(link: int) -> tuple[str, ...]:
     """Names of one link's ten parameters, such as ``m3``, ``m3c3x``, ``I3yy``."""
-    i = link
-    moments = (f"m{i}c{i}x", f"m{i}c{i}y", f"m{i}c{i}z")
-    inertia = tuple(f"I{i}{axes}" for axes in ("xx", "xy", "xz", "yy", "yz", "zz"))
-    return (f"m{i}", *moments, *inertia)
+    inertia = (f"I{link}{axes}" for axes in ("xx", "xy", "xz", "yy", "yz", "zz"))
+    return (f"m{link}", *(f"m{link}c{link}{axis}" for axis in "xyz"), *inertia)
 
 
 PARAMETER_UNITS = ("kg", *("kg m",) * 3, *("kg m^2",) * 6)
@@ -48,10 +46,8 @@ def rotation_from_rpy(rpy: ArrayLike) -> Array:
 
 
 def from_centre_of_mass(mass: float, centre: ArrayLike, inertia: ArrayLike) -> Array:
-    """Parameters about the frame's origin from those about the centre of mass (parallel axes, Steiner).
-
-    ``I_O = I_C - m skew(c) skew(c)``.
-    """  # centre (3,); inertia (3, 3)
+    """Parameters about the frame's origin from those about the centre of mass, ``I_O = I_C - m skew(c) skew(c)``."""
+    # centre (3,); inertia (3, 3)
     c = np.asarray(centre, dtype=float)
     tensor = np.asarray(inertia, dtype=float) - mass * skew(c) @ skew(c)
     return np.concatenate([[mass], mass * c, tensor[np.triu_indices(3)]])
@@ -63,10 +59,8 @@ def inertia_tensor(theta: ArrayLike) -> Array:
 
 
 def pseudo_inertia(theta: ArrayLike) -> Array:
-    """Pseudo-inertia matrix ``J = int [x; 1] [x; 1]' dm``, positive definite for every real body.
-
-    ``J = [[tr(I)/2 E - I, m c], [m c', m]]``.
-    """  # theta (10,)
+    """Pseudo-inertia ``J = int [x; 1] [x; 1]' dm = [[tr(I)/2 E - I, m c], [m c', m]]``, > 0 for every real body."""
+    # theta (10,)
     t = np.asarray(theta, dtype=float)
     tensor = inertia_tensor(t)
     J = np.empty((4, 4))
@@ -92,11 +86,8 @@ def pose_of(rotation: ArrayLike, translation: ArrayLike) -> Array:
 
 
 def transport(rotation: ArrayLike, translation: ArrayLike) -> Array:
-    """Linear map that re-expresses a body's parameters in another frame.
-
-    With ``T`` the pose of the body's frame in the new one, ``J_new = T J T'``; this returns the 10 x 10 matrix of
-    that map on ``theta``.
-    """  # rotation (3, 3); translation (3,)
+    """Matrix (10, 10) that takes theta to a frame in which the body's frame has the pose T, ``J_new = T J T'``."""
+    # rotation (3, 3); translation (3,)
     T = pose_of(rotation, translation)
     unit = np.eye(PARAMETERS_PER_LINK)
     return np.column_stack([from_pseudo_inertia(T @ pseudo_inertia(e) @ T.T) for e in unit])

@@ -259,15 +259,10 @@ def _counts_with(drive: Drive, other: Drive) -> bool:
 
 def _together(drive: Drive, other: Drive, ratio: float) -> Drive:
     """A drive with what another adds that turns `ratio` times as fast."""
-    coulomb, viscous, rotor = drive.coulomb, drive.viscous, drive.rotor_inertia
-    if coulomb is not None and other.coulomb is not None:
-        coulomb += abs(ratio) * other.coulomb
-    if viscous is not None and other.viscous is not None:
-        viscous += ratio**2 * other.viscous
-    if rotor is not None and other.rotor_inertia is not None:
-        gear = ratio * other.ratio.reference_ratio / drive.ratio.reference_ratio
-        rotor += gear**2 * other.rotor_inertia
-    return replace(drive, coulomb=coulomb, viscous=viscous, rotor_inertia=rotor)
+    gear = ratio * other.ratio.reference_ratio / drive.ratio.reference_ratio
+    factors = {"coulomb": abs(ratio), "viscous": ratio**2, "rotor_inertia": gear**2}
+    known = {name: f for name, f in factors.items() if None not in (getattr(drive, name), getattr(other, name))}
+    return replace(drive, **{name: getattr(drive, name) + f * getattr(other, name) for name, f in known.items()})
 
 
 def _constant_rotor(drive: Drive) -> bool:

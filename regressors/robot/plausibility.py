@@ -45,10 +45,8 @@ def _impossible(body: Link) -> str | None:
 
 
 def principal_moments(theta: Array) -> Array:
-    """Eigenvalues of ``I_O + m skew(c) skew(c)``, the inertia about the centre of mass, ascending [kg m^2].
-
-    NaN where the inertia is too large for a finite number.
-    """  # theta (10,)
+    """Eigenvalues of ``I_O + m skew(c) skew(c)``, about the centre of mass, ascending; NaN if not finite [kg m^2]."""
+    # theta (10,)
     tensor, mass = inertia_tensor(theta), float(theta[0])
     if mass != 0:
         first = skew(theta[1:4])

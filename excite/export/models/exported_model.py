@@ -26,6 +26,7 @@ from excite.identification.result_json import RESULT
 from excite.information.target import IdentificationTarget
 from excite.storage.manifest import sha256_of
 from regressors.models.drives import drive_rows
+from regressors.readers.description import known_values
 from regressors.robot.columns import BODY_KINDS, FRICTION_KINDS, ROTOR
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.inertia import inertia_tensor, parameter_names, skew
@@ -34,7 +35,7 @@ from regressors.robot.robot import Link, Robot, Structure, transmission_of
 from regressors.samples import Array
 
 PACKAGE = "excite-trajectories"
-_ZERO = 1e-12  # of a body's largest parameter
+_ZERO = 1e-12  # difference of parameters that are equal
 
 
 def model_of_result(result: Identification) -> IdentifiedModel:
@@ -131,8 +132,11 @@ def _drives(
     resting = {k for k, drive in enumerate(transmission_of(target.robot).drives, 1) if drive.rests}
     limits = described.limits if described.transmission is None else described.transmission.limits
     drives, along, without = [], [], []
+    moves = [name in target.robot.joint_names for name in described.joint_names]
     for number, row in drive_rows(described).items():
-        drive = _described_drive(described, number, row, target)
+        own, moved = transmission_of(described).drives[number - 1], bool(np.any(row[moves]))
+        rotor = own.rotor_inertia if own.rotor_inertia is not None and np.isfinite(own.rotor_inertia) else None
+        drive = ModelDrive(number, own.name, row, own.ratio, moved, rotor, own.coulomb, own.viscous)
         if drive.moved and number not in resting:
             identified = with_parameters(drive, values)
             if curves is not None and (curve := curves.curve(drive.name)) is not None:
@@ -158,14 +162,6 @@ def _drives(
     return tuple(drives), notes
 
 
-def _described_drive(robot: Robot, number: int, row: Array, target: IdentificationTarget) -> ModelDrive:
-    moves = [robot.joint_names[k] in target.robot.joint_names for k in range(robot.n)]
-    moved, drive = bool(np.any(row[moves])), transmission_of(robot).drives[number - 1]
-    rotor = drive.rotor_inertia
-    known = rotor if rotor is not None and np.isfinite(rotor) else None
-    return ModelDrive(number, drive.name, row, drive.ratio, moved, known, drive.coulomb, drive.viscous)
-
-
 def _robot(
     described: Robot, bodies: list[Array | None], drives: tuple[ModelDrive, ...]
 ) -> tuple[Robot, tuple[str, ...]]:
@@ -186,11 +182,7 @@ def _robot(
 
 def _kept_structure(robot: Robot) -> Structure:
     """Zeros and equalities of the description that the bodies have; the aggregates only where these are all."""
-    values: dict[str, float] = {}
-    for number, body in zip(robot.body_numbers, robot.bodies, strict=True):
-        if body.theta is not None:
-            small = _ZERO * float(np.abs(body.theta).max())
-            values |= zip(parameter_names(number), np.where(np.abs(body.theta) > small, body.theta, 0.0), strict=True)
+    values = known_values(zip(robot.body_numbers, robot.bodies, strict=True))
     old = robot.structure
     zero = frozenset(name for name in old.zero if values.get(name, 0.0) == 0.0)
     equal = tuple(group for group in old.equal if np.ptp([values.get(name, 0.0) for name in group]) < _ZERO)

@@ -164,12 +164,10 @@ def table_rows(model: IdentifiedModel) -> Iterator[Row]:
     for p in model.parameters:
         interval = p.interval if p.interval is not None else (None, None)
         yield ("base parameter", "", p.name, p.expression, p.value, p.deviation, *interval, p.unit)
-    columns = iter(inertial_columns(model.robot))
-    for body in model.robot.bodies:
-        for k in range(10):
-            column = next(columns)
-            if body.theta is not None:
-                yield ("body", body.name, column.name, "", float(body.theta[k]), *_UNKNOWN, column.unit)
+    places = ((body, k) for body in model.robot.bodies for k in range(PARAMETERS_PER_LINK))
+    for column, (body, k) in zip(inertial_columns(model.robot), places, strict=True):
+        if body.theta is not None:
+            yield ("body", body.name, column.name, "", float(body.theta[k]), *_UNKNOWN, column.unit)
     for drive, linear in zip(model.drives, linear_drives(model.robot), strict=True):
         known = {ROTOR: drive.rotor_inertia, COULOMB: drive.coulomb, VISCOUS: drive.viscous, **drive.beyond}
         for kind, value in known.items():

@@ -49,6 +49,11 @@ def robot_text(robot: Robot) -> str:
 
 def _content(robot: Robot) -> dict[str, Any]:
     structure = robot.structure
+    aggregates = [
+        {"joints": list(a.joints), "parameters": {name: dict(terms) for name, terms in a.parameters.items()}}
+        for a in structure.aggregates
+    ]
+    equal = [list(group) for group in structure.equal]
     content = {
         "name": robot.name,
         "source": robot.source,
@@ -61,19 +66,7 @@ def _content(robot: Robot) -> dict[str, Any]:
         "links": [_link(link) for link in robot.links],
         "branches": [_branch(branch) for branch in robot.branches],
         **_transmission(robot.transmission),
-        "structure": _filled(
-            {
-                "zero": sorted(structure.zero),
-                "equal": [list(group) for group in structure.equal],
-                "aggregates": [
-                    {
-                        "joints": list(a.joints),
-                        "parameters": {name: dict(terms) for name, terms in a.parameters.items()},
-                    }
-                    for a in structure.aggregates
-                ],
-            }
-        ),
+        "structure": _filled({"zero": sorted(structure.zero), "equal": equal, "aggregates": aggregates}),
         "home": None if robot.home is None else robot.home.tolist(),
         "shapes": [part.to_dict() for part in robot.shapes],
     }

@@ -32,6 +32,7 @@ from regressors.robot.friction.load_and_temperature import (
     drive_temperatures as drive_temperatures,
     drives_along,
     drives_with_friction as drives_with_friction,
+    friction_rows,
     loading,
     scaled,
     smooth_direction as smooth_direction,
@@ -88,10 +89,7 @@ class FrictionCurves(Rebuilt):
         return cls({name: curve for name, curve in stated.items() if known[name]})
 
     def scaled(self, factors: Mapping[str, float]) -> FrictionCurves:
-        """Return the curves multiplied by one factor each, taken as exact; the factor is 1 where none is given.
-
-        Load shares are limited to 0.99, see `regressors.robot.friction.load_and_temperature.scaled`.
-        """
+        """The curves times one factor each, 1 where none is given, as exact ones; load shares are limited to 0.99."""
         known = ((name, curve) for name in self.curves if (curve := self.curve(name)) is not None)
         return FrictionCurves({name: scaled(curve, factors.get(name, 1.0)) for name, curve in known})
 
@@ -204,7 +202,7 @@ class FrictionCurves(Rebuilt):
         z = rest @ torques_at_drives(robot).T
         for k, _, curve, row in self._of_drives(robot):
             z[:, k] = carried(z[:, k], loading(curve, np.sign(dq @ row) if direction is None else direction[:, k]))
-        return np.asarray(z @ np.array([row for _, row in drives_with_friction(robot)]))
+        return np.asarray(z @ friction_rows(robot))
 
     def joint_expression(self, robot: Robot, dq: ca.SX, direction: ca.SX, load: ca.SX | None = None) -> ca.SX:
         """``C' f(C dq)`` as an expression, see `joint_torque`."""  # dq, load (n, 1); direction (k, 1)
@@ -226,7 +224,7 @@ class FrictionCurves(Rebuilt):
         z = ca.mtimes(sparse(torques_at_drives(robot)), rest)
         for k, _, curve, _ in self._of_drives(robot):
             z[k] = carried_expression(z[k], loading(curve, direction[k]))
-        return ca.mtimes(sparse(np.array([row for _, row in drives_with_friction(robot)]).T), z)
+        return ca.mtimes(sparse(friction_rows(robot).T), z)
 
     def _of_drives(self, robot: Robot) -> Iterator[tuple[int, str, FrictionCurve, Array]]:
         """Those of `drives_with_friction` that have a curve: which one, its name, its curve, and its row of C."""

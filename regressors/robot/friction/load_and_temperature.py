@@ -128,7 +128,7 @@ def drive_temperatures(robot: Robot, temperature: Array) -> Array:
     Where there are as many drives as joints, a drive's own joint is the one of the same number, if the drive moves it,
     such as in a differential wrist ``z4 = q4 + q5, z5 = q4 - q5``; otherwise it is the last joint that the drive moves.
     """  # temperature (N, n)
-    rows = [row for _, row in drives_with_friction(robot)]
+    rows = friction_rows(robot)
     paired = len(rows) == robot.n
     own = [k if paired and row[k] != 0.0 else int(np.flatnonzero(row)[-1]) for k, row in enumerate(rows)]
     return np.asarray(temperature)[:, own]
@@ -136,18 +136,16 @@ def drive_temperatures(robot: Robot, temperature: Array) -> Array:
 
 def smooth_direction(robot: Robot, dq: ca.SX, width: ca.SX | float) -> ca.SX:
     """``tanh(dz / width)`` of every drive with friction."""  # dq (n, 1)
-    rows = np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
-    return ca.densify(ca.tanh(ca.mtimes(sparse(rows), dq) / width))
+    return ca.densify(ca.tanh(ca.mtimes(sparse(friction_rows(robot)), dq) / width))
 
 
 def torques_at_drives(robot: Robot) -> Array:
     """Matrix from joint torques to those of the drives with friction, ``tau = C' tau_z`` solved for ``tau_z``."""
-    drives = drives_with_friction(robot)
-    C = np.array([row for _, row in drives]).reshape(-1, robot.n)
+    C, names = friction_rows(robot), ", ".join(name for name, _ in drives_with_friction(robot))
     if C.shape[0] != robot.n or np.linalg.matrix_rank(C) < robot.n:
         raise InputError(
             f"friction that grows with load needs one drive for each joint; here {robot.n} joints "
-            f"({', '.join(robot.joint_names)}) have the drives {', '.join(name for name, _ in drives)}"
+            f"({', '.join(robot.joint_names)}) have the drives {names}"
         )
     return np.asarray(np.linalg.inv(C.T))
 
@@ -155,7 +153,7 @@ def torques_at_drives(robot: Robot) -> Array:
 def carried_along(robot: Robot, moved: Array) -> Array:
     """Matrix from torques along directions, ``N' tau``, to joint torques with the same load on moved drives."""
     # moved (n, r)
-    C = np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
+    C = friction_rows(robot)
     along = C @ moved
     turning = np.any(np.abs(along) > _NOTHING, axis=1)
     if np.count_nonzero(turning) != along.shape[1] or np.linalg.matrix_rank(along[turning]) < along.shape[1]:

@@ -181,8 +181,7 @@ def multiplied(curve: FrictionCurve, factor: float) -> FrictionCurve:
     if isinstance(curve, CoulombViscous):
         return _times(curve, factor)
     if isinstance(curve, Stribeck):
-        ahead, behind = _times(curve.forward, factor), _times(curve.backward, factor)
-        return Stribeck(ahead, behind, factor * curve.offset)
+        return Stribeck(_times(curve.forward, factor), _times(curve.backward, factor), factor * curve.offset)
     if isinstance(curve, TableFriction):
         return TableFriction(curve.speed, factor * curve.friction)
     if isinstance(curve, FunctionFriction):

@@ -98,10 +98,7 @@ def bodies(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Iterator[LinkMotion
 
 
 def _branch_motion(parent: LinkMotion, branch: Branch, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> LinkMotion:
-    """Motion of a branch: its joint is that of a link, at ``s = coupling @ q + offset``.
-
-    Joint j moves it through its parent and through its own joint, ``axis_j + coupling_j axis_s``.
-    """
+    """Motion of a branch at ``s = coupling @ q + offset``; joint j moves it along ``axis_j + coupling_j axis_s``."""
     s, ds, dds = (ca.mtimes(sparse(branch.coupling[None]), x) for x in (q, dq, ddq))
     moved = next_link(parent, branch.joint, s + branch.offset, ds, dds)
     *through_parent, (angular, linear) = moved.axes
