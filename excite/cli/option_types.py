@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -215,12 +215,11 @@ class Names(Value):
         names = tuple(part.strip() for part in text.split(","))
         if self.known:
             names = tuple(dict.fromkeys(name.replace("-", "_") for name in names))
-            for name in names:
-                if name not in self.known:
-                    raise ValueError(
-                        f"expected {', '.join(self.words)}, or some of {', '.join(self.known)} separated by commas; "
-                        f"given {value!r}"
-                    )
+            if not set(names) <= set(self.known):
+                raise ValueError(
+                    f"expected {', '.join(self.words)}, or some of {', '.join(self.known)} separated by commas; "
+                    f"given {value!r}"
+                )
         if not all(names):
             raise ValueError(f"expected names or numbers separated by commas, such as 1,3; given {value!r}")
         return names
@@ -292,9 +291,8 @@ def _numbers_of(text: str) -> tuple[float, ...]:
     return numbers
 
 
-def _within(quantity: str, numbers: Iterable[float]) -> tuple[float, ...]:
+def _within(quantity: str, numbers: Sequence[float]) -> tuple[float, ...]:
     """Numbers that a quantity may be, or a `ValueError` that says what it may be."""
-    checked = tuple(numbers)
-    if (wrong := next(filter(None, (fault(quantity, number) for number in checked)), None)) is not None:
+    for wrong in filter(None, (fault(quantity, number) for number in numbers)):
         raise ValueError(wrong)
-    return checked
+    return tuple(numbers)

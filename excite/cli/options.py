@@ -60,8 +60,6 @@ _TYPES: dict[Kind, Any] = {
     "sides": BOX_OR_SIDES,
     "pose": Numbers("home", words={"robot": "robot"}),
     "names": Names(),
-    "text": str,
-    "file": str,
     "prior": PRIOR,
     "margin": MARGIN,
     "mount": MOUNT,
@@ -156,7 +154,7 @@ def _type(name: str, option: Option) -> Any:
         return Numbers(option.quantity or name, words={option.word: None})
     if option.kind in _OF_QUANTITIES:
         return _OF_QUANTITIES[option.kind](option.quantity or name)
-    return click.Choice(option.choices) if option.choices else _TYPES[option.kind]
+    return click.Choice(option.choices) if option.choices else _TYPES.get(option.kind, str)
 
 
 def check_not_typed(names: Iterable[str], why: str) -> None:

@@ -248,10 +248,8 @@ def _literal(character: str) -> str:
 
 def console() -> LiteralConsole:
     """Console on stdout that prints names literally, brackets included, and does not wrap tables when piped."""
-    width = None if sys.stdout.isatty() else 120
-    if not has_colours(sys.stdout):
-        return LiteralConsole(markup=False, highlight=False, color_system=None, width=width)
-    return LiteralConsole(markup=False, highlight=False, force_terminal=True, width=width)
+    colours: dict[str, Any] = {"force_terminal": True} if has_colours(sys.stdout) else {"color_system": None}
+    return LiteralConsole(markup=False, highlight=False, width=None if sys.stdout.isatty() else 120, **colours)
 
 
 def console_of_progress() -> Console:

@@ -305,12 +305,7 @@ def _write_name(ax: Axes, name: str, lines: int) -> None:
 
 def _label_times(figure: Figure) -> None:
     """Label the lowest panel of each column, whose last row may have some missing."""
-    lowest: dict[int, Axes] = {}
-    for ax in figure.axes:  # from the top
-        place = ax.get_subplotspec()
-        assert place is not None
-        lowest[place.colspan.start] = ax
-    for ax in lowest.values():
+    for ax in {ax.get_position().x0: ax for ax in figure.axes}.values():  # they are in order from the top
         ax.set_xlabel("time [s]", fontsize=LABEL, color=DARK)
         ax.tick_params(labelbottom=True)
 

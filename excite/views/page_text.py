@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -44,12 +44,8 @@ class PageSection:
     task: str = ""  # text of the task file that the commands read; empty where they read none
 
 
-class PageCell(NamedTuple):
-    """One cell of a table."""
-
-    text: str
-    exact: str = ""  # the number behind it with all digits, by which rows are sorted
-    state: str = ""
+# text, the number behind it with all digits, by which rows are sorted, and state
+PageCell = tuple[str, str, str]
 
 
 def page_text(sections: Sequence[PageSection]) -> str:
@@ -91,21 +87,21 @@ def _cells(table: ViewTable) -> tuple[list[tuple[str, bool]], list[list[PageCell
         [_cell(table.columns[k], row[k], table.marked.get((j, k), "")) for k in shown]
         for j, row in enumerate(table.rows)
     ]
-    numeric = [any(cell.exact for cell in cells) for cells in zip(*rows, strict=True)]
+    numeric = [any(exact for _, exact, _ in cells) for cells in zip(*rows, strict=True)]
     return [(table.columns[k].heading, each) for k, each in zip(shown, numeric, strict=True)], rows
 
 
 def _cell(column: Column, value: Any, state: str) -> PageCell:
     if column.format is Format.UNIT:
-        return PageCell(raised(str(value)), state=state or "unit")
+        return raised(str(value)), "", state or "unit"
     if column.format is Format.TEXT or isinstance(value, str):
-        return PageCell(str(value), state=state)
+        return str(value), "", state
     if column.format is Format.KEPT:
-        return PageCell("yes" if value else "NO", repr(float(value)), state or ("" if value else "bad"))
+        return "yes" if value else "NO", repr(float(value)), state or ("" if value else "bad")
     if value is None or not math.isfinite(value):
-        return PageCell(column.missing or "\N{EN DASH}", state=state)
+        return column.missing or "\N{EN DASH}", "", state
     number = f"{value:.{_DIGITS}g}".replace("-", "\N{MINUS SIGN}")
-    return PageCell(percent(value, 3) if column.format is Format.PERCENT else number, repr(float(value)), state)
+    return percent(value, 3) if column.format is Format.PERCENT else number, repr(float(value)), state
 
 
 def _facts(known: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -18,8 +18,8 @@ class Format(Enum):
 
     TEXT = "text"
     UNIT = "unit"  # of the numbers beside it
-    NUMBER = "number"
-    PERCENT = "percent"  # of a fraction
+    NUMBER = ""
+    PERCENT = "%"  # of a fraction
     KEPT = "kept"  # whether a limit holds
 
 
@@ -153,14 +153,12 @@ def texts(*headings: str, **how: Any) -> tuple[Column, ...]:
     return tuple(Column(heading, Format.TEXT, **how) for heading in headings)
 
 
-_FORMATS = {"text": Format.TEXT, "unit": Format.UNIT, "%": Format.PERCENT, "kept": Format.KEPT}
-
-
 def headed(headings: str, **how: Any) -> tuple[Column, ...]:
     """Columns by headings, as ``*drive:text, x:2, used:%``: starred in a summary; a format, or a number's digits."""
     columns = []
     for each in headings.split(", "):
         heading, _, form = each.removeprefix("*").partition(":")
         digits = int(form) if form.isdigit() else Column.digits
-        columns.append(Column(heading, _FORMATS.get(form, Format.NUMBER), each.startswith("*"), digits=digits, **how))
+        kind = Format("" if form.isdigit() else form)
+        columns.append(Column(heading, kind, each.startswith("*"), digits=digits, **how))
     return tuple(columns)
