@@ -12,7 +12,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from excite.registry import ADDRESS_FORMS, FIGURE_FORMATS, is_addressed, is_own
-from excite.tasks.option import AUTO, MARGINS, MOUNTS, NONE, share_of
+from excite.tasks.option import AUTO, MOUNTS, NONE, share_of
 from regressors.errors import InputError
 from regressors.quantities import QUANTITIES, fault, number_of, shown, whole_number_of
 
@@ -190,14 +190,9 @@ class Sides(Value):
         return sides * (3 // len(sides))
 
 
-_BOX = ("tool_box", "L:U for x, y and z, such as -1:1,-1:1,0: ")
-RANGES = Sides("position", "LOWER:UPPER per joint, such as -1:1,-2:0.5")
-BOX = Sides(*_BOX, box=True)
-BOX_OR_SIDES = Sides(*_BOX, box=True, widths=True)
 MOUNT = Numbers(
     counts=(3,), words={name: name for name in MOUNTS}, expected=f"{', '.join(MOUNTS)}, or roll, pitch, yaw [rad]"
 )
-MARGIN = Number(words={name: name for name in MARGINS})
 
 
 class Names(Value):

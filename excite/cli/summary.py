@@ -236,14 +236,8 @@ class LiteralConsole(Console):
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """Render as a `Console` does, literally."""
         for segment in super().render(renderable, options):
-            if segment.control or segment.text.replace("\n", "").isprintable():
-                yield segment
-            else:
-                yield Segment("".join(map(_literal, segment.text)), segment.style)
-
-
-def _literal(character: str) -> str:
-    return character if character.isprintable() or character == "\n" else "\N{REPLACEMENT CHARACTER}"
+            text = "".join(c if c.isprintable() or c == "\n" else "\ufffd" for c in segment.text)
+            yield segment if segment.control else Segment(text, segment.style)
 
 
 def console() -> LiteralConsole:

@@ -15,7 +15,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from excite.design.friction_runs.friction_plan import CoordinatePlan, FrictionPlan
-from excite.friction.breakaway_torque import mean_break_aways
 from excite.friction.friction_equations import Conditions
 from excite.friction.friction_fit import Characteristic
 from excite.views.panels import Panel, head, legend_below, panels, value_axis
@@ -85,7 +84,7 @@ def _panel(ax: Axes, c: Characteristic) -> None:
         bar.ax.tick_params(labelsize=NOTE)
     else:
         ax.plot(v, tau, "o", color=DARK, markersize=2.5, zorder=3)
-    for mean in mean_break_aways(c.break_aways):
+    for mean in c.means:
         ax.errorbar(0.0, mean.torque, mean.interval99, capsize=3, linewidth=0.9, zorder=4, **_BREAK_AWAY)
     ax.axhline(0.0, color=GREY, linewidth=0.6)
     ax.axvline(0.0, color=GREY, linewidth=0.6)

@@ -145,11 +145,6 @@ class Bound:
     shift: float  # limited value minus the function as drawn
     use: LimitUse  # use of the limit by the motion
 
-    @property
-    def extreme(self) -> float:
-        """The extreme value of the function as drawn."""
-        return self.use.extreme - self.shift
-
 
 @dataclass
 class MotionFunction:
@@ -171,10 +166,6 @@ class MotionFunction:
         bounds = self.bounds[derivative]
         lower = max((bound.lower - bound.shift for bound in bounds), default=-np.inf)
         return lower, min((bound.upper - bound.shift for bound in bounds), default=np.inf)
-
-    def tightest(self, derivative: int) -> Bound | None:
-        """The bound that the motion uses most."""
-        return max(self.bounds[derivative], key=lambda bound: bound.use.use, default=None)
 
 
 def motion_functions(
@@ -282,8 +273,8 @@ def _draw_row(row: Sequence[Axes], function: MotionFunction, samples: Samples, b
     """Draw a function and its derivatives; the exciting motion, whose extremes are marked, starts at ``begin``."""
     lines = 1
     for derivative, ax in enumerate(row):
-        bound = function.tightest(derivative)
-        closest = None if bound is None else (begin + bound.use.time, bound.extreme, bound.use.holds)
+        bound = max(function.bounds[derivative], key=lambda bound: bound.use.use, default=None)  # used most
+        closest = None if bound is None else (begin + bound.use.time, bound.use.extreme - bound.shift, bound.use.holds)
         values = function.values(samples, derivative)
         draw_limited(ax, samples.time, values, function.allowed(derivative), closest)
         unit = typeset(function.unit + _PER_TIME[derivative])

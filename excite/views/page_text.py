@@ -26,7 +26,7 @@ from regressors.samples import Array
 
 _PAGE = Path(__file__).parent / "page"
 _CODE = re.compile(r"`([^`]+)`")
-_UNSAFE = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
+_UNSAFE = str.maketrans({"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"})
 _DIGITS = 6  # significant, of numbers that are read; the page has all of them beside
 _NAMES = {"wall_seconds": "time taken [s]", "cpu_seconds": "processor time [s]", "problem": "hash of the problem"}
 _LEFT_OUT = ("run",)  # of the provenance
@@ -129,8 +129,7 @@ def _hash(text: str) -> str:
 
 def _data(motion: Any) -> str:
     """JSON that cannot end the element that it stands in."""
-    text = json.dumps(motion, allow_nan=False, separators=(",", ":"))
-    return "".join(_UNSAFE.get(letter, letter) for letter in text) if any(map(text.__contains__, _UNSAFE)) else text
+    return json.dumps(motion, allow_nan=False, separators=(",", ":")).translate(_UNSAFE)
 
 
 def _with_code(text: str) -> Any:
