@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import nullcontext, suppress
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -16,8 +18,8 @@ from click.core import ParameterSource
 import excite
 from excite.cli.main import NOT_HELD
 from excite.cli.options import FigureChoice, robot_file_of, split_base, typed_options
-from excite.cli.progress import interrupted_status, one_interrupt, progress_of_cells, progress_of_starts
-from excite.cli.streams import in_options, remark, say, tell, verbosity
+from excite.cli.progress import bar, interrupted_status, one_interrupt
+from excite.cli.streams import can_move, in_options, remark, say, something_is_shown, tell, verbosity
 from excite.cli.summary import finite, show
 from excite.design.comparison import Judgement
 from excite.design.design import Design
@@ -35,8 +37,9 @@ from excite.design.formulation import Formulation, formulate
 from excite.design.multistart import holds_unfinished_design, ready_workers, resume_search
 from excite.design.optimisation import announce_search, solve, starts_left
 from excite.design.search_rounds import design_with_harmonics
+from excite.design.start_results import StartResult
 from excite.design.starts import KeptStarts, keep_starts
-from excite.design.sweeps.run_sweep import CellsLeft, read_sweep_file, run_sweep
+from excite.design.sweeps.run_sweep import CellProgress, CellsLeft, read_sweep_file, run_sweep
 from excite.design.sweeps.sweep_table import JSON, TABLE, SweepTable, load_sweep
 from excite.design.task_file import read_task_file, task_from_options
 from excite.optimality.design_bound import stored_bound
@@ -293,3 +296,81 @@ def _next(table: SweepTable, out: Path) -> str:
     if best is None:
         return f"read the reasons in {out / TABLE}, and change the file"
     return f"excite report {out} --out campaign.html; each cell is a design: {out / 'cells' / best}"
+
+
+_MANY = 100  # starts above which a line comes before the first of them has ended
+_BETWEEN = 2.0  # seconds between two lines on cells
+
+
+@contextmanager
+def progress_of_starts(kept: KeptStarts) -> Iterator[Callable[[StartResult], None]]:
+    """Report finished starts and the best value so far."""
+    if verbosity().quiet:
+        yield lambda _: None
+    elif verbosity().verbose or not can_move(sys.stderr):
+        yield _lines(kept)
+    else:
+        best, done = kept.best, len(kept.done)
+        text, shown = "starts, best {task.fields[best]}", f"{best:.4g}" if done else "-"
+        with bar(text, total=kept.count, completed=done, best=shown) as update:
+
+            def report(result: StartResult) -> None:
+                nonlocal best
+                best = min(best, result.value)
+                update(advance=1, best=f"{best:.4g}")
+
+            yield report
+
+
+def _lines(kept: KeptStarts) -> Callable[[StartResult], None]:
+    total, best, done = kept.count, kept.best, len(kept.done)
+    of_all = f" of {total}" if total is not None else ""
+    if total is not None and total - done > _MANY:
+        say(f"excite: {total - done} starts to run")
+
+    def report(result: StartResult) -> None:
+        nonlocal best, done
+        done += 1
+        better = result.value < best
+        best = min(best, result.value)
+        if verbosity().verbose:
+            say(f"start {done}{of_all}: {result.value:.4g} in {result.cpu:.1f} s, {result.status}; best {best:.4g}")
+        elif better:
+            something_is_shown()
+            say(f"start {done}{of_all}: best so far {best:.4g}")
+
+    return report
+
+
+@contextmanager
+def progress_of_cells() -> Iterator[tuple[Callable[[int, int], None], Callable[[CellProgress], None]]]:
+    """Report finished cells of a campaign, in lines at most every two seconds where there is no terminal."""
+    if verbosity().quiet:
+        yield (lambda _, __: None), (lambda _: None)
+    elif verbosity().verbose or not can_move(sys.stderr):
+        yield (lambda _, left: say(f"excite: {left} cells to run") if left else None), _lines_of_cells()
+    else:
+        with bar("cells, last {task.fields[last]}", remaining=True, total=None, last="-") as update:
+            yield (
+                lambda done, left: update(total=done + left, completed=done),
+                lambda ended: update(completed=ended.done, last=_of_cell(ended)),
+            )
+
+
+def _of_cell(ended: CellProgress) -> str:
+    return f"{ended.cell}: {ended.status}" if ended.status else f"{ended.cell}: {ended.condition or math.inf:.4g}"
+
+
+def _lines_of_cells() -> Callable[[CellProgress], None]:
+    shown = 0.0
+
+    def report(ended: CellProgress) -> None:
+        nonlocal shown
+        now = time.monotonic()
+        if verbosity().verbose or now - shown > _BETWEEN or ended.done == ended.total:
+            shown = now
+            something_is_shown()
+            because = f", {ended.reason}" if ended.reason and verbosity().verbose else ""
+            say(f"cell {ended.done} of {ended.total}: {_of_cell(ended)}{because}")
+
+    return report

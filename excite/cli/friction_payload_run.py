@@ -46,8 +46,7 @@ def plan_runs_and_write(robot: str, out: Path, **given: Any) -> None:
     with result_folder(out):
         check_no_plan(out, figure_names([RUNS], given["figures"].formats), replace=given["force"])
         plan = excite.plan_friction(described, schedule, limits=limits, world=world, **chosen)
-        files = plan.save(out, replace=given["force"])
-        files = [*files, *given["figures"].write(plan, out)]
+        files = [*plan.save(out, replace=given["force"]), *given["figures"].write(plan, out)]
     fit = f"excite friction fit ROBOT LOG... --plan {out} --out DIR"
     show(
         friction_plan_view(plan),

@@ -67,9 +67,8 @@ class LazyGroup(click.Group):
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """Commands that begin so, without importing any; options as click completes them."""
-        begun = [
-            CompletionItem(name, help=text) for name, text in self._summaries.items() if name.startswith(incomplete)
-        ]
+        known = self._summaries.items()
+        begun = [CompletionItem(name, help=text) for name, text in known if name.startswith(incomplete)]
         return [*begun, *click.Command.shell_complete(self, ctx, incomplete)]
 
     def resolve_command(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from excite.registry import ADDRESS_FORMS, FIGURE_FORMATS, is_addressed, is_own
-from excite.tasks.option import AUTO, MARGINS, MOUNTS, NONE, share_of
+from excite.tasks.option import AUTO, MOUNTS, NONE, share_of
 from regressors.errors import InputError
 from regressors.quantities import QUANTITIES, fault, number_of, shown, whole_number_of
 
@@ -190,14 +190,9 @@ class Sides(Value):
         return sides * (3 // len(sides))
 
 
-_BOX = ("tool_box", "L:U for x, y and z, such as -1:1,-1:1,0: ")
-RANGES = Sides("position", "LOWER:UPPER per joint, such as -1:1,-2:0.5")
-BOX = Sides(*_BOX, box=True)
-BOX_OR_SIDES = Sides(*_BOX, box=True, widths=True)
 MOUNT = Numbers(
     counts=(3,), words={name: name for name in MOUNTS}, expected=f"{', '.join(MOUNTS)}, or roll, pitch, yaw [rad]"
 )
-MARGIN = Number(words={name: name for name in MARGINS})
 
 
 class Names(Value):
@@ -215,12 +210,11 @@ class Names(Value):
         names = tuple(part.strip() for part in text.split(","))
         if self.known:
             names = tuple(dict.fromkeys(name.replace("-", "_") for name in names))
-            for name in names:
-                if name not in self.known:
-                    raise ValueError(
-                        f"expected {', '.join(self.words)}, or some of {', '.join(self.known)} separated by commas; "
-                        f"given {value!r}"
-                    )
+            if not set(names) <= set(self.known):
+                raise ValueError(
+                    f"expected {', '.join(self.words)}, or some of {', '.join(self.known)} separated by commas; "
+                    f"given {value!r}"
+                )
         if not all(names):
             raise ValueError(f"expected names or numbers separated by commas, such as 1,3; given {value!r}")
         return names
@@ -292,9 +286,8 @@ def _numbers_of(text: str) -> tuple[float, ...]:
     return numbers
 
 
-def _within(quantity: str, numbers: Iterable[float]) -> tuple[float, ...]:
+def _within(quantity: str, numbers: Sequence[float]) -> tuple[float, ...]:
     """Numbers that a quantity may be, or a `ValueError` that says what it may be."""
-    checked = tuple(numbers)
-    if (wrong := next(filter(None, (fault(quantity, number) for number in checked)), None)) is not None:
+    for wrong in filter(None, (fault(quantity, number) for number in numbers)):
         raise ValueError(wrong)
-    return checked
+    return tuple(numbers)

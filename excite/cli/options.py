@@ -16,27 +16,24 @@ import excite
 from excite.cli.command import FurtherOption, further_option
 from excite.cli.option_types import (
     ALL_OR_NONE,
-    BOX,
-    BOX_OR_SIDES,
     FILE,
     FORMATS,
     IMPACT,
-    MARGIN,
     MOUNT,
     PAYLOAD,
     PRECISION,
     PRIOR,
-    RANGES,
     Folder,
     Names,
     Number,
     Numbers,
     PartName,
+    Sides,
     size,
 )
 from excite.cli.streams import tell
 from excite.registry import BUILT_IN, CONVENTIONS, DROPPABLE, EXECUTORS, FIGURE_WIDTHS
-from excite.tasks.option import AUTO, Kind, Option, options_of
+from excite.tasks.option import AUTO, MARGINS, Kind, Option, options_of
 from excite.tasks.task import PARTS
 from excite.views.view import View
 
@@ -44,26 +41,24 @@ Command = Callable[..., Any]
 _OF_QUANTITIES: dict[Kind, Callable[[str], Any]] = {
     "integer": Number,
     "number": Number,
-    "count": lambda quantity: Number(quantity, {AUTO: AUTO}),
+    **dict.fromkeys(("count", "distance"), lambda quantity: Number(quantity, {AUTO: AUTO})),
     "numbers": Numbers,
     "triple": lambda quantity: Numbers(quantity, (3,)),
     "frame": lambda quantity: Numbers(quantity, (3, 6)),
     "poses": Numbers,
-    "distance": lambda quantity: Number(quantity, {AUTO: AUTO}),
     "size": size,
     "percent": lambda quantity: Number(quantity, percent=True),
 }
+_BOX = ("tool_box", "L:U for x, y and z, such as -1:1,-1:1,0: ")
 _SEVERAL = ("poses", "folders", "impacts", "several")
 _TYPES: dict[Kind, Any] = {
-    "ranges": RANGES,
-    "box": BOX,
-    "sides": BOX_OR_SIDES,
+    "ranges": Sides("position", "LOWER:UPPER per joint, such as -1:1,-2:0.5"),
+    "box": Sides(*_BOX, box=True),
+    "sides": Sides(*_BOX, box=True, widths=True),
     "pose": Numbers("home", words={"robot": "robot"}),
     "names": Names(),
-    "text": str,
-    "file": str,
     "prior": PRIOR,
-    "margin": MARGIN,
+    "margin": Number(words=dict(zip(MARGINS, MARGINS, strict=True))),
     "mount": MOUNT,
     "payload": PAYLOAD,
     "drives": Names(ALL_OR_NONE),
@@ -156,7 +151,7 @@ def _type(name: str, option: Option) -> Any:
         return Numbers(option.quantity or name, words={option.word: None})
     if option.kind in _OF_QUANTITIES:
         return _OF_QUANTITIES[option.kind](option.quantity or name)
-    return click.Choice(option.choices) if option.choices else _TYPES[option.kind]
+    return click.Choice(option.choices) if option.choices else _TYPES.get(option.kind, str)
 
 
 def check_not_typed(names: Iterable[str], why: str) -> None:

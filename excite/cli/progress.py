@@ -2,55 +2,27 @@
 
 from __future__ import annotations
 
-import math
 import os
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from excite.cli.streams import SECONDS, can_move, remark, say, something_is_shown, tell, verbosity
+from excite.cli.streams import SECONDS, can_move, remark, something_is_shown, tell, verbosity
 from excite.design.interruption import Interruption, answered_signals, current_interruption, deferred_interruption
 
-if TYPE_CHECKING:
-    from excite.design.start_results import StartResult
-    from excite.design.starts import KeptStarts
-    from excite.design.sweeps.run_sweep import CellProgress
-
-
 _Steps = Callable[[int, int], None]  # of what is done, and of the total
-_MANY = 100  # starts above which a line comes before the first of them has ended
 _BETWEEN = 2.0  # seconds between two lines of a simulation
 _SILENCE = 2.0  # before the first line on repetitions [s]
 _PAUSE = 5.0  # between two lines of it [s]
 
 
 @contextmanager
-def progress_of_starts(kept: KeptStarts) -> Iterator[Callable[[StartResult], None]]:
-    """Report finished starts and the best value so far."""
-    if verbosity().quiet:
-        yield lambda _: None
-    elif verbosity().verbose or not can_move(sys.stderr):
-        yield _lines(kept)
-    else:
-        best, done = kept.best, len(kept.done)
-        text, shown = "starts, best {task.fields[best]}", f"{best:.4g}" if done else "-"
-        with _bar(text, total=kept.count, completed=done, best=shown) as update:
-
-            def report(result: StartResult) -> None:
-                nonlocal best
-                best = min(best, result.value)
-                update(advance=1, best=f"{best:.4g}")
-
-            yield report
-
-
-@contextmanager
-def _bar(text: str, *, verb: str = "designing", remaining: bool = False, **first: Any) -> Iterator[Callable[..., None]]:
+def bar(text: str, *, verb: str = "designing", remaining: bool = False, **first: Any) -> Iterator[Callable[..., None]]:
     """A bar on a terminal; what is yielded moves it."""
     from rich import progress
 
@@ -64,67 +36,13 @@ def _bar(text: str, *, verb: str = "designing", remaining: bool = False, **first
         yield partial(bar.update, bar.add_task("", **first))
 
 
-def _lines(kept: KeptStarts) -> Callable[[StartResult], None]:
-    total, best, done = kept.count, kept.best, len(kept.done)
-    of_all = f" of {total}" if total is not None else ""
-    if total is not None and total - done > _MANY:
-        say(f"excite: {total - done} starts to run")
-
-    def report(result: StartResult) -> None:
-        nonlocal best, done
-        done += 1
-        better = result.value < best
-        best = min(best, result.value)
-        if verbosity().verbose:
-            say(f"start {done}{of_all}: {result.value:.4g} in {result.cpu:.1f} s, {result.status}; best {best:.4g}")
-        elif better:
-            something_is_shown()
-            say(f"start {done}{of_all}: best so far {best:.4g}")
-
-    return report
-
-
-@contextmanager
-def progress_of_cells() -> Iterator[tuple[Callable[[int, int], None], Callable[[CellProgress], None]]]:
-    """Report finished cells of a campaign, in lines at most every two seconds where there is no terminal."""
-    if verbosity().quiet:
-        yield (lambda _, __: None), (lambda _: None)
-    elif verbosity().verbose or not can_move(sys.stderr):
-        yield (lambda _, left: say(f"excite: {left} cells to run") if left else None), _lines_of_cells()
-    else:
-        with _bar("cells, last {task.fields[last]}", remaining=True, total=None, last="-") as update:
-            yield (
-                lambda done, left: update(total=done + left, completed=done),
-                lambda ended: update(completed=ended.done, last=_of_cell(ended)),
-            )
-
-
-def _of_cell(ended: CellProgress) -> str:
-    return f"{ended.cell}: {ended.status}" if ended.status else f"{ended.cell}: {ended.condition or math.inf:.4g}"
-
-
-def _lines_of_cells() -> Callable[[CellProgress], None]:
-    shown = 0.0
-
-    def report(ended: CellProgress) -> None:
-        nonlocal shown
-        now = time.monotonic()
-        if verbosity().verbose or now - shown > _BETWEEN or ended.done == ended.total:
-            shown = now
-            something_is_shown()
-            because = f", {ended.reason}" if ended.reason and verbosity().verbose else ""
-            say(f"cell {ended.done} of {ended.total}: {_of_cell(ended)}{because}")
-
-    return report
-
-
 @contextmanager
 def progress_of_repetitions(total: int) -> Iterator[_Steps]:
     """Report finished repetitions, in lines not more often than every few seconds where there is no terminal."""
     if verbosity().quiet or not can_move(sys.stderr):
         yield _lines_of_repetitions()
     else:
-        with _bar("", verb="repeating", remaining=True, total=total) as update:
+        with bar("", verb="repeating", remaining=True, total=total) as update:
             yield lambda done, _: update(completed=done)
 
 

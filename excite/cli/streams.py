@@ -61,13 +61,10 @@ class _Lines(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         chosen = verbosity()
         least = logging.WARNING if chosen.quiet else logging.DEBUG if chosen.verbose else logging.INFO
-        if record.levelno >= least and not _is_own(record):
+        # of a file with a hidden name, by which commits are kept whole
+        is_own = record.levelno == logging.DEBUG and any("/." in f"/{argument}" for argument in record.args or ())
+        if record.levelno >= least and not is_own:
             say(f"excite: {in_options(record.getMessage())}")
-
-
-def _is_own(record: logging.LogRecord) -> bool:
-    """Whether it is about a file with a hidden name, by which commits are kept whole."""
-    return record.levelno == logging.DEBUG and any("/." in f"/{argument}" for argument in record.args or ())
 
 
 @contextmanager

@@ -236,22 +236,14 @@ class LiteralConsole(Console):
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """Render as a `Console` does, literally."""
         for segment in super().render(renderable, options):
-            if segment.control or segment.text.replace("\n", "").isprintable():
-                yield segment
-            else:
-                yield Segment("".join(map(_literal, segment.text)), segment.style)
-
-
-def _literal(character: str) -> str:
-    return character if character.isprintable() or character == "\n" else "\N{REPLACEMENT CHARACTER}"
+            text = "".join(c if c.isprintable() or c == "\n" else "\ufffd" for c in segment.text)
+            yield segment if segment.control else Segment(text, segment.style)
 
 
 def console() -> LiteralConsole:
     """Console on stdout that prints names literally, brackets included, and does not wrap tables when piped."""
-    width = None if sys.stdout.isatty() else 120
-    if not has_colours(sys.stdout):
-        return LiteralConsole(markup=False, highlight=False, color_system=None, width=width)
-    return LiteralConsole(markup=False, highlight=False, force_terminal=True, width=width)
+    colours: dict[str, Any] = {"force_terminal": True} if has_colours(sys.stdout) else {"color_system": None}
+    return LiteralConsole(markup=False, highlight=False, width=None if sys.stdout.isatty() else 120, **colours)
 
 
 def console_of_progress() -> Console:

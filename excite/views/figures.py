@@ -116,17 +116,17 @@ def _view_of(result: Any) -> View:
     return view(result)
 
 
-Drawn = Mapping[str, Figure] | Callable[[], Mapping[str, Figure]]  # by their names, or what draws them
+Draw = Callable[[], Mapping[str, Figure]]  # makes figures by their names
 
 _UNDATED: dict[str, dict[str, Any]] = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None, "Creator": None}}
 _PNG_COMPRESSION = 3  # of 9; the default, 6, takes half as long again for files that are little smaller
 _PNG_FONTS: Any = {"font.sans-serif": ["DejaVu Sans"]}  # matplotlib brings it along; others, for SVG, are looked up
 
 
-def drawn_figures(drawn: Drawn, width: str) -> dict[str, Figure]:
-    """Draw figures, unless they are drawn, in the style of a width, with all text literal."""
+def drawn_figures(draw: Draw, width: str) -> dict[str, Figure]:
+    """Draw figures in the style of a width, with all text literal."""
     with drawing_style(width):
-        figures = dict(drawn() if callable(drawn) else drawn)
+        figures = dict(draw())
         for figure in figures.values():
             literal(figure)
             take_sizes(figure)
@@ -134,11 +134,11 @@ def drawn_figures(drawn: Drawn, width: str) -> dict[str, Figure]:
 
 
 def write_figure_files(
-    drawn: Drawn, folder: str | Path, kind: str = "", *, formats: str | Sequence[str] = ("png",), width: str = "screen"
+    draw: Draw, folder: str | Path, kind: str = "", *, formats: str | Sequence[str] = ("png",), width: str = "screen"
 ) -> list[Path]:
     """Write figures, all at once, beside the files of a result; the same figures give the same bytes."""
     folder, formats = Path(folder), check_formats(formats)
-    made = drawn_figures(drawn, width)
+    made = drawn_figures(draw, width)
     names = figure_names(made, formats)
     if not folder.is_dir():
         raise InputError(f"cannot write {folder / names[0]}: there is no folder {folder}")
@@ -152,8 +152,7 @@ def write_figure_files(
             for form in formats:
                 with replacing(staged / f"{name}.{form}", "wb") as stream:
                     _save(figure, stream, form)
-            if callable(drawn):
-                figure.clear()  # a figure refers to itself: without this its memory waits for the collector
+            figure.clear()  # a figure refers to itself: without this its memory waits for the collector
     return [folder / name for name in names]
 
 

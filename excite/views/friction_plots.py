@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from excite.design.friction_runs.friction_plan import CoordinatePlan, FrictionPlan
-from excite.friction.breakaway_torque import mean_break_aways
 from excite.friction.friction_equations import Conditions
 from excite.friction.friction_fit import Characteristic
 from excite.views.panels import Panel, head, legend_below, panels, value_axis
@@ -73,10 +72,8 @@ def friction_figure(robot: str, characteristics: Sequence[Characteristic]) -> Fi
 
 def _panel(ax: Axes, c: Characteristic) -> None:
     v, tau, sigma = (np.array([getattr(p, name) for p in c.points]) for name in ("speed", "torque", "deviation"))
-    for sign in (1.0, -1.0):
-        speeds = _speeds(c, sign)
-        if speeds.size:
-            _curve(ax, c, np.copysign(speeds, sign))
+    for speeds in _speeds(c):
+        _curve(ax, c, speeds)
     tau = _at_one_load(c) if c.fit is not None and c.fit.form.load else tau
     ax.errorbar(v, tau, 2.576 * sigma, fmt="none", ecolor=GREY, elinewidth=0.7, zorder=2)
     temperatures = _temperatures(c)
@@ -87,7 +84,7 @@ def _panel(ax: Axes, c: Characteristic) -> None:
         bar.ax.tick_params(labelsize=NOTE)
     else:
         ax.plot(v, tau, "o", color=DARK, markersize=2.5, zorder=3)
-    for mean in mean_break_aways(c.break_aways):
+    for mean in c.means:
         ax.errorbar(0.0, mean.torque, mean.interval99, capsize=3, linewidth=0.9, zorder=4, **_BREAK_AWAY)
     ax.axhline(0.0, color=GREY, linewidth=0.6)
     ax.axvline(0.0, color=GREY, linewidth=0.6)
@@ -125,9 +122,8 @@ def _left(ax: Axes, c: Characteristic) -> None:
     """Draw the residuals of the windows, and the band, which is too narrow to be visible in the full panel."""
     v, tau, sigma = (np.array([getattr(p, name) for p in c.points]) for name in ("speed", "torque", "deviation"))
     off = tau - c.curve.torque(v) if c.fit is None else c.fit.residuals(c.points)
-    for sign in (1.0, -1.0):
-        speeds = np.copysign(_speeds(c, sign), sign)
-        if c.fit is not None and speeds.size:
+    for speeds in _speeds(c):
+        if c.fit is not None:
             _, half = c.fit.band(speeds, load=_load(c))
             ax.fill_between(speeds, -half, half, color=BAND, linewidth=0.0, zorder=1)
     ax.axhline(0.0, color=BLUE, linewidth=1.0)
@@ -137,12 +133,11 @@ def _left(ax: Axes, c: Characteristic) -> None:
     tidy(ax)
 
 
-def _speeds(c: Characteristic, sign: float) -> Array:
-    """Speeds of one direction from the slowest point to the fastest; none where there are no points."""
-    speeds = [abs(p.speed) for p in c.points if p.speed * sign > 0]
-    if not speeds:
-        return np.zeros(0)
-    return np.linspace(0.0 if c.rests else min(speeds), max(speeds), _INSTANTS)
+def _speeds(c: Characteristic) -> Iterator[Array]:
+    """Speeds of each direction that has points, from the slowest to the fastest."""
+    for sign in (1.0, -1.0):
+        if speeds := [abs(p.speed) for p in c.points if p.speed * sign > 0]:
+            yield sign * np.linspace(0.0 if c.rests else min(speeds), max(speeds), _INSTANTS)
 
 
 def _curve(ax: Axes, c: Characteristic, v: Array) -> None:

@@ -122,15 +122,12 @@ def _least_certain(result: Identification) -> tuple[ViewTable, ...]:
     sized = np.where(np.isfinite(estimate.relative_deviation), estimate.relative_deviation, -1.0)
     columns = headed("*least certain:text, *value:4, *99 %:text, *unit:unit, *std. dev.:text")
     rows = tuple(
-        (estimate.names[k], estimate.values[k], f"+- {estimate.half_width[k]:.2g}", estimate.units[k], _size(sized[k]))
+        (estimate.names[k], estimate.values[k], f"+- {estimate.half_width[k]:.2g}", estimate.units[k], size)
         for k in np.argsort(-sized, kind="stable")[:_SHOWN]
         if sized[k] >= 0.0
+        for size in [percent(sized[k]) if sized[k] <= 1 else "over 100 %"]
     )
     return (ViewTable("least-certain", "Parameters that are least certain", columns, rows),) if rows else ()
-
-
-def _size(relative: float) -> str:
-    return percent(relative) if relative <= 1 else "over 100 %"
 
 
 def _logs(result: Identification) -> ViewTable:

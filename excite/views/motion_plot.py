@@ -145,11 +145,6 @@ class Bound:
     shift: float  # limited value minus the function as drawn
     use: LimitUse  # use of the limit by the motion
 
-    @property
-    def extreme(self) -> float:
-        """The extreme value of the function as drawn."""
-        return self.use.extreme - self.shift
-
 
 @dataclass
 class MotionFunction:
@@ -171,10 +166,6 @@ class MotionFunction:
         bounds = self.bounds[derivative]
         lower = max((bound.lower - bound.shift for bound in bounds), default=-np.inf)
         return lower, min((bound.upper - bound.shift for bound in bounds), default=np.inf)
-
-    def tightest(self, derivative: int) -> Bound | None:
-        """The bound that the motion uses most."""
-        return max(self.bounds[derivative], key=lambda bound: bound.use.use, default=None)
 
 
 def motion_functions(
@@ -282,8 +273,8 @@ def _draw_row(row: Sequence[Axes], function: MotionFunction, samples: Samples, b
     """Draw a function and its derivatives; the exciting motion, whose extremes are marked, starts at ``begin``."""
     lines = 1
     for derivative, ax in enumerate(row):
-        bound = function.tightest(derivative)
-        closest = None if bound is None else (begin + bound.use.time, bound.extreme, bound.use.holds)
+        bound = max(function.bounds[derivative], key=lambda bound: bound.use.use, default=None)  # used most
+        closest = None if bound is None else (begin + bound.use.time, bound.use.extreme - bound.shift, bound.use.holds)
         values = function.values(samples, derivative)
         draw_limited(ax, samples.time, values, function.allowed(derivative), closest)
         unit = typeset(function.unit + _PER_TIME[derivative])
@@ -305,12 +296,7 @@ def _write_name(ax: Axes, name: str, lines: int) -> None:
 
 def _label_times(figure: Figure) -> None:
     """Label the lowest panel of each column, whose last row may have some missing."""
-    lowest: dict[int, Axes] = {}
-    for ax in figure.axes:  # from the top
-        place = ax.get_subplotspec()
-        assert place is not None
-        lowest[place.colspan.start] = ax
-    for ax in lowest.values():
+    for ax in {ax.get_position().x0: ax for ax in figure.axes}.values():  # they are in order from the top
         ax.set_xlabel("time [s]", fontsize=LABEL, color=DARK)
         ax.tick_params(labelbottom=True)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -26,7 +26,7 @@ from regressors.samples import Array
 
 _PAGE = Path(__file__).parent / "page"
 _CODE = re.compile(r"`([^`]+)`")
-_UNSAFE = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
+_UNSAFE = str.maketrans({"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"})
 _DIGITS = 6  # significant, of numbers that are read; the page has all of them beside
 _NAMES = {"wall_seconds": "time taken [s]", "cpu_seconds": "processor time [s]", "problem": "hash of the problem"}
 _LEFT_OUT = ("run",)  # of the provenance
@@ -44,12 +44,8 @@ class PageSection:
     task: str = ""  # text of the task file that the commands read; empty where they read none
 
 
-class PageCell(NamedTuple):
-    """One cell of a table."""
-
-    text: str
-    exact: str = ""  # the number behind it with all digits, by which rows are sorted
-    state: str = ""
+# text, the number behind it with all digits, by which rows are sorted, and state
+PageCell = tuple[str, str, str]
 
 
 def page_text(sections: Sequence[PageSection]) -> str:
@@ -91,21 +87,21 @@ def _cells(table: ViewTable) -> tuple[list[tuple[str, bool]], list[list[PageCell
         [_cell(table.columns[k], row[k], table.marked.get((j, k), "")) for k in shown]
         for j, row in enumerate(table.rows)
     ]
-    numeric = [any(cell.exact for cell in cells) for cells in zip(*rows, strict=True)]
+    numeric = [any(exact for _, exact, _ in cells) for cells in zip(*rows, strict=True)]
     return [(table.columns[k].heading, each) for k, each in zip(shown, numeric, strict=True)], rows
 
 
 def _cell(column: Column, value: Any, state: str) -> PageCell:
     if column.format is Format.UNIT:
-        return PageCell(raised(str(value)), state=state or "unit")
+        return raised(str(value)), "", state or "unit"
     if column.format is Format.TEXT or isinstance(value, str):
-        return PageCell(str(value), state=state)
+        return str(value), "", state
     if column.format is Format.KEPT:
-        return PageCell("yes" if value else "NO", repr(float(value)), state or ("" if value else "bad"))
+        return "yes" if value else "NO", repr(float(value)), state or ("" if value else "bad")
     if value is None or not math.isfinite(value):
-        return PageCell(column.missing or "\N{EN DASH}", state=state)
+        return column.missing or "\N{EN DASH}", "", state
     number = f"{value:.{_DIGITS}g}".replace("-", "\N{MINUS SIGN}")
-    return PageCell(percent(value, 3) if column.format is Format.PERCENT else number, repr(float(value)), state)
+    return percent(value, 3) if column.format is Format.PERCENT else number, repr(float(value)), state
 
 
 def _facts(known: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -133,8 +129,7 @@ def _hash(text: str) -> str:
 
 def _data(motion: Any) -> str:
     """JSON that cannot end the element that it stands in."""
-    text = json.dumps(motion, allow_nan=False, separators=(",", ":"))
-    return "".join(_UNSAFE.get(letter, letter) for letter in text) if any(map(text.__contains__, _UNSAFE)) else text
+    return json.dumps(motion, allow_nan=False, separators=(",", ":")).translate(_UNSAFE)
 
 
 def _with_code(text: str) -> Any:

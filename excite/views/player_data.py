@@ -39,11 +39,6 @@ class LimitCourse:
     values: Array  # (N,)
     bodies: tuple[str, ...] = ()  # links that the function belongs to
 
-    @property
-    def nearest(self) -> float:
-        """Least distance from a bound."""
-        return float(np.minimum(self.values - self.lower, self.upper - self.values).min())
-
 
 def player_data(
     motion: Samples,
@@ -162,7 +157,7 @@ def of_some_joints(samples: Samples, robot: Robot, joints: Sequence[str]) -> Sam
 
 def nearest_pairs(distances: Sequence[LimitCourse]) -> list[LimitCourse]:
     """The nearest pairs of bodies, those that come nearest first."""
-    return sorted(tightest(distances), key=lambda course: course.nearest)[:_PAIRS]
+    return sorted(tightest(distances), key=lambda x: np.minimum(x.values - x.lower, x.upper - x.values).min())[:_PAIRS]
 
 
 def bodies_of(robot: Robot, joints: Sequence[str], linear: Sequence[LinearConstraint]) -> dict[str, tuple[str, ...]]:

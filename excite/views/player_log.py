@@ -68,8 +68,7 @@ class Appearance:
 
     def file_of(self, robot: Robot, task: Task) -> str | None:
         """The URDF, where it describes a robot."""
-        file = self.robot_file
-        return file if file is not None and matches(robot, task, file) else None
+        return self.robot_file if self.robot_file is not None and matches(robot, task, self.robot_file) else None
 
 
 def played(

@@ -62,7 +62,9 @@ _MEASURES = {  # by the base
 
 def convergence_figure(design: Design) -> Figure:
     """Draw the objective at every accepted iterate and the best so far, for all starts."""
-    figure = figure_of(9.5, 5.4, _title(design), text=1.2)
+    unfinished = sum(start.status == RUNNING for start in design.starts)
+    title = f"{design.robot.name}: search from {number(design.number_of_starts, 'start')}"
+    figure = figure_of(9.5, 5.4, f"{title} ({unfinished} unfinished)" if unfinished else title, text=1.2)
     ax = figure.subplots()
     tidy(ax)
     others = [start for start in design.starts if start.index != design.best_start]
@@ -115,12 +117,6 @@ def _scale(ax: Axes, starts: Sequence[StartResult]) -> None:
         log_scale(ax.yaxis, low / room**2, high * room)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True, steps=ROUND))
     ax.set_xlim(0.0, 1.06 * max(len(start.history) for start in starts))
-
-
-def _title(design: Design) -> str:
-    unfinished = sum(start.status == RUNNING for start in design.starts)
-    stopped = f" ({unfinished} unfinished)" if unfinished else ""
-    return f"{design.robot.name}: search from {number(design.number_of_starts, 'start')}{stopped}"
 
 
 def _explanation(design: Design) -> str:

@@ -51,7 +51,6 @@ _ALONE: dict[type, Callable[[Any], View]] = {  # what has neither a motion nor c
     SimulatedLog: simulation_view,
     DesignBound: bound_view,
 }
-_LIMITS = "limits"
 _LOOKED_AT = (
     "limits of joints and drives are looked at in the samples of the files; jerks, torques, distances and passages "
     "between poses are as plan.json states them"
@@ -106,9 +105,9 @@ def _missing(design: Design) -> tuple[str, ...]:
 
 def _task_file(task: Mapping[str, Any]) -> str:
     """The same task as the text of a task file, an option per line; JSON is YAML."""
-    limits = {name: value for name, value in (task.get(_LIMITS) or {}).items() if value is not None}
-    options = {name: value for name, value in task.items() if value is not None and name != _LIMITS}
-    options |= {_LIMITS: limits} if limits else {}
+    limits = {name: value for name, value in (task.get("limits") or {}).items() if value is not None}
+    options = {name: value for name, value in task.items() if value is not None and name != "limits"}
+    options |= {"limits": limits} if limits else {}
     lines = (f"{json.dumps(name)}: {json.dumps(value, ensure_ascii=False)}" for name, value in options.items())
     return "{\n  " + ",\n  ".join(lines) + "\n}\n"
 

@@ -120,9 +120,7 @@ def broken(text: str, width: float, size: str = "xtick.labelsize", letter: float
 
 def panel_width(ax: Axes) -> float:
     """Width of a panel, about: matplotlib has not placed it yet [in]."""
-    figure = ax.get_figure(root=True)
-    assert isinstance(figure, Figure)
-    return float(ax.bbox.width) / figure.dpi * (_PLACED if column_width() == float("inf") else 1.0)
+    return float(ax.bbox.width) / ax.figure.dpi * (_PLACED if column_width() == float("inf") else 1.0)
 
 
 def low(height: float) -> float:

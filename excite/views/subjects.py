@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -35,17 +34,8 @@ from excite.verification.verification import KIND as VERIFICATION, Verification,
 from regressors.arguments import checked, fit, rule_of
 from regressors.errors import InputError, about
 
-Record = (
-    Verification
-    | TimeStudy
-    | FrictionPlan
-    | FrictionFit
-    | SweepTable
-    | PayloadResult
-    | AccuracyPrediction
-    | DesignBound
-    | SimulatedLog
-)
+Experiment = TimeStudy | FrictionPlan | FrictionFit | PayloadResult | SimulatedLog
+Record = Experiment | Verification | SweepTable | AccuracyPrediction | DesignBound
 
 
 @dataclass(frozen=True)
@@ -58,6 +48,7 @@ class Filed:
 
 Subject = Design | Identification | Filed | Campaign | Record
 _KINDS = get_args(Subject)
+_LOADERS: dict[str, Callable[..., Subject]] = {design_folder.DESIGN: load_design, result_json.RESULT: load_result}
 _RECORDS = (PLAN, CAMPAIGN_TABLE, FIT, "study.json", PAYLOAD, "verification*.json")
 
 
@@ -95,8 +86,8 @@ AccuracyPrediction, DesignBound, PrecisionSearch, SimulatedLog or PosteriorSampl
         file = next((path / name for name in _WHOLE if (path / name).exists()), path)
         if file == path:
             raise InputError(f"{path} holds none of {', '.join(_WHOLE)}; name one of its files")
-        if file.name in (design_folder.DESIGN, result_json.RESULT):
-            return load_design(path, parts) if file.name == design_folder.DESIGN else load_result(path, parts)
+        if file.name in _LOADERS:
+            return _LOADERS[file.name](path, parts)
     if is_of_kind(design_folder.PRECISION_KIND, read_json(file).get("schema")):
         return design_folder.load_precision_search(file.parent)
     subject = _of_file(file, parts)
@@ -114,7 +105,7 @@ _READERS: dict[str, Callable[[Path], Record]] = {
     LOG: load_simulated_log,
     BOUND: lambda file: read_record(file, DesignBound, BOUND),
 }
-_WHOLE = (design_folder.DESIGN, result_json.RESULT, PLAN, FIT, "study.json", CAMPAIGN_TABLE, PAYLOAD)
+_WHOLE = (*_LOADERS, PLAN, FIT, "study.json", CAMPAIGN_TABLE, PAYLOAD)
 
 
 def subjects_of(given: Iterable[object], part: Collection[str] = ()) -> list[Subject]:
@@ -140,11 +131,7 @@ def _of_folder(folder: Path, part: Collection[str]) -> list[Subject]:
     if not folder.is_dir():
         raise InputError(f"there is no folder {folder}")
     settle(Destination(folder))
-    readers: dict[str, Callable[[Path], Subject]] = {
-        design_folder.DESIGN: partial(load_design, part=part),
-        result_json.RESULT: partial(load_result, part=part),
-    }
-    found = [read(folder) for name, read in readers.items() if (folder / name).exists()]
+    found = [read(folder, part) for name, read in _LOADERS.items() if (folder / name).exists()]
     files = [path for pattern in _RECORDS for path in sorted(folder.glob(pattern))]
     found += [read for path in files if (read := _record(path, read_json(path).get("schema"))) is not None]
     if not found:

@@ -14,13 +14,7 @@ from matplotlib.patches import Patch
 
 from excite.simulation.replay import Replay
 from excite.verification.verification import Verification
-from excite.views.identification_plots import (
-    MEASURED,
-    PREDICTED,
-    error_text,
-    fit_figure,
-    relative_error,
-)
+from excite.views.identification_plots import MEASURED, PREDICTED, error_text, fit_figure, relative_error
 from excite.views.panels import (
     BINS,
     NumberColumn,

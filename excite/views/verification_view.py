@@ -32,7 +32,7 @@ def verification_view(verification: Verification, name: str = "") -> View:
         summary=(_predicted(v), *v.verdict.answers),
         remarks=(*v.verdict.remarks, *log.notes),
         asked=tuple((f"tolerance of the {name}", f"{100 * value:g} %") for name, value in vars(v.tolerances).items()),
-        tables=(_torques(v), _parts(v), *_motions(v), _errors(v)),
+        tables=(_torques(v), _parts(v), _motions(v), _errors(v)),
         figures=tuple(
             each.of(v) for each in _DRAWN if len(v.time) and (each.ending != "motion" or v.replay is not None)
         ),
@@ -103,12 +103,10 @@ def _parts(v: Verification) -> ViewTable:
     return ViewTable("parts", "What the errors are made of", columns, rows)
 
 
-def _motions(v: Verification) -> tuple[ViewTable, ...]:
-    if v.motions is None:
-        return ()
+def _motions(v: Verification) -> ViewTable:
     columns = headed("joint:text, travel, error, unit:unit, of travel:%, worst, at [s]")
-    rows = tuple((m.name, m.travel, m.error, m.unit, m.relative, m.worst, m.worst_time) for m in v.motions)
-    return (ViewTable("motions", "Simulated against measured motion", columns, rows),)
+    rows = tuple((m.name, m.travel, m.error, m.unit, m.relative, m.worst, m.worst_time) for m in v.motions or ())
+    return ViewTable("motions", "Simulated against measured motion", columns, rows)
 
 
 def _errors(v: Verification) -> ViewTable:

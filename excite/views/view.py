@@ -18,8 +18,8 @@ class Format(Enum):
 
     TEXT = "text"
     UNIT = "unit"  # of the numbers beside it
-    NUMBER = "number"
-    PERCENT = "percent"  # of a fraction
+    NUMBER = ""
+    PERCENT = "%"  # of a fraction
     KEPT = "kept"  # whether a limit holds
 
 
@@ -119,20 +119,16 @@ def text_of(value: Any) -> str:
     return "none" if value is None else str(value)
 
 
-_LIMITS = "limits"
 _BESIDE = ("executor", "workers")  # change nothing in the result
 _LONG = 200  # letters
 
 
 def asked(task: Mapping[str, Any], always: Collection[str]) -> tuple[tuple[str, str], ...]:
     """Some options of a task, and every other one that is not the default, as names and texts."""
-    limits = {f"{name}_limit": value for name, value in (task.get(_LIMITS) or {}).items()}
-    given = {**{name: value for name, value in task.items() if name not in (_LIMITS, *_BESIDE)}, **limits}
-    usual = {
-        each.name: None if each.default is MISSING else each.default
-        for part in PARTS.values()
-        for each, _ in options_of(part)
-    }
+    limits = {f"{name}_limit": value for name, value in (task.get("limits") or {}).items()}
+    given = {**{name: value for name, value in task.items() if name not in ("limits", *_BESIDE)}, **limits}
+    options = [each for part in PARTS.values() for each, _ in options_of(part)]
+    usual = {each.name: None if each.default is MISSING else each.default for each in options}
     texts = {
         name.replace("_", " "): text_of(value)
         for name, value in given.items()
@@ -153,14 +149,12 @@ def texts(*headings: str, **how: Any) -> tuple[Column, ...]:
     return tuple(Column(heading, Format.TEXT, **how) for heading in headings)
 
 
-_FORMATS = {"text": Format.TEXT, "unit": Format.UNIT, "%": Format.PERCENT, "kept": Format.KEPT}
-
-
 def headed(headings: str, **how: Any) -> tuple[Column, ...]:
     """Columns by headings, as ``*drive:text, x:2, used:%``: starred in a summary; a format, or a number's digits."""
     columns = []
     for each in headings.split(", "):
         heading, _, form = each.removeprefix("*").partition(":")
         digits = int(form) if form.isdigit() else Column.digits
-        columns.append(Column(heading, _FORMATS.get(form, Format.NUMBER), each.startswith("*"), digits=digits, **how))
+        kind = Format("" if form.isdigit() else form)
+        columns.append(Column(heading, kind, each.startswith("*"), digits=digits, **how))
     return tuple(columns)

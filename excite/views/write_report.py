@@ -85,10 +85,9 @@ def report_text(
     single = isinstance(paths_or_objects, str | Path) or not isinstance(paths_or_objects, Iterable)
     given = [paths_or_objects] if single else list(paths_or_objects)  # type: ignore[call-overload]
     subjects = subjects_of(given, (part,) if isinstance(part, str) else part)
-    file = None if robot_file is None else str(robot_file)
-    if file is not None:
-        _check_robot(subjects, file)
-    looks = Appearance(file, _shapes(subjects))
+    if robot_file is not None:
+        _check_robot(subjects, str(robot_file))
+    looks = Appearance(None if robot_file is None else str(robot_file), _shapes(subjects))
     sections = [_section(each, f"s{k}", looks, subjects) for k, each in enumerate(subjects)]
     return page_text([*_comparisons(subjects), *sections])
 

@@ -37,7 +37,7 @@ COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 PROGRAM = (
     "from excite.cli.summary import show\n"
     "from excite.views.view import View\n"
-    "from excite.cli.progress import progress_of_starts\n"
+    "from excite.cli.design_run import progress_of_starts\n"
     "from types import SimpleNamespace as N\n"
     "kept = N(done=(), count=2, best=9.0)\n"
     "with progress_of_starts(kept) as report:\n"

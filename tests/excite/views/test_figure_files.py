@@ -208,7 +208,7 @@ def test_no_name_breaks_a_figure(tmp_path: Path, name: str) -> None:
     ax.annotate(name, (0.5, 0.5))
     ax.set_yticks([0.0], [plain(name)])
     ax.legend()
-    (path,) = write_figure_files({"figure": figure}, tmp_path)
+    (path,) = write_figure_files(lambda: {"figure": figure}, tmp_path)
     assert path.stat().st_size > 1000
 
 
