@@ -107,11 +107,7 @@ def spread_of(function: Callable[[Array], Array], at: Array, covariance: Array) 
     """Standard deviations of a function of uncertain numbers, to first order."""
     # function (k,); at (k,); covariance (k, k)
     size = np.sqrt(np.diag(covariance))
-    columns = []
-    for k, step in enumerate(_STEP * size):
-        change = np.zeros(at.size)
-        change[k] = step
-        columns.append((function(at + change) - function(at - change)) / (2 * _STEP))
+    columns = [(function(at + change) - function(at - change)) / (2 * _STEP) for change in np.diag(_STEP * size)]
     G, scale = np.column_stack(columns), np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     correlation = covariance * scale[:, None] * scale
     return np.asarray(np.sqrt(np.maximum(np.einsum("ik,kl,il->i", G, correlation, G), 0.0)))
