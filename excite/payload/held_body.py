@@ -28,21 +28,11 @@ UPPER = np.triu_indices(3)
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A frame fixed to the last link, such as the flange, in which a body is stated.
+    """A frame fixed to the last link, such as the flange, in which a body is stated."""
 
-    Parameters
-    ----------
-    name : str
-        What it is, for people.
-    rotation : ndarray, shape (3, 3)
-        Its axes in the frame of the last link.
-    translation : ndarray, shape (3,)
-        Its origin in the frame of the last link [m].
-    """
-
-    name: str
-    rotation: Array
-    translation: Array
+    name: str  # what it is, for people
+    rotation: Array  # (3, 3) its axes in the frame of the last link
+    translation: Array  # (3,) its origin in the frame of the last link [m]
 
     @property
     def from_link(self) -> Array:
