@@ -226,8 +226,7 @@ def _line(time: Array, tau: Array, rested: float, end: float) -> tuple[float, fl
             continue
         at_end, slope = np.linalg.solve(R[:2, :2], parts[:2])
         if length == _LENGTHS[0] or slope * length > 0:
-            means = np.array([part.mean() for part in np.array_split(y, _BINS)])
-            times = np.array([part.mean() for part in np.array_split(t, _BINS)])
+            means, times = (np.array([part.mean() for part in np.array_split(x, _BINS)]) for x in (y, t))
             explained = np.corrcoef(means, times)[0, 1] ** 2 if np.ptp(means) > 0 else 0.0
             deviation = float(np.linalg.norm(np.linalg.solve(R[:2, :2].T, [1.0, 0.0]))) * sigma
             if explained >= _STRAIGHT:

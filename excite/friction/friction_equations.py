@@ -9,7 +9,7 @@ import numpy as np
 from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Stribeck
 from regressors.robot.friction.curves import Side
 from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm
-from regressors.samples import Array, Index
+from regressors.samples import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,10 +25,6 @@ class Conditions:
     def of(cls, v: Array, temperature_rise: float = 0.0, load: float = 0.0) -> Conditions:
         """Motion at given velocities, at one temperature and one load; zero has a direction, that of its sign."""
         return cls(v, np.copysign(1.0, v), np.full_like(v, temperature_rise), np.full_like(v, load))
-
-    def rows(self, which: Index) -> Conditions:
-        """Conditions of the selected points."""
-        return Conditions(*(getattr(self, name)[which] for name in ("v", "direction", "temperature_rise", "load")))
 
 
 @dataclass(frozen=True)
@@ -66,7 +62,8 @@ class Form:
         f, J = np.zeros(at.v.size), np.zeros((at.v.size, 2 * n))
         for way, columns in ((1.0, slice(0, n)), (-1.0, slice(n, 2 * n))):
             rows = np.flatnonzero(way * at.direction > 0)
-            forward, backward = self._side(p[columns], at.rows(rows))
+            own = Conditions(at.v[rows], at.direction[rows], at.temperature_rise[rows], at.load[rows])
+            forward, backward = self._side(p[columns], own)
             f[rows] = way * forward
             J[rows, columns] = way * backward
         return f, J

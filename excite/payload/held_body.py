@@ -28,21 +28,11 @@ UPPER = np.triu_indices(3)
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A frame fixed to the last link, such as the flange, in which a body is stated.
+    """A frame fixed to the last link, such as the flange, in which a body is stated."""
 
-    Parameters
-    ----------
-    name : str
-        What it is, for people.
-    rotation : ndarray, shape (3, 3)
-        Its axes in the frame of the last link.
-    translation : ndarray, shape (3,)
-        Its origin in the frame of the last link [m].
-    """
-
-    name: str
-    rotation: Array
-    translation: Array
+    name: str  # what it is, for people
+    rotation: Array  # (3, 3) its axes in the frame of the last link
+    translation: Array  # (3,) its origin in the frame of the last link [m]
 
     @property
     def from_link(self) -> Array:
@@ -107,11 +97,7 @@ def spread_of(function: Callable[[Array], Array], at: Array, covariance: Array) 
     """Standard deviations of a function of uncertain numbers, to first order."""
     # function (k,); at (k,); covariance (k, k)
     size = np.sqrt(np.diag(covariance))
-    columns = []
-    for k, step in enumerate(_STEP * size):
-        change = np.zeros(at.size)
-        change[k] = step
-        columns.append((function(at + change) - function(at - change)) / (2 * _STEP))
+    columns = [(function(at + change) - function(at - change)) / (2 * _STEP) for change in np.diag(_STEP * size)]
     G, scale = np.column_stack(columns), np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     correlation = covariance * scale[:, None] * scale
     return np.asarray(np.sqrt(np.maximum(np.einsum("ik,kl,il->i", G, correlation, G), 0.0)))

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
-from excite.storage.atomic import replacing
+from excite.storage.atomic import write_bytes
 from excite.storage.result_folder import replace_files, result_file, settle_files
 from regressors.arguments import checked
 from regressors.errors import InputError, TakenError, UnknownName, percent
@@ -118,14 +118,12 @@ _HEAD = (
 _LARGEST = 1e6
 
 
-class _Drive(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+class _Drive(BaseModel, extra="forbid", allow_inf_nan=False):
     factor: float
     deviation: float
 
 
-class _Gains(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+class _Gains(BaseModel, extra="forbid", allow_inf_nan=False):
     form: str = Field(alias="schema")
     robot: str = ""
     known_mass: float | None = None
@@ -160,8 +158,7 @@ def write_gains(gains: KnownGains, path: Path, *, robot: str, mass: float) -> No
     lines.append("correlation:")
     lines += [f"  - {json.dumps([round(x, 12) for x in row])}" for row in correlation.tolist()]
     lines.append(f"logs: {json.dumps(list(gains.logs))}")
-    with replacing(path) as stream:
-        stream.write("\n".join(lines) + "\n")
+    write_bytes(path, ("\n".join(lines) + "\n").encode())
 
 
 def read_gains(path: Path) -> KnownGains:

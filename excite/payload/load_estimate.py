@@ -36,36 +36,17 @@ _LEAST_FREEDOM = 3
 
 @dataclass(frozen=True, eq=False)
 class LoadEstimate:
-    """Parameters of a load with their covariance.
+    """Parameters of a load with their covariance."""
 
-    Parameters
-    ----------
-    phi : ndarray, shape (10,)
-        About the origin of the last link's frame [kg, kg m, kg m^2].
-    covariance : ndarray, shape (10, 10)
-        Of phi: noise, model and gains.
-    by_gains : ndarray, shape (10, 10)
-        The part of it that is due to the gains.
-    gains : ndarray, shape (k,)
-        Relative errors e of the gains.
-    gains_covariance : ndarray, shape (k, k)
-    beta : ndarray, shape (p,)
-    degrees_of_freedom : int
-        Of Student's t.
-    residuals : ndarray, shape (m,)
-    effective : float
-        Rows that are as good as independent.
-    """
-
-    phi: Array
-    covariance: Array
-    by_gains: Array
-    gains: Array
-    gains_covariance: Array
-    beta: Array
-    degrees_of_freedom: int
-    residuals: Array
-    effective: float
+    phi: Array  # (10,) about the origin of the last link's frame [kg, kg m, kg m^2]
+    covariance: Array  # (10, 10) of phi: noise, model and gains
+    by_gains: Array  # (10, 10) the part of it that is due to the gains
+    gains: Array  # (k,) relative errors e of the gains
+    gains_covariance: Array  # (k, k)
+    beta: Array  # (p,)
+    degrees_of_freedom: int  # of Student's t
+    residuals: Array  # (m,)
+    effective: float  # rows that are as good as independent
 
     @property
     def quantile(self) -> float:
@@ -173,7 +154,7 @@ class _Problem:
         scale = _lengths(A)
         _, sigma, V = np.linalg.svd(np.linalg.qr(A / scale, mode="r"), full_matrices=False)
         shown = sigma > _SINGULAR * sigma[0]
-        self._check_shown(V[~shown], scale)
+        self._check_shown(V[~shown])
         half = (V[shown].T / sigma[shown]) / scale[:, None]  # half half' is the covariance of the weighted rows
         errors = np.empty(e.observations.y.size)
         groups, scores = [], []
@@ -202,7 +183,7 @@ class _Problem:
         phi, gains, beta = self.x[self.places], self.x[k], self.x[: e.p]
         return LoadEstimate(phi, whole[own], by_gains[own], gains, whole[k, k], beta, freedom, errors, self.effective)
 
-    def _check_shown(self, null: Array, scale: Array) -> None:
+    def _check_shown(self, null: Array) -> None:
         """Refuse motions that do not show all of the load's parameters."""
         places = np.flatnonzero(np.isin(self.free, self.places)) if null.size else ()
         # what is not shown of beta alone does not matter

@@ -14,7 +14,7 @@ from excite.design.optimisation import design_trajectory
 from excite.payload.held_body import frame_numbers
 from excite.tasks.further_settings import PayloadMotionSettings
 from excite.tasks.installation import Installation
-from excite.tasks.limit_choice import LimitChoice
+from excite.tasks.limit_choice import LimitChoice, Side
 from excite.tasks.model_choice import ModelChoice
 from excite.tasks.objective import Objective
 from excite.tasks.robot_of_task import robot_and_task
@@ -37,7 +37,6 @@ RISE = 0.5  # s: from rest to the largest velocity, where no acceleration limit 
 FASTEST = 1.0  # rad/s or m/s: where no velocity limit is known either
 _INSIDE = 1e-3
 
-Side = tuple[float | None, float | None]
 Sides = tuple[Side, Side, Side]
 Box = float | Sequence[float] | Sequence[Side]
 

@@ -15,7 +15,7 @@ from excite.logs.log import LogReference
 from excite.payload.held_body import UPPER, Frame, HeldBody, is_possible, nearest_possible, spread_of
 from excite.payload.known_gains import KnownGains
 from excite.payload.load_estimate import LoadEstimate
-from excite.storage.atomic import replacing
+from excite.storage.atomic import write_bytes
 from excite.storage.records import NUMBERS, every, read_record, write_record
 from excite.storage.result_folder import check_not_taken, result_folder
 from regressors.errors import UnknownName
@@ -343,12 +343,8 @@ class PayloadResult:
         place, chosen = Path(folder), controllers if self.mass > 0 else ()
         with result_folder(place):
             check_no_payload(place, chosen, replace=replace)
-            further = {_FILES[name][0]: partial(self._write_text, name) for name in chosen}
+            further = {_FILES[name][0]: partial(write_bytes, content=self.text_for(name).encode()) for name in chosen}
             return write_record(self, KIND, place, KIND, further=further)
-
-    def _write_text(self, controller: str, path: Path) -> None:
-        with replacing(path) as stream:
-            stream.write(self.text_for(controller))
 
     def __repr__(self) -> str:
         """One line."""

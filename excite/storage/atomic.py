@@ -110,8 +110,7 @@ def check_table(path: Path, header: Sequence[str], table: ArrayLike) -> None:
 
 def check_content(path: Path, content: object) -> None:
     """Raise `NumericalError` that names the first number of a content for JSON that is not finite."""
-    place = _not_finite(content)
-    if place is not None:
+    if (place := _not_finite(content)) is not None:
         raise _not_written(path, f"{place or 'it'} is not finite")
 
 

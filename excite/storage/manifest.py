@@ -137,8 +137,7 @@ class FolderHash:
         """Hash of a folder, one file in memory at a time."""
         count = total = 0
         for path in visible_files(folder):
-            with path.open("rb") as stream:
-                content = hashlib.file_digest(stream, "sha256").digest()
+            content = bytes.fromhex(FileHash.of(path).sha256)
             count += 1
             total += int.from_bytes(hashlib.sha256(os.fsencode(path.name) + b"\0" + content).digest(), "big")
         return cls(count, f"{total % 2**256:064x}")

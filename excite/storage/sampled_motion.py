@@ -55,11 +55,9 @@ SEGMENT = "segment"
 
 def motion_columns(joints: Iterable[str], samples: Samples) -> tuple[list[str], Array]:
     """Header and table, shape (N, 1 + 3 n): time, then position, velocity and acceleration of each joint."""
-    header, columns = ["time"], [samples.time]
-    for joint, name in enumerate(joints):
-        header += [f"{name}.{what}" for what in ("position", "velocity", "acceleration")]
-        columns += [samples.q[:, joint], samples.dq[:, joint], samples.ddq[:, joint]]
-    return header, np.column_stack(columns)
+    header = ["time", *(f"{name}.{what}" for name in joints for what in ("position", "velocity", "acceleration"))]
+    motion = np.stack([samples.q, samples.dq, samples.ddq], axis=2).reshape(samples.time.size, -1)
+    return header, np.column_stack([samples.time, motion])
 
 
 def write_motion_table(path: Path, header: Sequence[str], table: Array, segments: Sequence[str] | None = None) -> None:

@@ -102,9 +102,8 @@ def _shape(z: Array) -> Array:
 
 
 _STEPS = 6  # drifts of a path
-STEP = (
-    0.25  # their mean length in deviations; 4 of 0.35 gave as many draws a second for a Panda, 8 of 0.15 a third less
-)
+# their mean length in deviations; 4 of 0.35 gave as many draws a second for a Panda, 8 of 0.15 a third less
+STEP = 0.25
 _SPREAD = 0.2  # of the length of a drift, from path to path
 _INSIDE = 1e-8  # slack in a constraint's own size that a point has after a reflection
 _MOST = 2000  # reflections in one drift

@@ -274,10 +274,7 @@ def least_squares(moments: Moments) -> Solved:
 
 def weighted(moments: Moments) -> Solved:
     """Rows divided by the noise of their equation, a fixed point, with covariance ``(W' Sigma^-1 W)^-1``."""
-    scale = _weights(moments)
-    error, half = _solution(moments.weighted(scale))
-    spare = moments.count - moments.leverages(half) / scale**2
-    return error, half, moments.noise(error, spare)
+    return _with_weights(moments, _weights(moments))
 
 
 def instrumental(moments: Moments) -> Solved:
@@ -317,13 +314,14 @@ def _solution(G: Array) -> tuple[Array, Array]:
     return half @ (half.T @ G[:-1, -1]), half
 
 
-def _weights(moments: Moments) -> Array:
-    def updated(scale: Array) -> Array:
-        error, half = _solution(moments.weighted(scale))
-        spare = moments.count - moments.leverages(half) / scale**2
-        return np.asarray(np.maximum(moments.noise(error, spare), moments.floor))
+def _with_weights(moments: Moments, scale: Array) -> Solved:
+    error, half = _solution(moments.weighted(scale))
+    return error, half, moments.noise(error, moments.count - moments.leverages(half) / scale**2)
 
-    return _fixed_point(updated, moments.floor / _FLOOR)
+
+def _weights(moments: Moments) -> Array:
+    noise = lambda scale: np.maximum(_with_weights(moments, scale)[2], moments.floor)  # noqa: E731
+    return _fixed_point(noise, moments.floor / _FLOOR)
 
 
 def _fixed_point(updated: Callable[[Array], Array], scale: Array) -> Array:

@@ -208,21 +208,17 @@ def _in_hand(
 ) -> list[PrecisionInHand]:
     """Half-widths by what is in hand: of the base parameters, and of torques along a task motion where there is one."""
     base, deviation = target.base, deviations_of(in_hand.R)
-    known = (None if np.isnan(value) else float(value) for value in in_hand.values)
-    rows = [
-        PrecisionInHand(name, expression, unit, value, float(allowed), float(factor * s), float(factor * s))
-        for name, expression, unit, value, allowed, s in zip(
-            base.names, base.expressions, base.units, known, allowed_half_widths(asked, target), deviation, strict=True
-        )
-    ]
-    if asked.torques is None:
-        return rows
-    torques = torque_precision(asked.torques, target)
-    identified = bool(np.all(np.isfinite(deviation)))
-    errors = torques.deviations(inverse_half(in_hand.R)) if identified else np.full(len(torques.names), np.inf)
-    return rows + [
-        PrecisionInHand(name, name, unit, None, float(allowed), float(factor * s), float(factor * s))
-        for name, unit, allowed, s in zip(torques.names, torques.units, torques.allowed, errors, strict=True)
+    allowed = allowed_half_widths(asked, target)
+    known = [None if np.isnan(value) else float(value) for value in in_hand.values]
+    rows = list(zip(base.names, base.expressions, base.units, known, allowed, deviation, strict=True))
+    if asked.torques is not None:
+        torques = torque_precision(asked.torques, target)
+        names, identified = torques.names, bool(np.all(np.isfinite(deviation)))
+        errors = torques.deviations(inverse_half(in_hand.R)) if identified else np.full(len(names), np.inf)
+        rows += zip(names, names, torques.units, [None] * len(names), torques.allowed, errors, strict=True)
+    return [
+        PrecisionInHand(name, expression, unit, value, float(most), float(factor * s), float(factor * s))
+        for name, expression, unit, value, most, s in rows
     ]
 
 

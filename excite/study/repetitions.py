@@ -373,15 +373,10 @@ class Repetitions:
         return np.asarray(self.deviation / np.sqrt(self.count))
 
     @property
-    def covered(self) -> Array:
-        """Whether each 99 % interval holds the true value, shape (R, b)."""
-        quantile = scipy.special.stdtrit(self.degrees_of_freedom, 0.5 + CONFIDENCE / 2)
-        return np.asarray(np.abs(self.estimates - self.beta) <= quantile * self.predicted)
-
-    @property
     def coverage(self) -> Array:
         """Share of the 99 % intervals that hold the true value, shape (b,)."""
-        return np.asarray(np.mean(self.covered, axis=0))
+        quantile = scipy.special.stdtrit(self.degrees_of_freedom, 0.5 + CONFIDENCE / 2)
+        return np.asarray(np.mean(np.abs(self.estimates - self.beta) <= quantile * self.predicted, axis=0))
 
 
 _OF_CHANNEL = 12  # numbers of each instant for each joint, and for each torque or component of the wrench

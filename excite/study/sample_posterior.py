@@ -103,7 +103,6 @@ def sample_posterior(
     values = theta.reshape(-1, len(standard.names))[:samples]
     free = np.ptp(theta, axis=(0, 1)) > 0
     spread = float(split_deviation(theta[..., free]).max(initial=1.0))
-    distance = float(np.linalg.norm(closest))
     return PosteriorSamples(
         robot=known.robot.name,
         result_sha256=None if known.folder is None else sha256_of(known.folder / "result.json"),
@@ -115,7 +114,7 @@ def sample_posterior(
         base_names=known.names,
         base_units=known.units,
         base_matrix=standard.A,
-        distance=distance,
+        distance=float(np.linalg.norm(closest)),
         effective=float(min(effective_draws(theta[..., free]).min(initial=np.inf), samples)),
         split_deviation=spread,
         notes=_notes(known, target, coordinates, closest, spread),

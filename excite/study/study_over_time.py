@@ -110,7 +110,7 @@ def study_over_time(
         raise InputError("a study needs logs, or designs that it simulates (`designs`); given neither")
     if repeats and not designs:
         raise InputError("repetitions are simulated from designs (`designs`), but only logs are given")
-    if repeats == 1 or repeats < 0:
+    if repeats == 1:
         raise InputError(f"repeats must be 2 or more, or 0 for none, given {repeats}")
     if trajectories and not designs:
         raise InputError(

@@ -281,11 +281,11 @@ class TorqueCriterion(Criterion):
         C = half @ (scaled * (np.sqrt(share) / np.maximum(deviation, _FLOOR)))
         return value, np.asarray(-0.5 * C @ C.T)
 
-    def _variances(self, M: Array) -> Array | None:
-        """Variance of each row's torque; None where M is singular."""
+    def _variances(self, M: Array) -> Array:
+        """Variance of each row's torque; infinite where M is singular."""
         eigenvalues, V = scipy.linalg.eigh(M, check_finite=False)
         if eigenvalues[0] <= 0:
-            return None
+            return np.array([np.inf])
         rows = V if self.rows is None else self.rows @ V
         return np.asarray(rows**2 @ (1 / eigenvalues))
 
@@ -298,8 +298,7 @@ class TorqueDeviation(TorqueCriterion):
 
     def value(self, M: Array) -> float:
         """``sqrt(tr(M^-1 A))``; infinite if singular."""
-        variances = self._variances(M)
-        return np.inf if variances is None else float(np.sqrt(variances.mean()))
+        return float(np.sqrt(self._variances(M).mean()))
 
     def of_variances(self, variances: Array, sharpness: float) -> tuple[float, Array]:
         """Exactly, for any sharpness."""
@@ -318,8 +317,7 @@ class MaxTorqueDeviation(TorqueCriterion):
 
     def value(self, M: Array) -> float:
         """``sqrt(max_k y_k M^-1 y_k')``; infinite if singular."""
-        variances = self._variances(M)
-        return np.inf if variances is None else float(np.sqrt(variances.max()))
+        return float(np.sqrt(self._variances(M).max()))
 
     def of_variances(self, variances: Array, sharpness: float) -> tuple[float, Array]:
         """The approximation of the class."""

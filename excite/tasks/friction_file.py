@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from excite.storage.atomic import Destination, write_bytes
 from excite.storage.commit import settle
@@ -237,13 +237,9 @@ def _quoted(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z_][\w-]*", name) else json.dumps(name, ensure_ascii=False)
 
 
-_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
-
-
-class SideEntry(BaseModel):
+class SideEntry(BaseModel, extra="forbid", allow_inf_nan=False):
     """Friction in one direction."""
 
-    model_config = _CONFIG
     coulomb: Friction
     viscous: Friction = 0.0
     stiction: Friction | None = None
@@ -251,18 +247,16 @@ class SideEntry(BaseModel):
     exponent: Exponent = 2.0
 
 
-class SlopeEntry(BaseModel):
+class SlopeEntry(BaseModel, extra="forbid", allow_inf_nan=False):
     """Temperature dependence of friction in one direction."""
 
-    model_config = _CONFIG
     coulomb: Friction = 0.0
     viscous: Friction = 0.0
 
 
-class TemperatureEntry(BaseModel):
+class TemperatureEntry(BaseModel, extra="forbid", allow_inf_nan=False):
     """Temperature dependence of friction."""
 
-    model_config = _CONFIG
     reference: Celsius
     coulomb: Friction | None = None
     viscous: Friction | None = None
@@ -271,26 +265,23 @@ class TemperatureEntry(BaseModel):
     range: Annotated[list[Celsius], Field(min_length=2, max_length=2)] | None = None
 
 
-class LoadEntry(BaseModel):
+class LoadEntry(BaseModel, extra="forbid", allow_inf_nan=False):
     """Share of the carried torque in each direction."""
 
-    model_config = _CONFIG
     forward: Friction
     backward: Friction
 
 
-class UncertaintyEntry(BaseModel):
+class UncertaintyEntry(BaseModel, extra="forbid", allow_inf_nan=False):
     """Covariance of a curve's parameters."""
 
-    model_config = _CONFIG
     parameters: Annotated[list[str], Field(min_length=1)]
     covariance: list[list[Friction]]
 
 
-class CurveEntry(BaseModel):
+class CurveEntry(BaseModel, extra="forbid", allow_inf_nan=False):
     """Curve of one drive."""
 
-    model_config = _CONFIG
     model: Literal["coulomb-viscous", "stribeck", "table"]
     coulomb: Friction | None = None
     viscous: Friction | None = None
@@ -304,10 +295,9 @@ class CurveEntry(BaseModel):
     uncertainty: UncertaintyEntry | None = None
 
 
-class FrictionFile(BaseModel):
+class FrictionFile(BaseModel, extra="forbid", allow_inf_nan=False):
     """Complete friction file."""
 
-    model_config = _CONFIG
     schema_: Literal["excite.friction/1"] = Field(alias="schema")
     drives: dict[str, CurveEntry]
 

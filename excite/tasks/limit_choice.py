@@ -156,11 +156,6 @@ class LimitChoice:
         return robot.replace(limits=dataclasses.replace(robot.limits, **changes)) if changes else robot
 
     @property
-    def of_joints(self) -> dict[str, Any]:
-        """Limits of joints that are given, by quantity."""
-        return {name: getattr(self, name) for name in OF_JOINTS}
-
-    @property
     def known_world(self) -> World | None:
         """The world; raises `InputError` where a file of results names its file only."""
         if isinstance(self.world, UnopenedFile):

@@ -96,8 +96,8 @@ class Task:
         xacro: bool = False,
         **options: Any,
     ) -> None:
-        whole: dict[str, Any] = {"robot": robot, "base_link": base_link, "tip": tip}
-        whole |= {"snap_angles": snap_angles, "xacro": xacro, **_parts(options)}
+        whole: dict[str, Any] = {"robot": robot, "base_link": base_link, "tip": tip, "snap_angles": snap_angles}
+        whole |= {"xacro": xacro, **_parts(options, {name: kind() for name, kind in PARTS.items()})}
         for name, value in whole.items():
             object.__setattr__(self, name, value)
         tool = self.limits.tool_box is not None or self.limits.tool_speed is not None
@@ -145,11 +145,9 @@ class Task:
         return self.model.known_friction
 
 
-def _parts(options: Mapping[str, Any], present: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def _parts(options: Mapping[str, Any], parts: dict[str, Any]) -> dict[str, Any]:
     """Parts of a task from options, some of which may be complete parts."""
-    present = {name: kind() for name, kind in PARTS.items()} if present is None else present
     chosen: dict[str, dict[str, Any]] = {name: {} for name in PARTS}
-    parts = dict(present)
     for name, value in options.items():
         if name in PARTS and isinstance(value, PARTS[name]):
             parts[name] = value
