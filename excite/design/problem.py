@@ -79,7 +79,11 @@ class Problem:
     @property
     def seconds(self) -> float:
         """Typical processor time of an evaluation, with its step, by the size of the equations; right within two."""
-        return _CALL + _OF_REGRESSOR * self.information.instructions + _OF_LIMITS * self.limits.instructions**0.5
+        return (
+            _CALL
+            + _OF_REGRESSOR * self.information.instructions
+            + _OF_LIMITS * float(np.sqrt(self.limits.instructions))
+        )
 
     @cached_property
     def rest(self) -> Array:

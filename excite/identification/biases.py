@@ -326,7 +326,7 @@ def _unexplained(observations: Observations, G: Array, divisor: Array) -> tuple[
     """Sums of bumps that neither the parameters nor each other explain, (k, sums), and what each does to beta."""
     k, p = G.shape[1], observations.W.shape[1]
     both = GroupFactors.of(observations, front=G).stacked(divisor)
-    R = np.linalg.qr(np.hstack([both[:, k : k + p], both[:, :k]]), mode="r")  # of the weighted [W G]
+    R: Array = np.asarray(np.linalg.qr(np.hstack([both[:, k : k + p], both[:, :k]]), mode="r"))  # of weighted [W G]
     size = np.linalg.norm(R[:, p:], axis=0)
     size = np.where(size > 0, size, 1.0)
     _, s, V = np.linalg.svd(R[p:, p:] / size, full_matrices=False)

@@ -162,7 +162,8 @@ def _save(figure: Figure, stream: IO[bytes], form: str) -> None:
         return
     with rc_context(_PNG_FONTS), _laid_out(figure, size_of("savefig.dpi")):
         pil_kwargs = {"compress_level": _PNG_COMPRESSION}
-        FigureCanvasAgg(figure).print_png(stream, metadata=_UNDATED[form], pil_kwargs=pil_kwargs)
+        canvas: Any = FigureCanvasAgg(figure)
+        canvas.print_png(stream, metadata=_UNDATED[form], pil_kwargs=pil_kwargs)
 
 
 @contextmanager
@@ -217,8 +218,9 @@ def svg_text(figure: Figure, prefix: str, label: str) -> str:
 def _drawn(figure: Figure) -> str:
     stream = io.StringIO()
     figure.dpi = DPI  # of pictures in it; matplotlib leaves it at that of SVG
+    canvas: Any = FigureCanvasSVG(figure)
     with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "excite"}):
-        FigureCanvasSVG(figure).print_svg(stream, metadata={"Date": None, "Creator": None})
+        canvas.print_svg(stream, metadata={"Date": None, "Creator": None})
     return stream.getvalue()
 
 
