@@ -20,7 +20,7 @@ from excite.export.exported import Exported
 from excite.logs.guess.log_guess import LogGuess, check_mapping_free, write_mapping_file
 from excite.registry import MODEL_FORMATS, MOTION_FORMATS, built_in
 from excite.tasks.further_settings import EnsembleSettings
-from excite.views.view import View, ViewTable, texts
+from excite.views.view import View, ViewTable, number, texts
 from regressors.errors import printable
 
 _DESIGN, _RESULT = "design.json", "result.json"
@@ -178,14 +178,11 @@ def _content(guess: LogGuess, written: Path | None) -> dict[str, Any]:
 
 def _view(guess: LogGuess) -> View:
     source, questions = guess.contents.source, len(guess.questions)
-    if questions:
-        verdict = f"{source}: {questions} question{'s' * (questions > 1)} to answer before it can be used"
-    else:
-        verdict = f"{source} can be used as it is: no question is left"
+    open_ones = f"{source}: {number(questions, 'question')} to answer before it can be used"
     streams = [f"{one.stream}: {_rate(one)}" for one in guess.summaries]
     return View(
         title=source,
-        verdict=verdict,
+        verdict=open_ones if questions else f"{source} can be used as it is: no question is left",
         holds=not questions,
         summary=(
             f"format: {guess.contents.format}",

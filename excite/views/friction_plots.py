@@ -191,7 +191,16 @@ def friction_plan_figure(plan: FrictionPlan) -> Figure:
                 head(ax, f"{c.label}: no {name}")
     for ax in rows[-1]:
         ax.set_xlabel(typeset("time [s]"), fontsize=NOTE, color=DARK)
-    legend_below(figure, _legend([name for name, *_ in columns]))
+    tests, ramps = (any(name == shown for name, *_ in columns) for shown in ("break-away tests", "ramps of torque"))
+    meanings: list[Artist] = [
+        Line2D([], [], color=GREY, linewidth=1.0, label="motion"),
+        Line2D([], [], color=BLUE, linewidth=2.0, label="window of constant speed"),
+        *([Patch(color=_TEST, label="breaking away from rest")] if tests else []),
+        *([Line2D([], [], color=GREEN, linewidth=1.4, label="creeping out of the pose and back")] if tests else []),
+        *([Line2D([], [], color=DARK, linewidth=1.2, label="torque")] if ramps else []),
+        Line2D([], [], color=VERMILLION, linewidth=1.0, linestyle="--", label="velocity limit"),
+    ]
+    legend_below(figure, meanings)
     return figure
 
 
@@ -283,15 +292,3 @@ def _end(begin: float, c: CoordinatePlan) -> float:
     """End of the part of a coordinate's runs that begins at ``begin`` [s]."""
     later = [part.begin for part in c.runs.parts if part.begin > begin]
     return min(later, default=c.runs.duration)
-
-
-def _legend(names: list[str]) -> list[Artist]:
-    tests = "break-away tests" in names
-    return [
-        Line2D([], [], color=GREY, linewidth=1.0, label="motion"),
-        Line2D([], [], color=BLUE, linewidth=2.0, label="window of constant speed"),
-        *([Patch(color=_TEST, label="breaking away from rest")] if tests else []),
-        *([Line2D([], [], color=GREEN, linewidth=1.4, label="creeping out of the pose and back")] if tests else []),
-        *([Line2D([], [], color=DARK, linewidth=1.2, label="torque")] if "ramps of torque" in names else []),
-        Line2D([], [], color=VERMILLION, linewidth=1.0, linestyle="--", label="velocity limit"),
-    ]

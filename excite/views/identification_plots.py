@@ -287,7 +287,11 @@ def estimates_over_time_figure(study: TimeStudy) -> Figure:
     _draw_sizes(flat[1], study, [each.max(axis=1, initial=0.0) for each in shown], "largest relative deviation")
     for name, ax in zip(names, flat[2:], strict=True):
         _draw_parameter(ax, study, name)
-    legend_below(figure, _legend_of_study(study))
+    motions = enumerate(plain(course.name) for course in study.courses)
+    handles: list[Artist] = [Line2D([], [], color=_colour(k), linewidth=1.2, label=name) for k, name in motions]
+    if any(course.reference_kind == "truth" for course in study.courses):
+        handles.append(Line2D([], [], color=DARK, linestyle=":", linewidth=1.2, label="true value"))
+    legend_below(figure, handles)
     return figure
 
 
@@ -328,11 +332,3 @@ def _draw_parameter(ax: Axes, study: TimeStudy, name: str) -> None:
         ax.set_ylim(*padded(float(seen.min()), float(seen.max()), 0.08))
     value_axis(ax, "", 4)
     head(ax, f"{name} [{unit}]")
-
-
-def _legend_of_study(study: TimeStudy) -> list[Artist]:
-    names = [plain(course.name) for course in study.courses]
-    handles: list[Artist] = [Line2D([], [], color=_colour(k), linewidth=1.2, label=x) for k, x in enumerate(names)]
-    if any(course.reference_kind == "truth" for course in study.courses):
-        handles.append(Line2D([], [], color=DARK, linestyle=":", linewidth=1.2, label="true value"))
-    return handles

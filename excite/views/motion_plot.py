@@ -223,7 +223,14 @@ def motion_figure(design: Design) -> Figure:
         for ax in figure.axes if segment != EXCITE else ():
             ax.axvspan(start, end, color=BAND, linewidth=0, zorder=0.4)
     _label_times(figure)
-    legend_below(figure, _legend(transfers=len(spans) > 1))
+    meanings = [
+        *([Patch(color=BAND, label="approach, return")] if len(spans) > 1 else []),
+        Line2D([], [], color=BLUE, linewidth=CURVE, label="planned motion"),
+        Line2D([], [], color=VERMILLION, linewidth=1.0, label="limit"),
+        Patch(color=FORBIDDEN, label="forbidden"),
+        Line2D([], [], color=DARK, marker="o", markersize=DOT, linestyle="", label=_DOT_MEANING),
+    ]
+    legend_below(figure, meanings)
     return figure
 
 
@@ -299,13 +306,3 @@ def _label_times(figure: Figure) -> None:
     for ax in {ax.get_position().x0: ax for ax in figure.axes}.values():  # they are in order from the top
         ax.set_xlabel("time [s]", fontsize=LABEL, color=DARK)
         ax.tick_params(labelbottom=True)
-
-
-def _legend(*, transfers: bool) -> list[Line2D | Patch]:
-    return [
-        *([Patch(color=BAND, label="approach, return")] if transfers else []),
-        Line2D([], [], color=BLUE, linewidth=CURVE, label="planned motion"),
-        Line2D([], [], color=VERMILLION, linewidth=1.0, label="limit"),
-        Patch(color=FORBIDDEN, label="forbidden"),
-        Line2D([], [], color=DARK, marker="o", markersize=DOT, linestyle="", label=_DOT_MEANING),
-    ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -264,13 +264,19 @@ def repetitions_figure(repetitions: Repetitions, robot: str) -> Figure:
     title = f"{robot}: {repetitions.count} repetitions in simulation and the predicted intervals"
     figure = figure_of(width, height, title, text=height)
     ax = figure.subplots()
-    errors = relative_errors(repetitions)
-    _draw(ax, errors, repetitions.seed)
+    _draw(ax, relative_errors(repetitions), repetitions.seed)
     bar_panel(ax, -0.5, count - 0.5, range(count), repetitions.names)
     ax.set_xlabel("(estimate less true value) / half-width of the predicted interval", fontsize=LABEL, color=DARK)
+    dots = "a repetition" if repetitions.count <= DOTS else f"one of the first {DOTS}"
     if column_width() > _NUMBERS + _LEAST_NAMES:  # else the numbers have no room
         write_columns(ax, range(count), _numbers_of(repetitions))
-    legend_below(figure, _legend(repetitions.count))
+    meanings = [
+        Line2D([], [], color=BLUE, marker=".", markersize=4.0, linestyle="", label=dots),
+        Line2D([], [], color=DARK, linewidth=1.4, label="99 % of all"),
+        Line2D([], [], color=DARK, marker="|", markersize=9.0, markeredgewidth=1.6, linestyle="", label="mean"),
+        Patch(color=BAND, label="predicted 99 % interval"),
+    ]
+    legend_below(figure, meanings)
     return figure
 
 
@@ -304,14 +310,4 @@ def _numbers_of(r: Repetitions) -> list[NumberColumn]:
         NumberColumn("predicted", [typeset(significant(float(d), 2)) for d in r.predicted_deviation]),
         NumberColumn("deviation", deviations),
         NumberColumn("contained", [f"{100 * float(share):.1f} %" for share in r.coverage], marked=few.tolist()),
-    ]
-
-
-def _legend(count: int) -> Sequence[Line2D | Patch]:
-    dots = "a repetition" if count <= DOTS else f"one of the first {DOTS}"
-    return [
-        Line2D([], [], color=BLUE, marker=".", markersize=4.0, linestyle="", label=dots),
-        Line2D([], [], color=DARK, linewidth=1.4, label="99 % of all"),
-        Line2D([], [], color=DARK, marker="|", markersize=9.0, markeredgewidth=1.6, linestyle="", label="mean"),
-        Patch(color=BAND, label="predicted 99 % interval"),
     ]

@@ -91,7 +91,10 @@ def spectrum_figure(design: Design) -> Figure:
     _draw_spectrum(spectrum, design.spectrum, design.condition_number)
     _draw_predictions(bars, columns, max(tall, _FEWEST_ROWS))
     bars[0].set_title(plain(beside_names(_explanation(design), bars[0])), loc="left", y=1.0, fontsize=LABEL, color=DARK)
-    _unit_legend(figure, accuracy)
+    handles = unit_patches(predicted.unit for predicted, *_ in accuracy)
+    if any(np.isfinite(percent) and percent > _UNCLEAR for _, percent, _ in accuracy):
+        handles.append(Patch(color=FORBIDDEN, label="deviation larger than the size"))
+    legend_below(figure, handles, title="unit of the parameter", title_fontsize=NOTE, fontsize=NOTE)
     return figure
 
 
@@ -153,13 +156,6 @@ def _draw_bars(ax: Axes, column: Sequence[Bar], places: Array) -> None:
         text += f" ({deviation})" if known and column_width() == float("inf") else ""
         number = ax.annotate(typeset(text), (at, place), (3, 0), color=colour, **where, **style)
         number.set_in_layout(False)  # it has room in the panel
-
-
-def _unit_legend(figure: Figure, accuracy: Sequence[Bar]) -> None:
-    handles = unit_patches(predicted.unit for predicted, *_ in accuracy)
-    if any(np.isfinite(percent) and percent > _UNCLEAR for _, percent, _ in accuracy):
-        handles.append(Patch(color=FORBIDDEN, label="deviation larger than the size"))
-    legend_below(figure, handles, title="unit of the parameter", title_fontsize=NOTE, fontsize=NOTE)
 
 
 def _explanation(design: Design) -> str:

@@ -56,7 +56,10 @@ def clearance_figure(design: Design) -> Figure:
     uses, distances = _uses(design), _distances(design)
     nearest = sorted(uses, key=lambda use: use.extreme)[: _COLUMNS * _ROWS]
     panel = Panel(widths=(3.4,), height=1.5, left=0.65, between=0.62, least=_LEAST)
-    title = _title(design, uses, len(nearest))
+    too_near = sum(not use.holds for use in uses)
+    part = f", the nearest {len(nearest)} of {len(uses)} pairs" if len(nearest) < len(uses) else ""
+    verdict = f"{too_near} BROKEN" if too_near else "all keep the clearance"
+    title = f"{design.robot.name}: distances{part}; {verdict}"
     figure, flat, (overview,) = alike(len(nearest), _COLUMNS, panel, title, "time [s]", whole=1)
     time, scale = design.samples.time, _scale(nearest, distances)
     for use in nearest[1:]:
@@ -69,13 +72,6 @@ def clearance_figure(design: Design) -> Figure:
         head(ax, use.label, _note(use), _colour(use))
     legend_below(figure, _legend(len(nearest) > 1))
     return figure
-
-
-def _title(design: Design, uses: Sequence[LimitUse], shown: int) -> str:
-    broken = sum(not use.holds for use in uses)
-    verdict = "all keep the clearance" if broken == 0 else f"{broken} BROKEN"
-    part = f", the nearest {shown} of {len(uses)} pairs" if shown < len(uses) else ""
-    return f"{design.robot.name}: distances{part}; {verdict}"
 
 
 def _uses(design: Design) -> list[LimitUse]:
