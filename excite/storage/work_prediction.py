@@ -72,17 +72,12 @@ class WorkPrediction:
         """The part that takes the most memory."""
         return max(self.parts, key=lambda part: part.bytes)
 
-    @property
-    def longest(self) -> MemoryPart:
-        """The part whose table has the most numbers."""
-        return max(self.parts, key=lambda part: part.values)
-
     def check(self) -> None:
         """Refuse work that takes more memory than the cap, or a table with more numbers than the cap of these."""
         cap, most = memory_cap(), value_cap()
         if self.bytes > cap:
             self._refuse(self.largest, f"about {in_bytes(self.bytes)} of memory", in_bytes(cap))
-        if (part := self.longest).values > most:
+        if (part := max(self.parts, key=lambda part: part.values)).values > most:
             self._refuse(part, f"{part.values:.2g} numbers in one table", f"{most:.2g}")
 
     def _left(self, part: MemoryPart) -> float:

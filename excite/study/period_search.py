@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -47,12 +47,10 @@ class PeriodSearch:
     # finds the best motion; its second argument is the name of the search, of which there are several at a period
     solve: Solve
     report: Report = lambda _: None  # takes a sentence on the progress
-
-    def __post_init__(self) -> None:
-        self.trials: list[PeriodTrial] = []
-        self.refusals: list[InputError | NoFeasibleMotionError] = []
-        self.seconds = 0.0
-        self.interrupted = False
+    trials: list[PeriodTrial] = field(default_factory=list, init=False)
+    refusals: list[InputError | NoFeasibleMotionError] = field(default_factory=list, init=False)
+    seconds: float = field(default=0.0, init=False)
+    interrupted: bool = field(default=False, init=False)
 
     def run(self) -> PeriodTrial:
         """Try the ladder of periods, those in between that promise less robot time, and search on at the best."""

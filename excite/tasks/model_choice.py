@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
@@ -202,9 +203,7 @@ class ModelChoice:
         """
         from regressors.robot.columns import Terms
 
-        def numbers(chosen: DriveChoice) -> bool | tuple[int, ...]:
-            return numbers_of(chosen, robot, self.known_friction)
-
+        numbers = partial(numbers_of, robot=robot, curves=self.known_friction)
         friction = numbers(self.friction)
         return Terms(
             rotor=self.rotor,

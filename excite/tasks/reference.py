@@ -143,8 +143,7 @@ def played_uses(source: MotionSource) -> tuple[tuple[LimitUse, ...], tuple[Limit
 
 def check_played(source: MotionSource) -> None:
     """Refuse a motion that breaks a limit."""
-    broken = broken_limits(source)
-    if broken:
+    if broken := broken_limits(source):
         worst, more = broken[0], len(broken) - 1
         others = f"; {more} more limits are broken" if more else ""
         raise BrokenLimitError(

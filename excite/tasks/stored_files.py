@@ -30,8 +30,9 @@ class UnopenedFile:
 
     def missing(self) -> InputError:
         """What to say where its content is needed."""
+        name = ascii(self.name if len(self.name) <= 60 else f"{self.name[:57]}...")
         return InputError(
-            f"{self.option} is only named in this file of results ({_short(self.name)}), and files that results name "
+            f"{self.option} is only named in this file of results ({name}), and files that results name "
             f"are not opened: where the result is loaded, give `{self.option}`"
         )
 
@@ -60,10 +61,6 @@ class InitialDesign:
     def __str__(self) -> str:
         """Its folder."""
         return self.name
-
-
-def _short(text: str) -> str:
-    return ascii(text if len(text) <= 60 else f"{text[:57]}...")
 
 
 STATES = ("q", "dq", "ddq")
