@@ -163,7 +163,7 @@ def _save(figure: Figure, stream: IO[bytes], form: str) -> None:
         return
     with rc_context(_PNG_FONTS), _laid_out(figure, size_of("savefig.dpi")):
         pil_kwargs = {"compress_level": _PNG_COMPRESSION}
-        FigureCanvasAgg(figure).print_png(stream, metadata=_UNDATED[form], pil_kwargs=pil_kwargs)
+        FigureCanvasAgg(figure).print_png(stream, metadata=_UNDATED[form], pil_kwargs=pil_kwargs)  # type: ignore[no-untyped-call]
 
 
 @contextmanager
@@ -219,7 +219,7 @@ def _drawn(figure: Figure) -> str:
     stream = io.StringIO()
     figure.dpi = DPI  # of pictures in it; matplotlib leaves it at that of SVG
     with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "excite"}):
-        FigureCanvasSVG(figure).print_svg(stream, metadata={"Date": None, "Creator": None})
+        FigureCanvasSVG(figure).print_svg(stream, metadata={"Date": None, "Creator": None})  # type: ignore[no-untyped-call]
     return stream.getvalue()
 
 
