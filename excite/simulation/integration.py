@@ -98,7 +98,7 @@ def _too_many(substeps: int, rate: float, width: float | None, breakaway: float 
     )
     if breakaway is None and width is None:
         return InputError(f"the controller {needs}; take a lower bandwidth or a higher rate")
-    what, enough = f"sign_width {width:g}", f"a width of about {(width or 0.0) * times:.2g}"
+    what, enough = f"sign_width {width}", f"a width of about {(width or 0.0) * times:.2g}"
     if breakaway is not None:
         what, enough = f"breakaway {breakaway:g}", f"a distance of about {breakaway * times**2:.2g}"
     return InputError(f"{what}: such an abrupt change of friction {needs}; expected {enough} or more, or a higher rate")
