@@ -1,4 +1,4 @@
-"""Processor time and memory of the largest tasks: a log of 2 million rows, and 1000 repetitions of one of 20,000.
+"""Processor time and memory of the largest tasks: logs of up to 2 million rows, and 1000 repetitions of 20,000.
 
 ``python benchmarks/scale/scale.py`` measures each in a process of its own with one BLAS thread, and writes
 ``results.json`` and ``results.md`` beside this file. Names of tasks, such as ``memory``, measure these alone and keep
@@ -25,7 +25,13 @@ ROBOT, SEED = "ur10e", 0
 LONG, LONG_RATE = 2_000_000, 1000.0
 SHORT, SHORT_RATE, REPETITIONS = 20_000, 2000.0, 1000
 TORQUE_NOISE, POSITION_NOISE = 0.3, 1e-5  # Nm, rad
-LIMITS = {"memory": (60.0, 2.0), "command": (60.0, 2.0), "repetitions": (60.0, 1.5)}  # CPU [s], memory [GB]
+LIMITS = {  # CPU [s], memory [GB]; 0.3 GB and 100 bytes for each row and equation
+    "memory": (60.0, 2.0),
+    "command": (60.0, 2.0),
+    "repetitions": (60.0, 1.5),
+    "100,000": (60.0, 0.36),
+    "1,000,000": (60.0, 0.9),
+}
 LIMITATIONS = (
     f"robot {ROBOT}, base parameters with friction and offsets, a random sum of sines; white noise of "
     f"{TORQUE_NOISE} Nm and {POSITION_NOISE} rad, time stamps uniform, no faulty rows: irregular stamps are resampled, "
@@ -38,6 +44,8 @@ LOGS = {
     "memory": ("long.npz", LONG, LONG_RATE),
     "command": ("long.csv", LONG, LONG_RATE),
     "repetitions": ("short.csv", SHORT, SHORT_RATE),
+    "100,000": ("plain.csv", 100_000, LONG_RATE),
+    "1,000,000": ("plain.csv", 1_000_000, LONG_RATE),
 }
 _BLOCK = 8192
 
@@ -136,7 +144,10 @@ def study(tasks: Collection[str]) -> dict[str, dict[str, float]]:
             name, rows, rate = LOGS[task]
             log, out = str(Path(folder, name)), str(Path(folder, "out"))
             measured([__file__, "write", log, str(rows), str(rate)])
+            plain = [*identify, log, "--figures", "none", "--out", out]
             arguments = {
+                "100,000": plain,
+                "1,000,000": plain,
                 "memory": [__file__, "in-memory", log],
                 "command": [*identify, log, "--offset", "--out", out],
                 "repetitions": [*identify, log, "--offset", "--repeat", str(REPETITIONS), "--out", out],
@@ -153,6 +164,7 @@ def page(found: dict[str, dict[str, float]]) -> str:
     names = {
         "memory": f"`excite.identify` of a log in memory, {LONG:,} rows x 6 joints, and its training error",
         "command": "`excite identify` of the same log as CSV, with reading, figures and `result.json`",
+        **{rows: f"`excite identify --figures none` of {rows} rows as CSV" for rows in ("100,000", "1,000,000")},
         "repetitions": f"`excite identify --repeat {REPETITIONS}` of {SHORT:,} rows at {SHORT_RATE:g} Hz, in all",
     }
     lines = ["# Scale", "", "Written by `python benchmarks/scale/scale.py`; one process each, one BLAS thread.", ""]

@@ -67,6 +67,7 @@ from excite.logs.event import within
 from excite.logs.excitation import runs
 from excite.logs.signals.method import resample
 from regressors.errors import ExciteError, InputError, percent
+from regressors.models.base import triangular_factor
 from regressors.robot.columns import OFFSET
 from regressors.robot.friction.load_and_temperature import friction_rows
 from regressors.samples import Array, Samples
@@ -326,7 +327,7 @@ def _unexplained(observations: Observations, G: Array, divisor: Array) -> tuple[
     """Sums of bumps that neither the parameters nor each other explain, (k, sums), and what each does to beta."""
     k, p = G.shape[1], observations.W.shape[1]
     both = GroupFactors.of(observations, front=G).stacked(divisor)
-    R: Array = np.asarray(np.linalg.qr(np.hstack([both[:, k : k + p], both[:, :k]]), mode="r"))  # of weighted [W G]
+    R = triangular_factor(np.hstack([both[:, k : k + p], both[:, :k]]))  # of the weighted [W G]
     size = np.linalg.norm(R[:, p:], axis=0)
     size = np.where(size > 0, size, 1.0)
     _, s, V = np.linalg.svd(R[p:, p:] / size, full_matrices=False)

@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 import scipy.optimize
 
 from excite.identification.equations import (
@@ -38,7 +39,6 @@ DISTANCES = 10.0 ** np.arange(-5.0, -1.9, 0.5)  # of the drives' typical travel
 CLOSE = 1e-3  # of log10 of a size: the search then adds nothing to the scatter by noise, which 2e-2 doubled
 WORTH = 0.005  # gain in the mean logarithm of the residuals below which the exact sign stays
 _ROWS = 10_000
-_RIDGE, _REFINED = 1e-12, 3  # of the normal equations, whose columns have length one
 
 Score = Callable[[Sequence[Array]], float]
 # of a recipe: w of ``tanh(dz / w)`` [rad/s or m/s], d of `measured_direction` [rad or m]; zeros for the exact sign
@@ -143,19 +143,11 @@ def _every(part: PreparedLog, target: IdentificationTarget, every: int) -> tuple
 
 def _misfit(factors: Sequence[Array], y: Array) -> float:
     """Mean over the equations of the logarithm of the residuals' size, after a fit weighted by these sizes."""
-    sizes, products = np.ones(len(factors)), np.array([R[:, :-1].T @ R[:, :-1] for R in factors])
+    sizes = np.ones(len(factors))
     for _ in range(4):
-        normal = np.tensordot(sizes**-2, products, axes=1)
-        length = np.sqrt(np.diag(normal))
-        length = np.where(length > 0, length, 1.0)
-        inverse = np.linalg.inv(normal / np.outer(length, length) + _RIDGE * np.eye(length.size)) / np.outer(
-            length, length
-        )
-        residuals, beta = [R[:, -1] for R in factors], np.zeros(length.size)
-        for _ in range(_REFINED):  # since products have lost half of the digits
-            beta += inverse @ sum(R[:, :-1].T @ e / s**2 for R, e, s in zip(factors, residuals, sizes, strict=True))
-            residuals = [R[:, -1] - R[:, :-1] @ beta for R in factors]
-        sizes = np.array([np.linalg.norm(e) for e in residuals]) / np.sqrt(len(y))
+        stacked = np.concatenate([R / s for R, s in zip(factors, sizes, strict=True)])
+        beta = scipy.linalg.lstsq(stacked[:, :-1], stacked[:, -1], lapack_driver="gelsy", check_finite=False)[0]
+        sizes = np.array([np.linalg.norm(R[:, -1] - R[:, :-1] @ beta) for R in factors]) / np.sqrt(len(y))
         sizes = np.maximum(sizes, 1e-9 * np.sqrt(np.mean(y**2)))
     return float(np.mean(np.log(sizes)))
 

@@ -132,17 +132,8 @@ def target_of(
     moving, motion, whole = _moving(robot, task, sign_width)
     instantaneous = instantaneous or whole.window is None
     asked = robot, task, sign_width, instantaneous
-    for *known, target in _recent:
-        if tuple(known) == asked:
-            return target
-    target = _made_target(moving, motion, whole, task, instantaneous=instantaneous)
-    _recent.append((*asked, target))
-    return target
-
-
-def _made_target(
-    moving: Robot, motion: PartialMotion, whole: RegressorModel, task: Task, *, instantaneous: bool
-) -> IdentificationTarget:
+    if (known := next((target for *one, target in _recent if tuple(one) == asked), None)) is not None:
+        return known
     model = _restricted(whole.instantaneous() if instantaneous else whole, motion, task)
     states = motion.states(random_states(moving, enough_states(model)))
     with threadpool_limits(1):  # matrices of this size do not gain from more threads
@@ -151,14 +142,16 @@ def _made_target(
             torques = whole.instantaneous().restricted(motion, task.model.equations)
             chosen = visible_bases(model, torques, chosen, states, task)
         base, pivoted = chosen
-        if base.rank == 0:
-            return IdentificationTarget(moving, motion, model, base, {})
         transforms = {
             "gautier": np.eye(base.rank),
             "pivoted": base.D[:, pivoted.index],
             "orthonormal": base.full_rank_factor,
         }
-    return IdentificationTarget(moving, motion, model, base, {name: transforms[name] for name in CONVENTIONS})
+    target = IdentificationTarget(
+        moving, motion, model, base, {name: transforms[name] for name in CONVENTIONS if base.rank}
+    )
+    _recent.append((*asked, target))
+    return target
 
 
 _NOTHING = 1e-12  # of a drive's velocity along the motion, or of its torque in an equation

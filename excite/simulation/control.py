@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from excite.simulation.plant import Plant, solved
+from excite.simulation.plant import Plant
 from excite.tasks.reference import GivenTorque
 from regressors.errors import InputError, UnknownName
 from regressors.robot.friction.curves import FrictionCurves
@@ -143,26 +143,13 @@ class ControlledRobot:
         """The robot with the same controller, but no friction."""
         return replace(self, plant=replace(self.plant, friction=FrictionCurves({})))
 
-    def split(self, width: float) -> tuple[ca.Function, ca.Function, ca.Function]:
-        """Parts of a motion whose friction is implicit, of positions q and velocities v.
-
-        Map (q, v, reference) to (acceleration without friction, power, effort, command, acceleration, least pivot), q
-        to the mass matrix, and v to (friction at the joints, its slope). Friction does not depend on the load.
-        """
+    def steep_friction(self, width: float) -> tuple[ca.Function, ca.Function]:
+        """Mass matrix of q; and of dq the friction at the joints, which no load changes, and its slope."""
         n = self.plant.robot.n
-        q, v, r = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("r", (4 if self.struck else 3) * n + 1)
-        command = self.controller(q, v, [r[:n], r[n : 2 * n], r[2 * n : 3 * n]], width)
-        effort = saturated(self.plant.robot, command) if self.limited else command
-        acting = effort + r[3 * n : 4 * n] if self.struck else effort
-        f = -self.plant.carried_torque(v, ca.SX.zeros(n, 1), smooth_direction(self.plant.robot, v, width))
-        bias, M = self.plant.torque(q, v, ca.SX.zeros(n, 1)), self.plant.mass_matrix(q)
-        free, (ddq, least) = solved(M, acting - bias)[0], solved(M, acting - f - bias)
-        seen = ca.cse([free, ca.dot(acting, v), effort, command, ddq, least])
-        return (
-            ca.Function("explicit", [q, v, r], seen),
-            ca.Function("mass", [q], ca.cse([M])),
-            ca.Function("friction", [v], ca.cse([f, ca.densify(ca.jacobian(f, v))])),
-        )
+        q, dq = ca.SX.sym("q", n), ca.SX.sym("dq", n)
+        f = -self.plant.carried_torque(dq, ca.SX.zeros(n, 1), smooth_direction(self.plant.robot, dq, width))
+        slope = ca.densify(ca.jacobian(f, dq))
+        return ca.Function("mass", [q], [self.plant.mass_matrix(q)]), ca.Function("f", [dq], ca.cse([f, slope]))
 
     def turned(self, sticking: Sticking | None) -> ca.Function:
         """Directions of friction after a displacement of the joints; unchanged without presliding."""

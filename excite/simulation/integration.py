@@ -92,20 +92,16 @@ def steps_for(
 
 
 def _too_many(substeps: int, rate: float, width: float | None, breakaway: float | None) -> InputError:
-    times = substeps / _MOST_SUBSTEPS
+    times, needs = (
+        substeps / _MOST_SUBSTEPS,
+        f"needs {substeps} substeps per sample at {rate:g} Hz, more than {_MOST_SUBSTEPS}",
+    )
+    if breakaway is None and width is None:
+        return InputError(f"the controller {needs}; take a lower bandwidth or a higher rate")
+    what, enough = f"sign_width {width}", f"a width of about {(width or 0.0) * times:.2g}"
     if breakaway is not None:
         what, enough = f"breakaway {breakaway:g}", f"a distance of about {breakaway * times**2:.2g}"
-    elif width is not None:
-        what, enough = f"sign_width {width:g}", f"a width of about {width * times:.2g}"
-    else:
-        return InputError(
-            f"the controller needs {substeps} steps per sample at {rate:g} Hz, more than {_MOST_SUBSTEPS}; "
-            "take a lower bandwidth or a higher rate"
-        )
-    return InputError(
-        f"{what}: such an abrupt change of friction needs {substeps} substeps per sample at {rate:g} Hz, more than "
-        f"{_MOST_SUBSTEPS}; expected {enough} or more, or a higher rate"
-    )
+    return InputError(f"{what}: such an abrupt change of friction {needs}; expected {enough} or more, or a higher rate")
 
 
 def _fastest(jacobian: ca.Function, probes: Samples, size: float) -> float:
@@ -225,33 +221,30 @@ _NEWTON = 8
 
 def _implicit_step(robot: ControlledRobot, steps: Steps, h: float) -> ca.Function:
     """As `_step`, with implicit friction."""
-    n, moved = robot.plant.robot.n, 2 * robot.plant.robot.n
-    first, delta = h * _GAMMA, 1 - 0.5 / _GAMMA
-    explicit, mass, friction = robot.split(steps.width)
-    x, r = ca.SX.sym("x", moved + 2 + friction_rows(robot.plant.robot).shape[0] + 3), ca.SX.sym("r", _inputs(robot), 3)
-    q, v, energies = x[:n], x[n:moved], x[moved : moved + 2]
+    n, first, delta = robot.plant.robot.n, h * _GAMMA, 1 - 0.5 / _GAMMA
+    whole, smooth = (ca.Function("instant", *one.instant(steps.width)) for one in (robot, robot.without_friction()))
+    mass, friction = robot.steep_friction(steps.width)
+    still = ca.SX.zeros(whole.size_in(2))  # a memory without presliding
+    x, r = ca.SX.sym("x", 2 * n + 2 + still.numel() - n + 2), ca.SX.sym("r", _inputs(robot), 3)
+    y, given = x[: 2 * n + 2], r[:-1, :]
     at = np.array([(1 - _GAMMA) * (1 - 2 * _GAMMA), 4 * _GAMMA * (1 - _GAMMA), _GAMMA * (2 * _GAMMA - 1)])
-    at_second = ca.mtimes(r[:-1, :], ca.DM(at))  # by the parabola through the three
+    given_2 = ca.mtimes(given, ca.DM(at))  # by the parabola through the three
 
-    def slowed(M: ca.SX, free: ca.SX) -> ca.SX:
-        """Velocity after implicit friction, ``M (v - free) + h gamma f(v) = 0``; by Newton's method from near rest."""
-        v = ca.SX(ca.DM.ones(n, 1) * (1e-6 * steps.width))
+    def slowed(y: ca.SX) -> ca.SX:
+        """State after friction: ``M (v - v_0) + h gamma f(v) = 0``, by Newton's method from near rest."""
+        M, v = mass(y[:n]), ca.SX(ca.DM.ones(n, 1) * (1e-6 * steps.width))
         for _ in range(_NEWTON):
             f, slope = friction(v)
-            v -= solved(M + first * slope, ca.mtimes(M, v - free) + first * f)[0]
-        return v
+            v -= solved(M + first * slope, ca.mtimes(M, v - y[n : 2 * n]) + first * f)[0]
+        return ca.vertcat(y[:n], v, y[-2], y[-1] + first * ca.dot(v, friction(v)[0]))
 
-    a_1, power_1, *seen = explicit(q, v, r[:-1, 0])
-    q_2, free_2 = q + first * v, v + first * a_1
-    v_2 = slowed(mass(q_2), free_2)
-    a_2, power_2, *_ = explicit(q_2, v_2, at_second)
-    q_3, free_3 = (y + h * (delta * one + (1 - delta) * two) for y, one, two in ((q, v, v_2), (v, a_1, a_2)))
-    v_3 = slowed(mass(q_3), free_3 + (1 - _GAMMA) / _GAMMA * (v_2 - free_2))
-    lost_2, lost_3 = (ca.dot(v, friction(v)[0]) for v in (v_2, v_3))
-    work = h * (delta * power_1 + (1 - delta) * power_2)
-    loss = h * ((1 - _GAMMA) * lost_2 + _GAMMA * lost_3)
-    after = ca.vertcat(q_3, v_3, energies + ca.vertcat(work, loss), x[moved + 2 :])
-    return ca.Function("step", [x, r], [ca.vertcat(after, *seen)])
+    rate = smooth(y, given[:, 0], still)[0]
+    free_2 = y + first * rate
+    y_2 = slowed(free_2)
+    rate_2 = smooth(y_2, given_2, still)[0]
+    free_3 = y + h * (delta * rate + (1 - delta) * rate_2) + (1 - _GAMMA) / _GAMMA * (y_2 - free_2)
+    after = ca.vertcat(slowed(free_3), x[2 * n + 2 :], *whole(y, given[:, 0], still)[1:])
+    return ca.Function("step", [x, r], [ca.cse(after)])
 
 
 def _wanted(

@@ -100,20 +100,24 @@ def hashes(folder: Path) -> dict[str, str]:
     return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in files.items()}
 
 
-@dataclass(frozen=True)
+@dataclass
 class Picture:
-    """A figure that costs nothing to draw."""
+    """A figure that costs nothing to draw, and its canvas."""
 
     text: str
+    canvas: None = None
+    dpi: float = 100.0
 
     def get_layout_engine(self) -> None:
         """It has no panels to lay out."""
+
+    set_canvas = set_layout_engine = lambda *_: None
 
     def get_children(self) -> list[Any]:
         """It has no parts."""
         return []
 
-    def savefig(self, stream: Any, **_: object) -> None:
+    def print_png(self, stream: Any, **_: object) -> None:
         """Write the text."""
         stream.write(self.text.encode())
 
@@ -132,6 +136,8 @@ def _stub(
         replaced = {place: made(version), **also}
         for name, value in replaced.items():
             patch.setattr(name, lambda *_, value=value, **__: value)
+        if pictures:
+            patch.setattr("excite.views.figures.FigureCanvasAgg", lambda picture: picture)
         for name in pictures:
             patch.setattr(f"excite.views.{name}", lambda *_, name=name: Picture(f"{version} {name.split('.')[-1]}"))
 

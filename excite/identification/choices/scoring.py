@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -280,20 +279,12 @@ class TrialRows:
             if direction is None:
                 direction = np.sign(motion.dq @ friction_rows(self.target.robot).T)
             torque = self.directed.torque(direction[self.rows] if remembers else direction)
-            for entries, shares in self._of_friction:
-                entries[:] = torque @ shares
+            column, rows = np.array(self.directed.columns), self.directed.rows
+            for (place, entries), row in zip(self.W, rows.T, strict=True):
+                for k in np.flatnonzero(np.isin(place, column)):
+                    used = column == place[k]
+                    entries[k] = torque[:, used] @ row[used]
         return self.W
-
-    @cached_property
-    def _of_friction(self) -> list[tuple[Array, Array]]:
-        """Entries of directed friction, (N,), and the shares of each of its torques in them, (k,)."""
-        assert self.directed is not None
-        column, equations = np.array(self.directed.columns), zip(self.W, self.directed.rows.T, strict=True)
-        return [
-            (entries[k], row * (column == place[k]))
-            for (place, entries), row in equations
-            for k in np.flatnonzero(np.isin(place, column))
-        ]
 
     @property
     def nbytes(self) -> int:

@@ -477,7 +477,7 @@ def test_bad_input_is_told() -> None:
         ),
         (
             lambda: simulate_motion(built_in("panda"), Task("panda"), motion(7), slow),
-            r"the controller needs \d+ steps per sample at 1 Hz",
+            r"the controller needs \d+ substeps per sample at 1 Hz",
         ),
         (
             lambda: simulated(replace(LOOSE, torque_noise=(1.0, 2.0))),
