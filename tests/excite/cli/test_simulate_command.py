@@ -190,7 +190,6 @@ BAD = {
     "--load bad.yaml": "mass (line 1): no such field; available: m, mcx",
     "--load light.yaml": "light.yaml: load: no body has these parameters",
     "--friction bad.yaml": "bad.yaml: schema (line 1): is missing",
-    "--sign-width 1e-9 --rate 100": "sign_width 1e-09: such an abrupt change",
     "--load 1,2,3": "load: expected ten finite numbers, m, mcx",
     "--impact q2": "expected JOINT:TIME:TORQUE",
     "--impact q2:1:x": "expected JOINT:TIME:TORQUE",
