@@ -26,7 +26,6 @@ MESHES = {
     "panda, meshes": ("panda_description/urdf/panda.urdf",),
     "tiago's arm": ("tiago_description/robots/tiago_no_hand.urdf", "--tip", "arm_7_link"),
 }
-SEEDS = (0, 1)
 
 
 def arms() -> dict[str, list[str]]:
@@ -57,12 +56,13 @@ def cells(runs: list[dict[str, Any]]) -> list[str]:
     """One arm's cells of one checkout."""
     values, cpu = [each["value"] for each in runs], [each["cpu"] for each in runs]
     kept = "" if all(each["feasible"] for each in runs) else "; limits NOT kept"
-    return [f"{statistics.median(values):.4g} ({min(values):.4g}-{max(values):.4g}){kept}", f"{max(cpu):.1f}"]
+    spread = f" ({min(values):.4g}-{max(values):.4g})" if len(values) > 1 else ""
+    return [f"{statistics.median(values):.4g}{spread}{kept}", f"{max(cpu):.1f}"]
 
 
 LIMITATIONS = (
-    f"plain defaults without figures, seeds {', '.join(map(str, SEEDS))}: median (least-largest) condition number of "
-    "what is written, in all base parameters, and the largest processor time of the whole command with all processes",
+    "plain defaults without figures: condition number of what is written, in all base parameters, median and range of "
+    "the seeds, and the largest processor time of the whole command with all processes",
     "wanted: no default takes more than 30 s; processor time grows with the load of the machine",
     "capsules around the meshes of example-robot-data; arms of one tree or hand each, no trees",
 )
@@ -72,11 +72,13 @@ def main() -> None:
     """Arms one after the other."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--against", type=Path, help="Another checkout, run beside this one.")
-    against = parser.parse_args().against
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1])
+    given = parser.parse_args()
+    against, seeds = given.against, given.seeds
     checkouts = {"": HERE.parent} | ({} if against is None else {" before": against.resolve()})
     before, found = record.load(), dict[str, dict[str, list[dict[str, Any]]]]()
     for name, robot in arms().items():
-        found[name] = {label: [run(robot, seed, place) for seed in SEEDS] for label, place in checkouts.items()}
+        found[name] = {label: [run(robot, seed, place) for seed in seeds] for label, place in checkouts.items()}
         print(name, *(cell for runs in found[name].values() for cell in cells(runs)), flush=True)
     head = ["arm", *(f"{what}{label}" for label in checkouts for what in ("cond(W)", "CPU s"))]
     rows = [[name, *(cell for runs in each.values() for cell in cells(runs))] for name, each in found.items()]
