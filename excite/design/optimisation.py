@@ -60,7 +60,7 @@ from regressors.robot.symbolic.vectorised import evaluation, interpreted_note
 from regressors.samples import Array
 
 _PACKAGES = ("excite-trajectories", "casadi", "numpy", "scipy", "daqp", "ruckig")
-_TIME = 25.0  # typical processor time of a search whose rounds are not stated [s]
+_TIME = 22.0  # typical processor time of a search whose rounds are not stated [s]
 _ENDED = "Ctrl-C ends it, and the best so far is saved"
 _NONE = "no start has a result: the process of each ended unexpectedly; try fewer `workers`"
 

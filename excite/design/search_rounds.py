@@ -2,7 +2,7 @@
 
 The first round is random. Later ones combine the best motions so far, until a few rounds in a row bring next to
 nothing; then another population begins with random motions. The search ends where three populations have come to the
-same best end, and at the latest after a number of rounds, and of evaluations that usually take some 25 s; it estimates
+same best end, and at the latest after a number of rounds, and of evaluations that usually take some 22 s; it estimates
 what one more population would bring: had each one been left out, how much worse would the best be, on average? The
 clock, the number of workers and the order in which starts end have no say, so that the same seed gives the same motion.
 """
