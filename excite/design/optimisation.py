@@ -26,8 +26,9 @@ from excite.design.blueprint import TYPICAL_STARTS, search_seconds
 from excite.design.design import Design
 from excite.design.formulation import LIKELY_CAUSE, Formulation, formulate
 from excite.design.interruption import current_interruption
+from excite.design.problem import Problem
 from excite.design.search_rounds import Rounds, RunningRounds, design_with_harmonics
-from excite.design.start_results import BestStarts, Progress as Progress, best_starts, or_none
+from excite.design.start_results import BestStarts, Progress as Progress, StartResult, best_starts, or_none
 from excite.design.starts import KeptStarts, keep_starts
 from excite.design.stated_limits import remedy
 from excite.design.task_checks import suspecting, unidentifiable
@@ -241,7 +242,8 @@ def certify(
     """Evaluate the best start: its metrics, and its limits over continuous time."""
     task, target = formulation.task, formulation.target
     broken: list[LimitUse] = []
-    for result in sorted(starts.best, key=lambda r: (r.value, r.index)):
+    ranked = sorted(starts.best, key=lambda r: (r.value, r.index))
+    for result in chain(ranked, _smaller(formulation.problem, ranked)):
         trajectory = formulation.problem.information.trajectory(result.coefficients)
         uses = limits_of(formulation, trajectory)
         if all(use.holds for use in uses):
@@ -289,6 +291,17 @@ def certify(
         nearly_unidentifiable=hardly,
         shape=formulation.blueprint.world.world,
     )
+
+
+_SIZES = 0.999, 0.99
+
+
+def _smaller(problem: Problem, results: Sequence[StartResult]) -> Iterator[StartResult]:
+    """Motions a little nearer to rest, for limits that all break between the instants of the search."""
+    for size in _SIZES:
+        for result in results:
+            x = problem.drawn(result.coefficients, size)
+            yield replace(result, x=x.tolist(), value=problem.exact_value(x))
 
 
 def _unwound(

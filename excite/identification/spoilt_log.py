@@ -346,7 +346,7 @@ class FaultSearch:
             return rows.fit(moved_fault(down, gravity, self.moments[split]))
 
         def size(gravity: Array, split: int) -> float:
-            return fit(split, gravity).size if 0 < split < len(level) else np.inf
+            return fit(split, gravity).size if self._divides(split) else np.inf
 
         aside = scipy.linalg.null_space(down[None]).T * np.tan(_TILT) * length
         tilted = [length * g / np.linalg.norm(g) for side in aside for g in (down + side, down - side)]
@@ -382,7 +382,7 @@ class FaultSearch:
             return self._fit(late_from_fault(names, rows, self.step * late, self.moments[split]))
 
         def size(late: int, split: int) -> float:
-            return fit(split, late).size if 0 < split < N and abs(late) * self.step <= self.longest else np.inf
+            return fit(split, late).size if self._divides(split) and abs(late) * self.step <= self.longest else np.inf
 
         starts = [(size(late, split), late, split) for split in self._splits for late in self._delays if late]
         _, late, split = min(starts, default=(0.0, 0, 0))
@@ -396,6 +396,11 @@ class FaultSearch:
         """Instants from which on something may have changed."""
         N = len(self.moments)
         return range(N // _SPLITS, N, N // _SPLITS) if N >= _SPLITS else range(0)
+
+    def _divides(self, split: int) -> bool:
+        """Whether there is enough on both sides of an instant."""
+        N = len(self.moments)
+        return N // _SPLITS <= split <= N - N // _SPLITS
 
     @property
     def _delays(self) -> list[int]:

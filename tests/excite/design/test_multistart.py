@@ -189,6 +189,10 @@ def test_the_best_start_that_keeps_every_limit_is_taken(made: Formulation, tmp_p
     assert certify(robot, made, BestStarts((*results, outside), 4, 0), {}).best_start == best.index
     with pytest.raises(NoFeasibleMotionError):
         certify(robot, made, BestStarts((outside,), 1, 0), {})
+    # One that is hardly outside is made a little smaller.
+    barely = replace(best, x=made.problem.drawn(best.coefficients, 1.003).tolist())
+    assert any(use.use > 1.0 for use in limits_of(made, made.problem.information.trajectory(barely.coefficients)))
+    assert certify(robot, made, BestStarts((barely,), 1, 0), {}).broken == ()
 
 
 WIDE = {"velocity": (1.0,), "acceleration": (3.0,), "harmonics": 2, "starts": 1, "executor": "serial", "rate": 50.0}
