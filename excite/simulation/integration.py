@@ -58,7 +58,7 @@ def steps_for(
 
     The rates are the eigenvalues of the controlled robot about the desired motion, and at rest, where friction is
     steepest: ``F / (width M)``, or ``sqrt(2 F / (d M))`` with presliding. The product of substep and fastest rate stays
-    below 1.5.
+    below 1.5; friction that three explicit substeps could not follow so closely is implicit.
     """
     probes = reference.samples(np.linspace(0.0, reference.duration, _PROBES))
     softest = _SOFTEST * (float(np.abs(probes.dq).max()) or 1.0)
@@ -73,13 +73,13 @@ def steps_for(
     start = softest if breakaway is None else _BREAKAWAY
     enough = _CHEAP_SUBSTEPS if breakaway is None else _STICKING_SUBSTEPS
     size = start if given is None else given
-    substeps, free = needed(size), robot.without_friction()
-    least = needed(_WIDEST * start) if substeps > enough and given is None else substeps
-    implicit = lead is None and not robot.plant.friction.loaded and least > enough
-    if implicit and least > (without := needed(size, free.fastest_rate())):
-        substeps = max(without, int(np.ceil(_IMPLICIT_RATE / rate)))
-        passed = _TURNS_WITHIN * float(np.abs(probes.ddq).max()) / (rate * substeps)
-        return Steps(substeps, max(size, passed) if given is None else given, implicit=True)
+    substeps = needed(size)
+    fine = max(1, int(np.ceil(_IMPLICIT_RATE / rate)))
+    passed = max(start, _TURNS_WITHIN * float(np.abs(probes.ddq).max()) / (rate * fine)) if given is None else given
+    if lead is None and not robot.plant.friction.loaded and needed(passed) > enough:
+        without = needed(size, robot.without_friction().fastest_rate())
+        if substeps > without:
+            return Steps(max(without, fine), passed, implicit=True)
     while given is None and substeps > enough and size < _WIDEST * start:
         size *= 1.25
         substeps = needed(size)
@@ -216,7 +216,8 @@ def _inputs(robot: ControlledRobot) -> int:
 
 
 _GAMMA = 1 - np.sqrt(0.5)
-_NEWTON = 8
+_NEWTON = 10
+_SHORTER = (0.5, 0.25, 0.1)  # of a step of Newton's method, where the sign of friction turns within the whole one
 
 
 def _implicit_step(robot: ControlledRobot, steps: Steps, h: float) -> ca.Function:
@@ -231,11 +232,19 @@ def _implicit_step(robot: ControlledRobot, steps: Steps, h: float) -> ca.Functio
     given_2 = ca.mtimes(given, ca.DM(at))  # by the parabola through the three
 
     def slowed(y: ca.SX) -> ca.SX:
-        """State after friction: ``M (v - v_0) + h gamma f(v) = 0``, by Newton's method from near rest."""
+        """State after friction: ``M (v - v_0) + h gamma f(v) = 0``, by a damped Newton's method from near rest."""
         M, v = mass(y[:n]), ca.SX(ca.DM.ones(n, 1) * (1e-6 * steps.width))
+
+        def missing(v: ca.SX) -> ca.SX:
+            return ca.mtimes(M, v - y[n : 2 * n]) + first * friction(v)[0]
+
         for _ in range(_NEWTON):
-            f, slope = friction(v)
-            v -= solved(M + first * slope, ca.mtimes(M, v - y[n : 2 * n]) + first * f)[0]
+            step = solved(M + first * friction(v)[1], missing(v))[0]
+            best, least = v - step, ca.sumsqr(missing(v - step) / ca.sqrt(ca.diag(M)))
+            for part in _SHORTER:
+                size = ca.sumsqr(missing(v - part * step) / ca.sqrt(ca.diag(M)))
+                best, least = ca.if_else(size < least, v - part * step, best), ca.fmin(size, least)
+            v = best
         return ca.vertcat(y[:n], v, y[-2], y[-1] + first * ca.dot(v, friction(v)[0]))
 
     rate = smooth(y, given[:, 0], still)[0]

@@ -14,13 +14,14 @@ import pinocchio as pin
 import pytest
 from motions import Polynomials, order_of
 from pinocchio_chains import chain_model, inertia
+from scipy.integrate import solve_ivp
 from slow_dynamics import random_body, random_chain
 
 from excite.design.interruption import answered_signals
 from excite.errors import LostMotionError
 from excite.simulation import integration
 from excite.simulation.control import ControlledRobot, Controller
-from excite.simulation.integration import Steps, simulated_run
+from excite.simulation.integration import Steps, simulated_run, steps_for
 from excite.simulation.plant import Plant, plant_of
 from excite.simulation.sensors import motor_angle, quantised
 from excite.simulation.settings import SimulationSettings
@@ -183,6 +184,37 @@ def test_implicit_friction_converges_at_order_two_to_the_explicit_method() -> No
     errors = [float(np.abs(last(Steps(s, 0.1, implicit=True)) - exact).max()) for s in (5, 10, 20)]
     assert min(order_of(errors)) > 1.7
     assert errors[-1] < 1e-5
+
+
+def test_steep_friction_of_all_joints_is_that_of_a_stiff_solver() -> None:
+    arm = built_in("panda")
+    curves = FrictionCurves(
+        {name: CoulombViscous(x, 0.3) for name, x in zip(arm.joint_names, (9, 9, 6, 6, 3, 3, 2), strict=True)}
+    )
+    plant, _ = plant_of(arm, curves)
+    course = motion(7, duration=1.0, size=0.05)
+    robot = controlled_robot(plant, plant, course, LOOSE, None)
+    steps = steps_for(robot, course, 100.0, 0.01)
+    assert steps.implicit
+    found = simulated_run(robot, course, 100.0, steps).samples
+    (x, given, memory), (rate, *_) = robot.instant(0.01)
+    still = np.zeros(memory.numel())
+    rates, slopes = (
+        ca.Function("f", [x, given], [ca.densify(ca.substitute(f, memory, still))])
+        for f in (rate, ca.jacobian(rate, x))
+    )
+
+    def inputs(t: float) -> Array:
+        wanted = course.samples(np.array([t]))
+        return np.concatenate([wanted.q[0], wanted.dq[0], wanted.ddq[0], [0.0]])
+
+    exact = solve_ivp(
+        lambda t, x: np.array(rates(x, inputs(t))).ravel(), (0.0, 0.5),
+        np.concatenate([found.q[0], found.dq[0], np.zeros(2)]),
+        method="Radau", jac=lambda t, x: np.array(slopes(x, inputs(t))), rtol=1e-6, atol=1e-8, t_eval=found.time[:51],
+    )  # fmt: skip
+    np.testing.assert_allclose(found.q[:51], exact.y[:7].T, atol=1e-4)
+    np.testing.assert_allclose(found.dq[:51], exact.y[7:14].T, atol=1e-2)
 
 
 def test_friction_of_a_light_link_stays_steep_and_in_balance_with_the_torques() -> None:
