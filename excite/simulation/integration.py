@@ -216,8 +216,8 @@ def _inputs(robot: ControlledRobot) -> int:
 
 
 _GAMMA = 1 - np.sqrt(0.5)
-_NEWTON = 10
-_SHORTER = (0.5, 0.25, 0.1)  # of a step of Newton's method, where the sign of friction turns within the whole one
+_NEWTON = 8
+_PARTS = (1.0, 0.5, 0.25, 0.1)  # of a step of Newton's method: within a whole one friction may change its sign
 
 
 def _implicit_step(robot: ControlledRobot, steps: Steps, h: float) -> ca.Function:
@@ -234,17 +234,17 @@ def _implicit_step(robot: ControlledRobot, steps: Steps, h: float) -> ca.Functio
     def slowed(y: ca.SX) -> ca.SX:
         """State after friction: ``M (v - v_0) + h gamma f(v) = 0``, by a damped Newton's method from near rest."""
         M, v = mass(y[:n]), ca.SX(ca.DM.ones(n, 1) * (1e-6 * steps.width))
-
-        def missing(v: ca.SX) -> ca.SX:
-            return ca.mtimes(M, v - y[n : 2 * n]) + first * friction(v)[0]
-
+        rigid = ca.mtimes(M, v - y[n : 2 * n])
         for _ in range(_NEWTON):
-            step = solved(M + first * friction(v)[1], missing(v))[0]
-            best, least = v - step, ca.sumsqr(missing(v - step) / ca.sqrt(ca.diag(M)))
-            for part in _SHORTER:
-                size = ca.sumsqr(missing(v - part * step) / ca.sqrt(ca.diag(M)))
-                best, least = ca.if_else(size < least, v - part * step, best), ca.fmin(size, least)
-            v = best
+            f, slope = friction(v)
+            whole_step = solved(M + first * slope, rigid + first * f)[0]
+            pushed, best, least = ca.mtimes(M, whole_step), (v, rigid), ca.SX(np.inf)
+            for part in _PARTS:
+                tried = v - part * whole_step, rigid - part * pushed
+                size = ca.sumsqr((tried[1] + first * friction(tried[0])[0]) / ca.sqrt(ca.diag(M)))
+                best = tuple(ca.if_else(size < least, new, old) for new, old in zip(tried, best, strict=True))
+                least = ca.fmin(size, least)
+            v, rigid = best
         return ca.vertcat(y[:n], v, y[-2], y[-1] + first * ca.dot(v, friction(v)[0]))
 
     rate = smooth(y, given[:, 0], still)[0]
