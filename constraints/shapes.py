@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from constraints.geometry import Part, enclosing_capsule, enclosing_cylinder
-from regressors.errors import InputError, reading
+from regressors.errors import InputError
 from regressors.input_files import in_bytes, read_bytes
 from regressors.memory_cap import memory_cap
 from regressors.readers.chain_ends import carried
+from regressors.readers.urdf import urdf_content
 from regressors.readers.urdf_elements import XmlElement, robot_element
 from regressors.readers.urdf_tree import parse_tree
 from regressors.robot.inertia import pose_of, rotation_from_rpy
@@ -28,7 +29,7 @@ _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z i
 
 
 def urdf_shape(
-    path: Path, robot: Robot, base: str | None = None, *, snap_angles: bool = True
+    path: Path, robot: Robot, base: str | None = None, *, snap_angles: bool = True, content: str | bytes | None = None
 ) -> tuple[tuple[Part, ...], tuple[tuple[str, str], ...]]:
     """One capsule around every ``<collision>`` of the robot's links and of the links fixed to them.
 
@@ -36,7 +37,7 @@ def urdf_shape(
     its flat ends. Links above the base, or below it on other branches, count as part of the base.
     """
     parts, left_out = [], []
-    for carrier, link, pose in carried_links(path, robot, base, snap_angles=snap_angles):
+    for carrier, link, pose in carried_links(path, robot, base, snap_angles=snap_angles, content=content):
         name = link.attributes["name"]
         for element in link.below("collision"):
             try:
@@ -53,12 +54,18 @@ def urdf_shape(
 
 
 def lowest_point(
-    path: Path, robot: Robot, base: str | None, normal: Array, *, snap_angles: bool = True
+    path: Path,
+    robot: Robot,
+    base: str | None,
+    normal: Array,
+    *,
+    snap_angles: bool = True,
+    content: str | bytes | None = None,
 ) -> float | None:
     """Least height of the base's ``<collision>`` shapes themselves along a direction; None if it has none [m]."""
     # normal (3,)
     heights = []
-    for carrier, link, pose in carried_links(path, robot, base, snap_angles=snap_angles):
+    for carrier, link, pose in carried_links(path, robot, base, snap_angles=snap_angles, content=content):
         for element in link.below("collision") if carrier == BASE else ():
             shape, place = placed_shape(element)
             with contextlib.suppress(InputError, KeyError, ValueError):
@@ -78,11 +85,13 @@ def _lowest(shape: XmlElement, path: Path, pose: Array, normal: Array) -> float:
 
 
 def carried_links(
-    path: Path, robot: Robot, base: str | None = None, *, snap_angles: bool = True
+    path: Path, robot: Robot, base: str | None = None, *, snap_angles: bool = True, content: str | bytes | None = None
 ) -> Iterator[tuple[str, XmlElement, Array]]:
-    """Every ``<link>`` of a URDF, the link of the robot or base that carries it, and its pose in that frame."""
-    with reading(f"the URDF file {str(path)!r}"):
-        content = read_bytes(path)
+    """Every ``<link>`` of a URDF, the link of the robot or base that carries it, and its pose in that frame.
+
+    Where the content of the file is given, it is not read again.
+    """
+    content = urdf_content(path) if content is None else content
     tree = parse_tree(content, path.name, snap_angles=snap_angles)
     moving = {link.name for link in robot.links}
     poses = dict(carried(tree, tree.root, ()))

@@ -16,7 +16,7 @@ from constraints.shapes import lowest_point, urdf_shape
 from regressors.arguments import checked
 from regressors.errors import InputError, about
 from regressors.readers.documents import Angles, Document, Length, Point, read_document, validate
-from regressors.readers.urdf import read_urdf
+from regressors.readers.urdf import parse_urdf, urdf_content
 from regressors.readers.urdf_elements import URDF, xml_kind
 from regressors.robot.shapes import Capsule
 from regressors.samples import Array
@@ -141,12 +141,12 @@ def _world(document: Document, urdf: Callable[[], _Shape]) -> World:
 
 def urdf_capsules(robot: str, base: str | None = None, tip: str | None = None, *, snap_angles: bool = True) -> _Shape:
     """Shape of a chain of a URDF, see `constraints.shapes.urdf_shape`, and what was left out of it."""
-    named = robot.lower().endswith((".urdf", ".xml"))
-    if not named or (Path(robot).is_file() and xml_kind(robot) != URDF):
+    if not _is_urdf(robot):
         what_is_given = f"{robot!r} is not one" if robot else "none is given"
         raise InputError(f"capsules are taken from the <collision> elements of a URDF, but {what_is_given}")
-    read = read_urdf(robot, base=base, tip=tip, snap_angles=snap_angles)
-    return urdf_shape(Path(robot), read, base, snap_angles=snap_angles)
+    path, content = Path(robot), urdf_content(Path(robot))
+    read = parse_urdf(content, name_of_source=path.name, base=base, tip=tip, snap_angles=snap_angles)
+    return urdf_shape(path, read, base, snap_angles=snap_angles, content=content)
 
 
 def urdf_lowest(
@@ -154,10 +154,17 @@ def urdf_lowest(
 ) -> float | None:
     """Height of the lowest point of a chain's base, see `lowest_point`; None if not known."""
     # normal (3,)
-    if not robot.lower().endswith((".urdf", ".xml")) or xml_kind(robot) != URDF:
+    if not _is_urdf(robot):
         return None
-    read = read_urdf(robot, base=base, tip=tip, snap_angles=snap_angles)
-    return lowest_point(Path(robot), read, base, normal, snap_angles=snap_angles)
+    path, content = Path(robot), urdf_content(Path(robot))
+    read = parse_urdf(content, name_of_source=path.name, base=base, tip=tip, snap_angles=snap_angles)
+    return lowest_point(path, read, base, normal, snap_angles=snap_angles, content=content)
+
+
+def _is_urdf(robot: str) -> bool:
+    """Whether a robot is named by the file of a URDF, or of a xacro that expands to one."""
+    suffix, is_file = Path(robot).suffix.lower(), Path(robot).is_file()
+    return suffix == ".xacro" or (suffix in (".urdf", ".xml") and (not is_file or xml_kind(robot) == URDF))
 
 
 def capsules_text(parts: Iterable[Part]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from excite.tasks.stored_files import StoredRobot
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion, of_joints
-from regressors.readers.library import built_in_names, load_robot
+from regressors.readers.library import load_robot
 from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.robot import Robot
 from regressors.robot.shapes import Capsule, Part
@@ -110,7 +111,7 @@ def _parts(robot: Robot, task: Task) -> tuple[tuple[Part, ...] | Unchecked, tupl
     """Capsules of the robot of a task, and what is assumed of links whose meshes cannot be read."""
     if robot.shapes:
         return robot.shapes, ()
-    if not isinstance(task.robot, str) or task.xacro or not task.robot.lower().endswith((".urdf", ".xml")):
+    if not _has_urdf(task) or not isinstance(task.robot, str):
         return Unchecked("self-collision", f"the description has no shapes, and {_given(task.robot)}"), ()
     try:
         parts, left_out = urdf_capsules(task.robot, task.base_link, task.tip, snap_angles=task.snap_angles)
@@ -124,13 +125,19 @@ def _parts(robot: Robot, task: Task) -> tuple[tuple[Part, ...] | Unchecked, tupl
     return (*parts, *skeleton(robot, radius, links)), (note,)
 
 
+def _has_urdf(task: Task) -> bool:
+    """Whether the robot is named by a file whose name tells a URDF, or a xacro that expands to one."""
+    suffix = Path(task.robot).suffix.lower() if isinstance(task.robot, str) else ""
+    return suffix == ".xacro" or (suffix in (".urdf", ".xml") and not task.xacro)
+
+
 def _given(robot: Robot | StoredRobot | str) -> str:
     """How a robot is given that is not the file of a URDF."""
     if isinstance(robot, StoredRobot):
         return "the robot is that of a stored design, which holds none"
     if not isinstance(robot, str):
-        return "the robot is given as an object; give it `shapes`, or name its URDF in a world file"
-    return f"{robot} is no URDF"
+        return "the robot is given as an object; give its URDF in its place, or give it `shapes`"
+    return f"{robot} is no URDF, nor a xacro by its name"
 
 
 def stated_world(robot: Robot, task: Task) -> StatedWorld:
@@ -197,7 +204,7 @@ def _normal(robot: Robot, task: Task) -> Array:
 
 def _lowest(task: Task, normal: Array) -> float:
     """Height of the lowest point of the base, at most that of its origin; of which nothing is known, its origin's."""
-    if not isinstance(task.robot, str) or task.robot in built_in_names() or task.xacro:
+    if not isinstance(task.robot, str) or not _has_urdf(task):
         return 0.0
     known = urdf_lowest(task.robot, normal, task.base_link, task.tip, snap_angles=task.snap_angles)
     return 0.0 if known is None else min(known, 0.0)

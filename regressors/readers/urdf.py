@@ -31,9 +31,15 @@ _NOISE = 1e-12
 def read_urdf(path: str | Path, *, base: str | None = None, tip: str | None = None, snap_angles: bool = True) -> Robot:
     """Read the serial chain from one link to another of a URDF file, as a `Robot`; see `parse_urdf`."""
     path = Path(path)
+    return parse_urdf(urdf_content(path), name_of_source=path.name, base=base, tip=tip, snap_angles=snap_angles)
+
+
+def urdf_content(path: Path) -> str | bytes:
+    """Content of a URDF, which a file whose name ends in ``.xacro`` expands to."""
+    if path.suffix.lower() == ".xacro":
+        return expand_xacro(path)
     with reading(f"the URDF file {str(path)!r}"):
-        content = read_bytes(path)
-    return parse_urdf(content, name_of_source=path.name, base=base, tip=tip, snap_angles=snap_angles)
+        return read_bytes(path)
 
 
 def parse_urdf(

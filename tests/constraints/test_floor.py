@@ -17,7 +17,7 @@ from constraints.collision_limits import Clearance, SelfCollisions
 from constraints.enclosure import enclose
 from constraints.geometry import HalfSpace, Obstacle, Part, World
 from constraints.shapes import lowest_point
-from constraints.world_file import world_of
+from constraints.world_file import urdf_lowest, world_of
 from excite.design.design_json import load_design
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import random_motion
@@ -276,3 +276,22 @@ def test_the_lowest_point_of_a_shape(shape: str, tmp_path: Path) -> None:
     expected = 0.2 + SHAPES[shape](np.cos(0.4), np.sin(0.4))
     found = lowest_point(path, excite.load_robot(str(path)), None, np.array([0.0, 0.0, 1.0]))
     assert found == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_xacro_has_the_shapes_and_the_floor_of_the_urdf_that_it_expands_to(tmp_path: Path) -> None:
+    shape = '<link name="arm"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>'
+    text = URDF.format('<sphere radius="0.3"/>').replace('<link name="arm"/>', shape)
+    (tmp_path / "post.urdf").write_text(text, encoding="utf-8")
+    text = text.replace("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" ').replace(
+        '"0.3"', '"${0.6 / 2}"'
+    )
+    (tmp_path / "post.xacro").write_text(text, encoding="utf-8")
+    paths = (str(tmp_path / name) for name in ("post.urdf", "post.xacro"))
+    first, second = (stated_world(excite.load_robot(path), excite.Task(path)) for path in paths)
+    assert first.world is not None
+    assert second.world is not None
+    assert second.world.to_dict() == first.world.to_dict()
+    assert len(first.world.parts) == 2
+    assert second.unchecked == first.unchecked
+    normal = np.array([0.0, 0.0, 1.0])
+    assert urdf_lowest(str(tmp_path / "post.xacro"), normal) == urdf_lowest(str(tmp_path / "post.urdf"), normal) < 0.0

@@ -22,6 +22,7 @@ from regressors.samples import Array
 
 LANES = 4  # instants in one pass of the loop
 _V = f"<{LANES} x double>"
+_ZERO, _ONE = (f"<{', '.join([f'double {x}'] * LANES)}>" for x in ("0.0", "1.0"))
 _INTRINSIC = {ca.OP_SQRT: "llvm.sqrt", ca.OP_FABS: "llvm.fabs"}
 _INSTRUCTIONS = {  # of one or two vectors
     ca.OP_ADD: f"fadd {_V} {{0}}, {{1}}",
@@ -31,7 +32,7 @@ _INSTRUCTIONS = {  # of one or two vectors
     ca.OP_TWICE: f"fadd {_V} {{0}}, {{0}}",
     ca.OP_SQ: f"fmul {_V} {{0}}, {{0}}",
     ca.OP_NEG: f"fneg {_V} {{0}}",
-    ca.OP_INV: f"fdiv {_V} <{', '.join(['double 1.0'] * LANES)}>, {{0}}",
+    ca.OP_INV: f"fdiv {_V} {_ONE}, {{0}}",
     **{op: f"call {_V} @{name}.v{LANES}f64({_V} {{0}})" for op, name in _INTRINSIC.items()},
 }
 _BY_INSTANT = {  # functions of the C library
@@ -42,6 +43,11 @@ _BY_INSTANT = {  # functions of the C library
     ca.OP_POW: ("pow", 2),
 }
 _SMALLER = {ca.OP_FMIN: "ult", ca.OP_FMAX: "ugt"}
+_WHERE = {  # a comparison, and the value where it holds, else zero
+    ca.OP_LT: ("olt", "{1}", _ONE),
+    ca.OP_NOT: ("oeq", _ZERO, _ONE),
+    ca.OP_IF_ELSE_ZERO: ("une", _ZERO, "{1}"),
+}
 
 
 class NotCompiledError(Exception):
@@ -172,6 +178,10 @@ def _operation(k: int, op: int, of: list[str]) -> Iterator[str]:
         yield from _by_instant(k, _BY_INSTANT[op][0], of)
     elif op in _SMALLER:
         yield from _chosen(k, _SMALLER[op], *of)
+    elif op in _WHERE:
+        order, other, value = (text.format(*of) for text in _WHERE[op])
+        yield f"  %c{k} = fcmp {order} {_V} {of[0]}, {other}"
+        yield f"  %v{k} = select <{LANES} x i1> %c{k}, {_V} {value}, {_V} {_ZERO}"
     elif op == ca.OP_SIGN:
         yield from _sign(k, *of)
     else:
@@ -199,11 +209,10 @@ def _chosen(k: int, order: str, a: str, b: str) -> Iterator[str]:
 
 
 def _sign(k: int, a: str) -> Iterator[str]:
-    zero = _constant(0.0)
-    yield f"  %c{k} = fcmp ogt {_V} {a}, {zero}"
-    yield f"  %d{k} = fcmp olt {_V} {a}, {zero}"
+    yield f"  %c{k} = fcmp ogt {_V} {a}, {_ZERO}"
+    yield f"  %d{k} = fcmp olt {_V} {a}, {_ZERO}"
     yield f"  %s{k} = select <{LANES} x i1> %d{k}, {_V} {_constant(-1.0)}, {_V} {a}"
-    yield f"  %v{k} = select <{LANES} x i1> %c{k}, {_V} {_constant(1.0)}, {_V} %s{k}"
+    yield f"  %v{k} = select <{LANES} x i1> %c{k}, {_V} {_ONE}, {_V} %s{k}"
 
 
 def _constant(number: float) -> str:

@@ -107,7 +107,7 @@ def test_what_cannot_be_checked_is_said() -> None:
 def test_shapes_that_are_missing_are_named() -> None:
     robot = weak(95.0).replace(shapes=())
     for given, reason in (
-        (robot, "the robot is given as an object; give it `shapes`"),
+        (robot, "the robot is given as an object; give its URDF in its place"),
         (StoredRobot("arm.urdf", robot), "the robot is that of a stored design"),
     ):
         reasons = {each.limit: each.reason for each in stated_world(robot, excite.Task(given)).unchecked}

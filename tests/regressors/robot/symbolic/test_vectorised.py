@@ -218,3 +218,16 @@ def test_not_a_number_and_infinity_are_numpys(name: str) -> None:
     inputs = [np.array(part)[None, :] for part in zip(*((a, b) for a in values for b in values), strict=True)]
     found, expected = (make(function)(inputs) for make in (machine_code.MachineCode, vectorised._array_program))
     np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize(
+    "choice",
+    [lambda a, b: a < b, lambda a, b: ca.logic_not(a), lambda a, b: ca.if_else(a < b, 3 * a, b)],
+    ids=["less", "not", "either"],
+)
+def test_comparisons_of_machine_code_are_casadis(choice: Callable[[ca.SX, ca.SX], ca.SX]) -> None:
+    x = [ca.SX.sym("x"), ca.SX.sym("y")]
+    function = ca.Function("plain", x, [choice(*x)])
+    values = [np.inf, -np.inf, 0.0, -0.0, -2.0, 1e308]
+    inputs = [np.array(part)[None, :] for part in zip(*((a, b) for a in values for b in values), strict=True)]
+    np.testing.assert_array_equal(machine_code.MachineCode(function)(inputs), np.array(function(*inputs)))
