@@ -155,6 +155,8 @@ def fails_near_standstill(estimate: Estimate, observations: Observations, fast: 
 
 
 SPEEDS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)  # candidates, of the typical speed of the drives that move
+_OF_SLOWEST = 0.5  # of the largest speed of a drive: more would leave out nearly all of its rows
+_TURNS = 2e-3  # rad or m: the travel in a log of a drive that does not rest
 
 
 def without_standstill(part: PreparedLog, target: IdentificationTarget, speed: float | None) -> PreparedLog:
@@ -174,11 +176,17 @@ def without_standstill(part: PreparedLog, target: IdentificationTarget, speed: f
 
 
 def standstill_candidates(target: IdentificationTarget, parts: Sequence[PreparedLog]) -> tuple[float, ...]:
-    """Speeds for `without_standstill` to choose from, `SPEEDS` times the typical speed of the drives that move."""
+    """Speeds for `without_standstill` to choose from, `SPEEDS` times the typical speed of the drives that move.
+
+    None is above half the largest speed of a drive that turns: a slow one among faster ones would lose its rows.
+    """
     if target.model.torque_equations() is None:
         return (0.0,)
-    typical = typical_speed(target.robot, [part.samples for part in parts])
-    return tuple(share * typical for share in SPEEDS) if typical > 0 else (0.0,)
+    rows, samples = friction_rows(target.robot), [part.samples for part in parts]
+    largest = np.max([np.abs(each.dq @ rows.T).max(axis=0) for each in samples], axis=0)
+    turns = np.max([np.ptp(each.q @ rows.T, axis=0) for each in samples], axis=0) > _TURNS
+    typical, most = typical_speed(target.robot, samples), _OF_SLOWEST * largest[turns].min(initial=np.inf)
+    return tuple(share * typical for share in SPEEDS if share * typical <= most) if typical > 0 else (0.0,)
 
 
 SHARE = 0.01  # noise over signal of an acceleration below which parameters are pulled by less than 1e-4

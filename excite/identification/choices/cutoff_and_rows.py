@@ -304,7 +304,8 @@ def choose_standstill(scoring: Scoring, recipe: Recipe, least: float = 0.0) -> t
         for v in candidates
     }
     scores = {v: scoring.of(one, statistics[candidates[-1]]) for v, one in statistics.items()}
-    allowed = {v: scores[v] for share, v in zip(SPEEDS, candidates, strict=True) if share >= least}
+    allowed = {v: scores[v] for share, v in zip(SPEEDS, candidates, strict=False) if share >= least}
+    allowed = allowed or {candidates[-1]: scores[candidates[-1]]}
     best = allowed[best_of(allowed)]
     reason = "rows of slow drives are kept: without them the others are predicted no better"
     chosen = next(v for v, errors in allowed.items() if not best.is_better(errors, _KEPT_WORTH))

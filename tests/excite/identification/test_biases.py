@@ -82,6 +82,17 @@ def test_candidates_are_parts_of_the_typical_speed(log: Log) -> None:
     assert standstill_candidates(energy.target, energy.prepared) == (0.0,)
 
 
+@pytest.mark.parametrize(("share", "count"), [(0.05, 3), (1e-4, 7)])
+def test_candidates_keep_the_rows_of_a_slow_drive_but_not_of_one_that_rests(share: float, count: int, log: Log) -> None:
+    result = found(TASK, log)
+    (part,), of_first = result.prepared, np.array([share, 1.0, 1.0])
+    samples = replace(part.samples, q=part.samples.q * of_first, dq=part.samples.dq * of_first)
+    candidates = standstill_candidates(result.target, [replace(part, samples=samples)])
+    slowest = np.abs(samples.dq[:, 0] * C[0, 0]).max()
+    assert len(candidates) == count
+    assert bool(candidates[-1] <= 0.5 * slowest) == (count < 7)
+
+
 def test_models_of_windows_refuse_it_and_so_do_repetitions(log: Log) -> None:
     with pytest.raises(InputError, match="`standstill` is for models of joint torques at single instants"):
         found(Task("irp6", model="energy"), log, recipe=replace(EXACTLY, standstill=0.05))
