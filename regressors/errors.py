@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -53,12 +54,17 @@ def about(what: str) -> Iterator[None]:
         raise InputError(f"{what}: {error}") from error
 
 
+LIKE = 0.7  # likeness of names that may be meant
+
+
 class UnknownName(InputError):
     """A name that does not exist where it was looked up."""
 
-    def __init__(self, what: str, given: str, available: Iterable[str], near: Sequence[str] = ()) -> None:
+    def __init__(self, what: str, given: str, available: Iterable[str], near: Sequence[str] | None = None) -> None:
+        names = tuple(available)
+        near = difflib.get_close_matches(given, names, 2, LIKE) if near is None else near
         meant = f"did you mean {' or '.join(map(shortened, near))}? " if near else ""
-        super().__init__(f"no {what} named {shortened(given)}; {meant}available: {listed_names(available)}")
+        super().__init__(f"no {what} named {shortened(given)}; {meant}available: {listed_names(names)}")
 
 
 def check_names(what: str, names: Iterable[str], known: Collection[str]) -> None:

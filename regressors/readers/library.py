@@ -9,7 +9,7 @@ from importlib import import_module, resources
 from pathlib import Path
 
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName, shortened
+from regressors.errors import LIKE, InputError, UnknownName, shortened
 from regressors.readers.urdf_elements import MJCF, URDF, XACRO, xml_kind
 from regressors.robot.plausibility import check_sizes
 from regressors.robot.robot import Robot
@@ -28,7 +28,6 @@ _READERS = {  # each imported when it is needed: those of XML take their librari
     XACRO: ("urdf", "read_xacro"),
     MJCF: ("mjcf", "read_mjcf"),
 }
-_NEAR = 0.7  # likeness of names that may be meant
 
 
 @cache
@@ -37,8 +36,7 @@ def built_in(name: str) -> Robot:
     from regressors.readers.description import parse_description
 
     if name not in built_in_names():
-        near = get_close_matches(name, built_in_names(), 1, _NEAR)
-        raise UnknownName("built-in robot", name, built_in_names(), near)
+        raise UnknownName("built-in robot", name, built_in_names())
     file = resources.files(_DESCRIPTIONS) / f"{name}.yaml"
     return parse_description(file.read_text(encoding="utf-8"), f"built-in robot {name}")
 
@@ -103,11 +101,11 @@ def _read(spec: str, base: str | None, tip: str | None, *, snap_angles: bool, xa
 
 def _meant(spec: str) -> str:
     """The question whether a built-in robot, or a robot's file in the same folder, of a near name is meant."""
-    near = get_close_matches(spec, built_in_names(), 1, _NEAR)
+    near = get_close_matches(spec, built_in_names(), 1, LIKE)
     folder = Path(spec).parent
     with suppress(OSError, ValueError):
         files = [path.name for path in folder.iterdir() if path.suffix.lower() in _FILES]
-        near += [str(folder / name) for name in get_close_matches(Path(spec).name, files, 1, _NEAR)]
+        near += [str(folder / name) for name in get_close_matches(Path(spec).name, files, 1, LIKE)]
     return f"did you mean {' or '.join(map(shortened, near))}? " if near else ""
 
 

@@ -264,5 +264,7 @@ def test_a_bag_is_a_log_and_a_column_that_no_topic_has_is_answered(tmp_path: Pat
         "joints: [wrong]\ntime: {column: /joint_states/header/stamp, unit: ns}\n"
         "position: {columns: [/joint_states/wrong/position], unit: rad}\n"
     )
-    with pytest.raises(InputError, match=r"named '/joint_states/wrong/position'; available: .*/joint_states/a/"):
+    with pytest.raises(
+        InputError, match=r"named '/joint_states/wrong/position'; did you mean .* available: .*/joint_states/a/"
+    ):
         read_log(bag, mapping=read_mapping(tmp_path / "map.yaml"))
