@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+import excite
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import random_motion
 from excite.logs.log import Log
@@ -109,9 +110,17 @@ def gravity_torque(robot: Robot, q: np.ndarray, gravity: np.ndarray) -> np.ndarr
     return (Y @ theta).reshape(q.shape)
 
 
-def friction_torque(robot: Robot, q: np.ndarray, step: float) -> np.ndarray:
-    """Friction in the equation of each joint, shape (N, n)."""
-    dq, curves, n = np.gradient(q, step, axis=0), FrictionCurves.of_robot(robot), q.shape[1]
+def friction_torque(robot: Robot, log: Log, real: bool) -> np.ndarray:
+    """Friction in the equation of each joint, shape (N, n); of a real robot, as identified from the log."""
+    q, n = log.q, log.q.shape[1]
+    if real:
+        result = excite.identify(robot, log, choose=False)
+        found = dict(zip(result.names, result.estimate.coefficients.tolist(), strict=True))
+        dq = np.gradient(q, log.time, axis=0)
+        return np.column_stack(
+            [found[f"F{k + 1}c"] * np.sign(dq[:, k]) + found[f"F{k + 1}v"] * dq[:, k] for k in range(n)]
+        )
+    dq, curves = np.gradient(q, log.duration / (log.count - 1), axis=0), FrictionCurves.of_robot(robot)
     rows = ((name, row[:n]) for name, row in drives_with_friction(robot))  # joints that the log lacks rest
     return sum(curves.curve(name).torque(dq @ row)[:, None] * row for name, row in rows)
 
@@ -162,7 +171,8 @@ def changed_from(log: Log, kind: str, rng: np.random.Generator, robot: str, seed
             y = y[late]
         case "drift":
             falls = rng.uniform(0.3, 0.5, y.shape[1])
-            y -= falls * np.linspace(0.0, 1.0, log.count)[:, None] * friction_torque(true_robot(robot, seed), q, step)
+            own = load_robot(robot) if real else true_robot(robot, seed)
+            y -= falls * np.linspace(0.0, 1.0, log.count)[:, None] * friction_torque(own, log, real)
             truth = tuple(falls.tolist())
         case "clock jump":
             time[k:] += rng.uniform(0.2, 1.0)

@@ -280,8 +280,8 @@ LIMITATIONS = (
     "within 15 degrees. Currents have factors of 1/20 to 1/2 a joint; drive units some 100 at the largest torque.",
     "A robot that refuses its log (exit status 2) and says why counts as named. `handled` are rows that were lost, "
     "held or written twice with errors as of the sound log, since they are bridged or left out.",
-    "The base moves by 10 to 30 degrees, torques are late by 20 to 80 ms from some time on, friction falls by 30 to "
-    "50 %, lengths are off by 10 to 60 %, a load has 0.3 to 0.8 times the rated mass, clocks jump by 0.2 to 1 s. Right "
+    "The base moves by 10 to 30 degrees, torques are late by 20 to 80 ms from some time on, friction (of a real arm, "
+    "as identified from the log) falls by 30 to 50 %, lengths are off by 10 to 60 %, a load has 0.3 to 0.8 times the rated mass, clocks jump by 0.2 to 1 s. Right "
     "are a time within a tenth of the log, lengths within 15 %, the mass of a load within 40 %.",
 )
 
@@ -303,7 +303,7 @@ def main() -> None:
     parser.add_argument("--real", type=Path, help="folder of the real logs of a UR10e, which are used instead")
     parser.add_argument("--choose", action="store_true", help="choose the settings, as by default")
     parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument("--name", default="simulated", help="of the results")
+    parser.add_argument("--name", help="of the results; simulated or real if not given")
     parser.add_argument("--printed", type=Path, nargs="*", default=[], help="what stopped runs printed, to be counted")
     a = parser.parse_args()
     kinds, robots = a.kinds.split(";"), a.robots.split(",")
@@ -320,7 +320,7 @@ def main() -> None:
             outcomes = [outcome for one in pool.map(runs, given) for outcome in one]
     files = [a.real, *a.printed]
     sys.argv = ["FILE" if Path(text) in files else text for text in sys.argv]  # no path of this machine
-    name = "real" if a.real else a.name
+    name = a.name or ("real" if a.real else "simulated")
     settings = "With the choice of settings." if a.choose else "Without the choice of settings (`choose=False`)."
     cases = {"cases": [asdict(o) for o in outcomes]}
     record.save(name, before, cases, text_of(outcomes), (*LIMITATIONS, settings), HERE)
