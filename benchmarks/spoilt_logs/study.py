@@ -282,7 +282,8 @@ LIMITATIONS = (
     "held or written twice with errors as of the sound log, since they are bridged or left out.",
     "The base moves by 10 to 30 degrees, torques are late by 20 to 80 ms from some time on, friction (of a real arm, "
     "as identified from the log) falls by 30 to 50 %, lengths are off by 10 to 60 %, a load has 0.3 to 0.8 times the "
-    "rated mass, clocks jump by 0.2 to 1 s. Right are a time within a tenth of the log, lengths within 15 %, the mass of a load within 40 %.",
+    "rated mass, clocks jump by 0.2 to 1 s. Right are a time within a tenth of the log, lengths within 15 %, the mass "
+    "of a load within 40 %.",
 )
 
 
