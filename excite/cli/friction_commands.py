@@ -22,7 +22,7 @@ from excite.tasks.further_settings import FrictionPoses
 from excite.tasks.installation import Installation
 from excite.tasks.limit_choice import LimitChoice
 
-OF_RUNS = ("position", "velocity", "acceleration", "jerk")
+OF_RUNS = ("position", "velocity", "acceleration", "jerk", "floor", "self_collision")
 
 
 @command(
@@ -54,10 +54,10 @@ The middle of every run is a pose in which gravity does not act on the joint, or
 cancels over a window. Where there is no such pose, the model's gravity has to be subtracted, and the summary says so.
 
 \b
-Give obstacles with --world FILE, as for 'excite design' (see 'excite design --help-all'): then poses are chosen, and
-strokes bounded, so that the robot's links keep their distance from each other and from obstacles in every position
-that a run passes. Without --world no collisions are checked: check the poses before you play anything. You move the
-robot from one pose to the next; with --world the summary lists the straight lines in joint space that are free.
+Poses are chosen, and strokes bounded, so that the robot's links keep clear of each other and of the floor in every
+position that a run passes, as far as their shapes are known; give obstacles with --world FILE, as for 'excite design'
+(see 'excite design --help-all'). You move the robot from one pose to the next; the summary lists the straight lines in
+joint space that are free.
 
 \b
 Exit code: 0 the plan keeps all limits and distances; 1 it does not, but is written.""",

@@ -37,15 +37,14 @@ from excite.views.friction_views import friction_fit_view, friction_plan_view
 
 def plan_runs_and_write(robot: str, out: Path, **given: Any) -> None:
     """Plan runs, and write them."""
-    described = installed_robot(task_of(robot, given, Installation))
-    world = _world_of(robot, given)
+    task, world = task_of(robot, given, Installation), _world_of(robot, given)
     limits = LimitChoice(**{what: given[what] for what in OF_RUNS})
     schedule = Schedule(**chosen_of(given, Schedule))
     chosen = {name: given[name] for name in ("joints", "drives", "pose", "balanced", "torque_ramp", "seed")}
     tell("looking for poses and bounding torques")
     with result_folder(out):
         check_no_plan(out, figure_names([RUNS], given["figures"].formats), replace=given["force"])
-        plan = excite.plan_friction(described, schedule, limits=limits, world=world, **chosen)
+        plan = excite.plan_friction(task, schedule, limits=limits, world=world, **chosen)
         files = [*plan.save(out, replace=given["force"]), *given["figures"].write(plan, out)]
     fit = f"excite friction fit ROBOT LOG... --plan {out} --out DIR"
     show(

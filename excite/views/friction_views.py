@@ -10,6 +10,7 @@ import numpy as np
 
 from excite.design.friction_runs.friction_plan import FIGURE, KIND, ORDER, UNITS, CoordinatePlan, FrictionPlan
 from excite.design.friction_runs.schedule import LONGEST, Schedule
+from excite.design.stated_limits import kept_headline
 from excite.friction.constant_speed_windows import FitSettings
 from excite.friction.friction_fit import FIGURE as FRICTION_FIGURE, KIND as FRICTION_FIT, Characteristic, FrictionFit
 from excite.views.view import Drawing, View, ViewTable, headed
@@ -73,20 +74,20 @@ def _plan_verdict(plan: FrictionPlan) -> str:
     broken = [use.label for c in plan.coordinates for use in (*c.broken, *(d.use for d in c.too_near))]
     if broken := list(dict.fromkeys(broken)):
         return f"{what} It breaks {len(broken)} limit{'s' * (len(broken) > 1)}: {', '.join(broken)}."
-    unchecked = ["collisions"] * (plan.world is None)
+    unchecked = [each.limit for each in plan.unchecked] or ["collisions"] * (plan.world is None)
     unchecked += [f"torques of {c.label}" for c in plan.coordinates if c.torques_unchecked]
     except_for = f"; not checked: {', '.join(unchecked)}" if unchecked else ""
-    return f"{what} Every limit that was checked is kept{except_for}."
+    kept = kept_headline([each.limit for each in plan.unchecked], "every limit that was checked is kept")
+    return f"{what} {kept[:1].upper()}{kept[1:]}{except_for}."
 
 
 def _environment(plan: FrictionPlan) -> Iterator[str]:
     """Notes on collision checks, and on transfers from pose to pose."""
     yours = "you move the robot from one pose to the next"
+    for each in plan.unchecked:
+        yield f"not checked: {each}; watch the strokes"
     if plan.world is None:
-        yield (
-            "collisions with obstacles, the floor and the robot's own links are not checked: watch the strokes, or "
-            f"give a file of them (`world`); {yours}"
-        )
+        yield f"collisions are not checked; {yours}"
         return
     free = [f"{p.start} to {p.end}" for p in plan.passages if not p.obstacle]
     lines_free = f"; straight lines in joint space are free from {', '.join(free)}" if free else ""
@@ -94,7 +95,7 @@ def _environment(plan: FrictionPlan) -> Iterator[str]:
     if any(c.too_near for c in plan.coordinates):
         hold = "distances do not hold"
     elif not any(c.distances for c in plan.coordinates):
-        hold = "no two bodies of the world file can collide, so no distance is checked"
+        hold = "no two bodies that are known can collide, so no distance is checked"
     yield f"{hold}; {yours}{lines_free}"
     yield from plan.notes
     for p in plan.passages:

@@ -21,6 +21,7 @@ from constraints.geometry import World
 from excite.design.friction_runs.pose import Place
 from excite.design.friction_runs.runs import Pace, Part, Runs
 from excite.design.friction_runs.schedule import Schedule, TorqueRamps, file_name, scheduled_runs
+from excite.design.stated_limits import Unchecked
 from excite.storage.atomic import read_json
 from excite.storage.codec import INLINE, Beside, named
 from excite.storage.migrations import is_of_kind, schema_of
@@ -216,6 +217,8 @@ class FrictionPlan:
         Parts of the world that are not checked.
     given_pose : bool
         Whether the pose was given, rather than searched for.
+    unchecked : tuple of Unchecked
+        Kinds of collisions that are not checked, and why.
     """
 
     beside: ClassVar[Beside] = {"units": lambda _: UNITS, "schedule": lambda p: p.schedule, "order": lambda _: ORDER}
@@ -226,6 +229,7 @@ class FrictionPlan:
     passages: tuple[Passage, ...] = ()
     notes: tuple[str, ...] = field(default=(), metadata=named("not_looked_at"))
     given_pose: bool = False
+    unchecked: tuple[Unchecked, ...] = ()
 
     def __post_init__(self) -> None:
         """Check that there is a coordinate, and that poses are those of the robot."""

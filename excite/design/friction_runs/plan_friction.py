@@ -31,7 +31,10 @@ from excite.design.friction_runs.friction_plan import (
 from excite.design.friction_runs.pose import CollisionChecks, Place, PlaceSearch, gravity_of
 from excite.design.friction_runs.runs import Part, Runs, certificates, pace_of, torque_uses
 from excite.design.friction_runs.schedule import Schedule, plan_prediction, scheduled_runs, torque_ramps, turning_drives
+from excite.design.stated_limits import gravest_first, stated_world
 from excite.tasks.limit_choice import LimitChoice
+from excite.tasks.robot_of_task import robot_and_task
+from excite.tasks.task import Task
 from excite.trajectories.transfer import check_pose
 from regressors.arguments import checked
 from regressors.errors import InputError
@@ -39,7 +42,6 @@ from regressors.models.partial import PartialMotion, drive_names, of_drives, of_
 from regressors.numerical import numerical_work
 from regressors.quantities import check
 from regressors.readers.description import refuse_missing_ranges
-from regressors.readers.library import load_robot
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -51,7 +53,8 @@ from regressors.samples import Array
     "check `percent`, `creep` and the limits of the joints",
 )
 def plan_friction(
-    robot: Robot | str,
+    robot_or_task: Robot | Task | str,
+    /,
     schedule: Schedule | None = None,
     *,
     joints: Sequence[str] | None = None,
@@ -67,20 +70,21 @@ def plan_friction(
 
     Parameters
     ----------
-    robot : Robot or str
-        A robot, or the name or file of one.
+    robot_or_task : Robot, Task or str
+        A robot, or the name or file of one, or a task that states how it is installed.
     schedule : Schedule, optional
         Speeds, windows, warm-up, break-away tests, order.
     joints, drives : sequence of str, optional
         Those to measure; all drives if neither is given.
     limits : LimitChoice, optional
-        Limits of joints that replace those of the description.
+        Limits of joints that replace those of the description, and what bodies keep apart where no world is given.
     pose : sequence of float, length n, optional
         Middle of every run; one about which gravity cancels is searched for if not given [rad or m].
     balanced : bool
         True if gravity is known to cancel about the given pose, although inertias are unknown.
     world : World or path, optional
-        Shape of the robot and its environment, which the robot must not touch.
+        Shape of the robot and its environment, which the robot must not touch; if not given, its links, as far as they
+        have shapes, and the floor, as `design_trajectory` has them.
     torque_ramp : sequence of float, optional
         Largest torque of the break-away ramps, one for all or one per coordinate [Nm or N].
     seed : int
@@ -98,11 +102,15 @@ def plan_friction(
     """
     for quantity, value in (("seed", seed), ("pose", pose)):
         check(quantity, value)
+    described, task = robot_and_task(robot_or_task)
+    limits = LimitChoice() if limits is None else limits
     if isinstance(world, str | Path):
-        world = read_world(Path(world), robot if isinstance(robot, str) else "")
-    robot = load_robot(robot) if isinstance(robot, str) else robot
-    robot = robot if limits is None else limits.applied(robot)
-    schedule = Schedule() if schedule is None else schedule
+        world = read_world(Path(world), task.robot if isinstance(task.robot, str) else "")
+    stated = stated_world(described, replace(task, limits=replace(limits, world=world)))
+    if world is not None:
+        surface = () if stated.world is None else stated.world.obstacles
+        stated = replace(stated, world=replace(world, obstacles=(*world.obstacles, *surface)))
+    robot, schedule = limits.applied(described), Schedule() if schedule is None else schedule
     kept = linear_limits(robot)
     if pose is None and balanced:
         raise InputError("`balanced` states that gravity cancels about the pose, but no pose is given; give `pose` too")
@@ -112,14 +120,14 @@ def plan_friction(
     for motion in motions:
         refuse_missing_ranges(robot, motion.matrix.any(axis=1))
     largest = _largest_torques(torque_ramp, [motion.labels[0] for motion in motions])
-    checks = None if world is None else CollisionChecks(robot, world)
-    gravity = gravity_of(robot)
+    checks, gravity = None if stated.world is None else CollisionChecks(robot, stated.world), gravity_of(robot)
     searches = [PlaceSearch(robot, gravity, motion, kept, checks) for motion in motions]
     placed = partial(_placed, schedule=schedule, about=about, balanced=balanced, seed=seed)
     pairs = zip(searches, largest, strict=True)
-    planned = [_coordinate_plan(search, schedule, *placed(search), torque) for search, torque in pairs]
+    planned = tuple(_coordinate_plan(search, schedule, *placed(search), torque) for search, torque in pairs)
     passages, notes = ((), ()) if checks is None else (_passages(robot, planned, checks), checks.notes)
-    return FrictionPlan(robot, tuple(planned), world, passages, notes, pose is not None)
+    unchecked, notes = gravest_first(stated.unchecked), (*notes, *stated.notes)
+    return FrictionPlan(robot, planned, stated.world, passages, notes, pose is not None, unchecked)
 
 
 _POSITIONS = 101

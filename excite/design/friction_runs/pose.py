@@ -182,7 +182,7 @@ class PlaceSearch:
             return InputError(f"{label}: no pose of the other joints keeps all position limits; give `pose`")
         return InputError(
             f"{label}: no pose was found that keeps all position limits and distances; in the first one that was tried "
-            f"{near} are too close; give `pose`, or correct the world file"
+            f"{near} are too close; give `pose`, or correct the world file, `floor` or `self_collision`"
         )
 
     def _symmetric(self, on_line: Place, enough: float, wanted: float) -> Place | None:

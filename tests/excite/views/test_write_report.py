@@ -239,7 +239,7 @@ def test_a_friction_plan(planned: Path) -> None:
     assert parsed.numbers("windows") == windows
     verdict = next("".join(each.text) for each in parsed.elements if each.attributes.get("class") == "verdict good")
     assert f"friction of z3 in {len(windows)} windows" in verdict
-    assert "not checked: collisions" in verdict
+    assert "not checked: obstacles" in verdict
     assert len(parsed.of("svg")) == 1
 
 

@@ -19,6 +19,7 @@ from excite.design.friction_runs.plan_friction import plan_friction
 from excite.design.friction_runs.pose import CollisionChecks
 from excite.design.friction_runs.runs import Pace, Runs
 from excite.design.friction_runs.schedule import Schedule
+from excite.tasks.limit_choice import LimitChoice
 from regressors.errors import InputError, UnknownName
 from regressors.readers.library import built_in
 from regressors.robot.shapes import Capsule
@@ -33,6 +34,7 @@ PARTS = (
 )
 CRATE = Obstacle("crate", Box((0.7, 0.0, 0.75), (0.3, 0.3, 0.3)))
 POST = Obstacle("post", Capsule((0.3, 0.8, 0.0), (0.3, 0.8, 1.5), 0.05))
+WITHOUT = LimitChoice(floor="none", self_collision=False)
 FLOOR = Obstacle("floor", HalfSpace((0.0, 0.0, 1.0), -0.05))
 
 
@@ -221,3 +223,17 @@ def test_the_command_tells_what_is_too_near(here: Here) -> None:
     assert "no two bodies of the world file can collide" in " ".join(nothing.stdout.split())
     missing = here.run("friction", "plan", "irp6", "--out", "other", "--world", "nothing.yaml")
     assert (missing.returncode, "cannot read world file nothing.yaml" in missing.stderr) == (2, True)
+
+
+def test_by_default_the_robot_keeps_clear_of_the_floor_and_of_itself() -> None:
+    plan = plan_friction("ur10e", SHORT, drives=("shoulder_lift_joint",))
+    (c,) = plan.coordinates
+    assert [each.limit for each in plan.unchecked] == ["obstacles"]
+    assert any(d.use.label.endswith("to floor") for d in c.distances)
+    assert plan.holds
+    for d in c.distances:
+        nearest = min(clearance(plan.robot, plan.world, d.use.label, q) for q in passed(c, 9))
+        assert nearest >= (0.02 if d.use.label.endswith("to floor") else 0.001)
+    free = plan_friction("ur10e", SHORT, drives=("shoulder_lift_joint",), limits=WITHOUT)
+    assert (free.world, free.coordinates[0].distances) == (None, None)
+    assert {each.limit for each in free.unchecked} == {"obstacles", "floor", "self-collision"}
