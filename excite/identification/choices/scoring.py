@@ -308,12 +308,18 @@ class Trial:
     friction: FrictionCurves | None = None  # known friction, which is subtracted
     rows: tuple[Mask, ...] | None = None  # (M, r) rows of each log's instants that count; all if not given
 
+    _prepared: deque[tuple[Recipe, list[PreparedLog]]] = field(default_factory=lambda: deque(maxlen=16), repr=False)
     _recent: deque[TrialRows] = field(default_factory=deque, repr=False)  # as many as 64 MB hold
     _motions: deque[DelayedMotion] = field(default_factory=lambda: deque(maxlen=_LOGS), repr=False)
 
     def prepared(self, target: IdentificationTarget, recipe: Recipe) -> list[PreparedLog]:
-        """The logs under a recipe; what no filter changes is done once."""
-        return [prepare(log, self.robot, target, recipe) for log in self.logs]
+        """The logs under a recipe, of which friction has no part in them; one of the last is not filtered again."""
+        recipe = replace(recipe, sign_width=None, breakaway=None)
+        known = next((parts for one, parts in self._prepared if one == recipe), None)
+        if known is None:
+            known = [prepare(log, self.robot, target, recipe) for log in self.logs]
+            self._prepared.append((recipe, known))
+        return known
 
     def statistics(
         self,
