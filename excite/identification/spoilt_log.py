@@ -240,11 +240,12 @@ class FaultSearch:
         for k in range(_LENGTH_ROUNDS if factors.size else 0):
             W = columns(factors)
             fits.append((fit(W), factors))
-            if k == _COMMON and fits[0][0].size - min(one.size for one, _ in fits) < _SHOWN:
-                return NO_FAULT  # robots of a family are longer or shorter as a whole, before all else
             steps = np.ones((1, factors.size)) if k < _COMMON else np.eye(factors.size)
             changes = [(columns(factors + _STEP * step) - W) @ fits[-1][0].parameters[:b] / _STEP for step in steps]
-            change = np.clip(fit(W, np.stack(changes, axis=2)).parameters[-len(steps) :], -_LONGER, _LONGER)
+            linear = fit(W, np.stack(changes, axis=2))
+            if k == 0 and fits[0][0].size - linear.size < _SHOWN:
+                return NO_FAULT  # robots of a family are longer or shorter as a whole, before all else
+            change = np.clip(linear.parameters[-len(steps) :], -_LONGER, _LONGER)
             factors = np.clip(factors + change @ steps, _SHORTEST, 1 / _SHORTEST)
         if not fits:
             return NO_FAULT

@@ -26,6 +26,7 @@ from excite.identification.estimators.physical import possible_fit
 from excite.identification.estimators.possible_set import near_described
 from excite.identification.prediction import without_friction
 from excite.identification.preparation import PreparedLog, prepare
+from excite.identification.presliding import Sliding
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
 from excite.logs.event import Spans, within
@@ -308,6 +309,8 @@ class Trial:
     friction: FrictionCurves | None = None  # known friction, which is subtracted
     rows: tuple[Mask, ...] | None = None  # (M, r) rows of each log's instants that count; all if not given
 
+    # presliding that every row shows, by recipe, target and known friction
+    slidings: dict[tuple[object, ...], list[tuple[Sliding, float]]] = field(default_factory=dict, repr=False)
     _prepared: deque[tuple[Recipe, list[PreparedLog]]] = field(default_factory=lambda: deque(maxlen=16), repr=False)
     _recent: deque[TrialRows] = field(default_factory=deque, repr=False)  # as many as 64 MB hold
     _motions: deque[DelayedMotion] = field(default_factory=lambda: deque(maxlen=_LOGS), repr=False)
@@ -334,10 +337,13 @@ class Trial:
         if kept is not None:
             logs = zip(kept, parts, self.instants, strict=True)
             equations = _masked(equations, [mask[nearest(part.samples.time, time)] for mask, part, time in logs])
-        if self.rows is not None:
-            equations = _masked(equations, self.rows)
+        return self.statistics_of(equations, target.base.rank)
+
+    def statistics_of(self, equations: Sequence[TrialEquations], rank: int) -> BlockStatistics:
+        """Sums of products of every block, from the equations of every log."""
+        equations = equations if self.rows is None else _masked(equations, self.rows)
         W, y = zip(*equations, strict=True)
-        return BlockStatistics.of_sparse(W, y, self.blocks, target.base.rank)
+        return BlockStatistics.of_sparse(W, y, self.blocks, rank)
 
     def equations(
         self, target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe, delay: Delays = 0.0

@@ -154,9 +154,9 @@ def delay_of(
 
 def _residuals(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], delay: Delays) -> list[Array]:
     """Residuals of each equation under a delay, after the estimate with it."""
-    statistics = scoring.statistics(recipe, parts, delay)
-    beta = scoring.fitted(statistics, scoring.of(statistics).weights)
     equations = scoring.trial.equations(scoring.target, parts, recipe, delay)
+    statistics = scoring.trial.statistics_of(equations, scoring.target.base.rank)
+    beta = scoring.fitted(statistics, scoring.of(statistics).weights)
     masks = scoring.trial.rows or [np.ones(y.shape, dtype=bool) for _, y in equations]
     predicted = [np.column_stack([beta[place] @ entries for place, entries in W]) for W, _ in equations]
     e = np.concatenate([y - p for (_, y), p in zip(equations, predicted, strict=True)])
@@ -453,8 +453,10 @@ def _later(one: Recipe, other: Recipe) -> bool:
 def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> list[Recipe]:
     if recipe.sign_width is not None or recipe.breakaway is not None:
         return [replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)]
-    found = presliding_candidates(recipe, scoring.target, parts, scoring.trial.friction)
-    return [replace(recipe, **sliding) for sliding, _ in found]
+    asked, known = (recipe, scoring.target, scoring.trial.friction), scoring.trial.slidings
+    if asked not in known:
+        known[asked] = presliding_candidates(recipe, scoring.target, parts, scoring.trial.friction)
+    return [replace(recipe, **sliding) for sliding, _ in known[asked]]
 
 
 _Timing = tuple[Recipe, LeftOut, tuple[Choice, ...]]
