@@ -453,7 +453,7 @@ def _later(one: Recipe, other: Recipe) -> bool:
 def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> list[Recipe]:
     if recipe.sign_width is not None or recipe.breakaway is not None:
         return [replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)]
-    asked, known = (recipe, scoring.target, scoring.trial.friction), scoring.trial.slidings
+    asked, known = (recipe, scoring.target, id(scoring.trial.friction)), scoring.trial.slidings
     if asked not in known:
         known[asked] = presliding_candidates(recipe, scoring.target, parts, scoring.trial.friction)
     return [replace(recipe, **sliding) for sliding, _ in known[asked]]
