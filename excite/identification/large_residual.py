@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-import scipy
 import scipy.ndimage
 
 from excite.identification.observations import Observations, rows_of_groups
@@ -16,6 +15,7 @@ from excite.information.target import IdentificationTarget
 from excite.logs.event import within
 from excite.logs.excitation import runs
 from excite.logs.log import Log
+from excite.logs.signals.periods import power_spectrum
 from regressors.errors import percent
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
@@ -133,7 +133,7 @@ def noisy_derivatives(observations: Observations, predicted: Array, above: float
 
 def _fast(x: Array, rate: float, above: float) -> float:
     """Mean square above a frequency; of long signals the mean over their stretches [Welch 1967]."""
-    frequency, power = scipy.signal.welch(x, rate, "hann", nperseg=min(x.size, _STRETCH))
+    frequency, power = power_spectrum(x, rate, min(x.size, _STRETCH))
     return float(np.sum(power[frequency > above]) * frequency[1])
 
 

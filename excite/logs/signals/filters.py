@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import ClassVar
 
 import numpy as np
-import scipy
 import scipy.fft
+import scipy.linalg
+import scipy.ndimage
 
 from excite.logs.signals.method import FilteredMotion, Method, check_positive, cut_motion, spacing
 from excite.logs.signals.periods import chosen_cutoff
@@ -28,9 +29,34 @@ def low_passed(x: Array, rate: float, cutoff: float, order: int = ORDER) -> Arra
     _check_cutoff(rate, cutoff, order)
     if x.shape[0] <= (least := edge(rate, cutoff)):
         raise InputError(f"low-pass: {x.shape[0]} samples are too few for a cutoff of {cutoff:g} Hz; needs {least + 1}")
-    sections = scipy.signal.butter(order, cutoff, fs=rate, output="sos")
     padding = min(2 * edge(rate, cutoff), x.shape[0] - 1)
-    return np.asarray(scipy.signal.sosfiltfilt(sections, x, axis=0, padlen=padding), dtype=float)
+    y = x.reshape(len(x), -1)
+    y = np.concatenate([2 * y[0] - y[padding:0:-1], y, 2 * y[-1] - y[-2 : -padding - 2 : -1]])
+    for _ in range(2):  # forwards, and then backwards
+        y = _filtered(_sections(rate, cutoff, order), y)[::-1]
+    return np.asarray(y[padding : len(y) - padding].reshape(x.shape), dtype=float)
+
+
+def _sections(rate: float, cutoff: float, order: int) -> Iterator[tuple[Array, Array]]:
+    """Numerator and denominator in 1/z of each part of a Butterworth filter, by the bilinear transform."""
+    w = np.tan(np.pi * cutoff / rate)
+    for k in range(order // 2):
+        damping = 2 * w * np.sin(np.pi * (2 * k + 1) / (2 * order))
+        yield w**2 * np.array([1.0, 2.0, 1.0]), np.array([1 + damping + w**2, 2 * (w**2 - 1), 1 - damping + w**2])
+    if order % 2:
+        yield w * np.array([1.0, 1.0, 0.0]), np.array([1 + w, w - 1, 0.0])
+
+
+def _filtered(sections: Iterable[tuple[Array, Array]], x: Array) -> Array:
+    """Signals through parts of gain one, at rest before the first value; a banded triangular system, shape (N, k)."""
+    for b, a in sections:
+        y = x - x[0]
+        right = b[0] * y
+        right[1:] += b[1] * y[:-1]
+        right[2:] += b[2] * y[:-2]
+        y, _ = scipy.linalg.lapack.dtbtrs(np.repeat(a[:, None], len(x), axis=1), right, uplo="L")
+        x = x[0] + y
+    return x
 
 
 def edge(rate: float, cutoff: float) -> int:
@@ -170,7 +196,7 @@ class SavitzkyGolay(Method):
             raise InputError(f"{self.name}: the window of {length} samples is longer than the {time.size} samples")
         if length <= self.degree:
             raise InputError(f"{self.name}: the window of {length} samples is too short for degree {self.degree}")
-        state = [scipy.signal.savgol_filter(q, length, self.degree, d, h, axis=0) for d in (0, 1, 2)]
+        state = [scipy.ndimage.convolve1d(q, weights, axis=0) for weights in self._weights(half, h)]
         assumed = (
             f"polynomials of degree {self.degree} over {length} samples ({2 * half * h:.3g} s, {origin}); "
             f"{half * h:.3g} s cut at each end"
@@ -190,7 +216,7 @@ class SavitzkyGolay(Method):
         if half < _LONG:
             return partial(settled.motion, time)
         length = scipy.fft.next_fast_len(time.size, real=True)  # what wraps around is cut
-        weights = np.array([scipy.signal.savgol_coeffs(2 * half + 1, self.degree, d, h) for d in (0, 1, 2)])
+        weights = self._weights(half, h)
         kernels = np.zeros((3, length))
         kernels[:, : half + 1], kernels[:, length - half :] = weights[:, half:], weights[:, :half]
         response = scipy.fft.rfft(kernels)
@@ -201,6 +227,13 @@ class SavitzkyGolay(Method):
             return cut_motion(time, state, half, motion.assumed)
 
         return filtered
+
+    def _weights(self, half: int, h: float) -> Array:
+        """By which samples are convolved to values and derivatives of the polynomials, shape (3, 2 half + 1)."""
+        powers = np.vander(np.arange(half, -half - 1, -1.0) / half, self.degree + 1, increasing=True)
+        return np.asarray(
+            np.linalg.pinv(powers)[:3] * np.array([[1.0], [1.0], [2.0]]) / (half * h) ** np.arange(3)[:, None]
+        )
 
     def _half(self, q: Array, h: float) -> tuple[int, str]:
         if self.window is not None:
