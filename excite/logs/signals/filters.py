@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import ClassVar
 
 import numpy as np
 import scipy.fft
-import scipy.linalg
 import scipy.ndimage
 
 from excite.logs.signals.method import FilteredMotion, Method, check_positive, cut_motion, spacing
@@ -24,39 +23,18 @@ ORDER = 4
 def low_passed(x: Array, rate: float, cutoff: float, order: int = ORDER) -> Array:
     """Signal through a Butterworth filter, forwards and backwards, so that nothing is delayed.
 
-    The gain is ``1 / (1 + (f / cutoff)^(2 order))``: one at f = 0, a half at the cutoff.
+    The gain is ``1 / (1 + (f / cutoff)^(2 order))``: one at f = 0, a half at the cutoff, with the frequencies of the
+    bilinear transform, ``tan(pi f h)``. At both ends the signal is continued by its reflection about the last value.
     """  # x (N, ...)
     _check_cutoff(rate, cutoff, order)
     if x.shape[0] <= (least := edge(rate, cutoff)):
         raise InputError(f"low-pass: {x.shape[0]} samples are too few for a cutoff of {cutoff:g} Hz; needs {least + 1}")
-    padding = min(2 * edge(rate, cutoff), x.shape[0] - 1)
-    y = x.reshape(len(x), -1)
-    y = np.concatenate([2 * y[0] - y[padding:0:-1], y, 2 * y[-1] - y[-2 : -padding - 2 : -1]])
-    for _ in range(2):  # forwards, and then backwards
-        y = _filtered(_sections(rate, cutoff, order), y)[::-1]
-    return np.asarray(y[padding : len(y) - padding].reshape(x.shape), dtype=float)
-
-
-def _sections(rate: float, cutoff: float, order: int) -> Iterator[tuple[Array, Array]]:
-    """Numerator and denominator in 1/z of each part of a Butterworth filter, by the bilinear transform."""
-    w = np.tan(np.pi * cutoff / rate)
-    for k in range(order // 2):
-        damping = 2 * w * np.sin(np.pi * (2 * k + 1) / (2 * order))
-        yield w**2 * np.array([1.0, 2.0, 1.0]), np.array([1 + damping + w**2, 2 * (w**2 - 1), 1 - damping + w**2])
-    if order % 2:
-        yield w * np.array([1.0, 1.0, 0.0]), np.array([1 + w, w - 1, 0.0])
-
-
-def _filtered(sections: Iterable[tuple[Array, Array]], x: Array) -> Array:
-    """Signals through parts of gain one, at rest before the first value; a banded triangular system, shape (N, k)."""
-    for b, a in sections:
-        y = x - x[0]
-        right = b[0] * y
-        right[1:] += b[1] * y[:-1]
-        right[2:] += b[2] * y[:-2]
-        y, _ = scipy.linalg.lapack.dtbtrs(np.repeat(a[:, None], len(x), axis=1), right, uplo="L")
-        x = x[0] + y
-    return x
+    smooth = np.linspace(x[0], x[-1], len(x))  # passes; the rest is continued odd at its ends, where it is zero
+    frequency = np.arange(1, len(x) - 1) / (2 * (len(x) - 1))  # of its sines, times the sample time
+    gain = 1 / (1 + (np.tan(np.pi * frequency) / np.tan(np.pi * cutoff / rate)) ** (2 * order))
+    spectrum = scipy.fft.dst((x - smooth)[1:-1].T, type=1) * gain
+    smooth[1:-1] += scipy.fft.idst(spectrum, type=1).T
+    return np.asarray(smooth)
 
 
 def edge(rate: float, cutoff: float) -> int:
