@@ -162,7 +162,7 @@ class NonlinearConstraint(Constraint):
     def at_rest(self, pose: Array) -> Array:
         """Values of g at rest in one pose of shape (n,), shape (k,)."""
         zero = np.zeros((1, self.joints))
-        return evaluate_samples(self.function, Samples(np.zeros(1), pose[None], zero, zero, zero))[0, :, 0]
+        return self.values(Samples(np.zeros(1), pose[None], zero, zero, zero))[0]
 
     @cached_property
     def derivatives(self) -> tuple[int, ...]:

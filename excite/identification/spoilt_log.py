@@ -338,18 +338,18 @@ class FaultSearch:
 
     def _moved(self) -> Fault:
         """The best gravity after the best instant."""
-        gravity = self.target.robot.gravity
+        gravity, stride = self.target.robot.gravity, max(len(self.moments) // _SPLITS, 1)
         if not gravity.any() or not self._splits:
             return NO_FAULT
 
         def size(gravity: Array, split: int) -> float:
-            return self._in_gravity(split, gravity).size if self._divides(split) else np.inf
+            return self._in_gravity(split, gravity).size if split in self._splits else np.inf
 
         level = self._in_gravity(0, gravity)
-        split = min(self._splits, key=lambda split: self._in_gravity(split, gravity, level).size)
+        split = min(self._splits[::stride], key=lambda split: self._in_gravity(split, gravity, level).size)
         for _ in range(_TURNS):
             gravity = self._turned(split, gravity)
-            split = _refined(split, len(self.moments) // _SPLITS // 2, partial(size, gravity))
+            split = _refined(split, stride // 2, partial(size, gravity))
         return self._in_gravity(split, gravity)
 
     def _drifting(self) -> Fault:
@@ -375,9 +375,11 @@ class FaultSearch:
             return self._fit(late_from_fault(names, rows, self.step * late, self.moments[split]))
 
         def size(late: int, split: int) -> float:
-            return fit(split, late).size if self._divides(split) and abs(late) * self.step <= self.longest else np.inf
+            near = split in self._splits and abs(late) * self.step <= self.longest
+            return fit(split, late).size if near else np.inf
 
-        starts = [(size(late, split), late, split) for split in self._splits for late in self._delays if late]
+        splits = self._splits[:: max(N // _SPLITS, 1)]
+        starts = [(size(late, split), late, split) for split in splits for late in self._delays if late]
         _, late, split = min(starts, default=(0.0, 0, 0))
         for stride in (8, 4, 2, 1) if starts else ():
             split = _refined(split, N // _SPLITS // 2, partial(size, late))
@@ -386,14 +388,9 @@ class FaultSearch:
 
     @property
     def _splits(self) -> range:
-        """Instants from which on something may have changed."""
-        N = len(self.moments)
-        return range(N // _SPLITS, N, N // _SPLITS) if N >= _SPLITS else range(0)
-
-    def _divides(self, split: int) -> bool:
-        """Whether there is enough on both sides of an instant."""
-        N = len(self.moments)
-        return N // _SPLITS <= split <= N - N // _SPLITS
+        """Instants from which on something may have changed, with enough on both sides."""
+        least = max(len(self.moments) // _SPLITS, 1)
+        return range(least, len(self.moments) - least + 1)
 
     @property
     def _delays(self) -> list[int]:

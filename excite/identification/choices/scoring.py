@@ -106,8 +106,7 @@ WITHIN = (10.0, 3.0, 1.0)  # of the described bodies, in their sizes
 
 def best_pulled(target: IdentificationTarget, described: Mapping[str, float], statistics: BlockStatistics) -> Estimate:
     """`pulled_least_squares` with the deviation that predicts left-out blocks best."""
-    every = range(target.base.rank)
-    estimates = [pulled_least_squares(target, described, within, every) for within in WITHIN]
+    estimates = [pulled_least_squares(target, described, within, range(target.base.rank)) for within in WITHIN]
     return min(estimates, key=lambda estimate: left_out(statistics, estimate).score)
 
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import ClassVar
 
 import numpy as np
 import scipy.fft
-import scipy.ndimage
 
 from excite.logs.signals.method import FilteredMotion, Method, check_positive, cut_motion, spacing
 from excite.logs.signals.periods import chosen_cutoff
@@ -143,9 +141,6 @@ def _stencil(x: Array, weights: Array) -> Array:
     return result
 
 
-_LONG = 32  # samples on either side, from which on transforms are faster
-
-
 @dataclass(frozen=True)
 class SavitzkyGolay(Method):
     """Least-squares polynomial over a window about every sample; its derivatives are those of the motion."""
@@ -167,19 +162,7 @@ class SavitzkyGolay(Method):
 
     def motion(self, time: Array, q: Array, dq: Array | None = None) -> FilteredMotion:
         """Values and derivatives of the polynomials in the middle of their windows; see `Method.motion`."""
-        h = spacing(time, self.name, self.degree + 2)
-        half, origin = self._half(q, h)
-        length = 2 * half + 1
-        if length > time.size:
-            raise InputError(f"{self.name}: the window of {length} samples is longer than the {time.size} samples")
-        if length <= self.degree:
-            raise InputError(f"{self.name}: the window of {length} samples is too short for degree {self.degree}")
-        state = [scipy.ndimage.convolve1d(q, weights, axis=0) for weights in self._weights(half, h)]
-        assumed = (
-            f"polynomials of degree {self.degree} over {length} samples ({2 * half * h:.3g} s, {origin}); "
-            f"{half * h:.3g} s cut at each end"
-        )
-        return cut_motion(time, state, half, assumed)
+        return self.operator(time, q)(q)
 
     def settled(self, time: Array, q: Array) -> SavitzkyGolay:
         """The method with the window that it chooses."""
@@ -187,31 +170,31 @@ class SavitzkyGolay(Method):
         return replace(self, window=2 * h * self._half(q, h)[0])
 
     def operator(self, time: Array, q: Array) -> Callable[[Array], FilteredMotion]:
-        """The filters with the window that it would choose, by fast Fourier transforms where it is long."""
-        settled = self.settled(time, q)
-        motion, h = settled.motion(time, q), spacing(time, self.name, self.degree + 2)
-        half = motion.kept.start
-        if half < _LONG:
-            return partial(settled.motion, time)
-        length = scipy.fft.next_fast_len(time.size, real=True)  # what wraps around is cut
-        weights = self._weights(half, h)
-        kernels = np.zeros((3, length))
-        kernels[:, : half + 1], kernels[:, length - half :] = weights[:, half:], weights[:, :half]
+        """The filters with the window that it would choose, by fast Fourier transforms."""
+        h = spacing(time, self.name, self.degree + 2)
+        half, origin = self._half(q, h)
+        length = 2 * half + 1
+        if length > time.size:
+            raise InputError(f"{self.name}: the window of {length} samples is longer than the {time.size} samples")
+        if length <= self.degree:
+            raise InputError(f"{self.name}: the window of {length} samples is too short for degree {self.degree}")
+        assumed = (
+            f"polynomials of degree {self.degree} over {length} samples ({2 * half * h:.3g} s, {origin}); "
+            f"{half * h:.3g} s cut at each end"
+        )
+        powers = np.vander(np.arange(half, -half - 1, -1.0) / half, self.degree + 1, increasing=True)
+        weights = np.linalg.pinv(powers)[:3] * np.array([[1.0], [1.0], [2.0]]) / (half * h) ** np.arange(3)[:, None]
+        count = scipy.fft.next_fast_len(time.size, real=True)  # what wraps around is cut
+        kernels = np.zeros((3, 1, count))
+        kernels[:, 0, : half + 1], kernels[:, 0, count - half :] = weights[:, half:], weights[:, :half]
         response = scipy.fft.rfft(kernels)
 
         def filtered(positions: Array) -> FilteredMotion:
-            spectrum = scipy.fft.rfft(np.ascontiguousarray(positions.T), length)
-            state = [scipy.fft.irfft(spectrum * kernel, length)[:, : time.size].T for kernel in response]
-            return cut_motion(time, state, half, motion.assumed)
+            spectrum = scipy.fft.rfft(np.ascontiguousarray(positions.T), count)
+            state = scipy.fft.irfft(spectrum * response, count)[:, :, : time.size].transpose(0, 2, 1)
+            return cut_motion(time, list(state), half, assumed)
 
         return filtered
-
-    def _weights(self, half: int, h: float) -> Array:
-        """By which samples are convolved to values and derivatives of the polynomials, shape (3, 2 half + 1)."""
-        powers = np.vander(np.arange(half, -half - 1, -1.0) / half, self.degree + 1, increasing=True)
-        return np.asarray(
-            np.linalg.pinv(powers)[:3] * np.array([[1.0], [1.0], [2.0]]) / (half * h) ** np.arange(3)[:, None]
-        )
 
     def _half(self, q: Array, h: float) -> tuple[int, str]:
         if self.window is not None:

@@ -62,16 +62,13 @@ def repeats(time: Array, q: Array) -> bool:
     return True
 
 
-def power_spectrum(x: Array, rate: float, length: int) -> tuple[Array, Array]:
-    """Frequencies and the density at them: mean over Hann windows of a length that overlap by half [Welch 1967]."""
-    # x (N, ...); result (f,), (f, ...)
-    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length)
-    first = range(0, len(x) - length + 1, length - length // 2)
-    parts = np.array([x[k : k + length] - x[k : k + length].mean(axis=0) for k in first])
-    spectrum = scipy.fft.rfft(np.moveaxis(parts, 1, -1) * window)
-    density = np.moveaxis(np.mean(np.abs(spectrum) ** 2, axis=0), -1, 0) / (rate * np.sum(window**2))
-    density[1 : (length + 1) // 2] *= 2.0  # of both signs
-    return scipy.fft.rfftfreq(length, 1 / rate), density
+def periodogram(x: Array, rate: float) -> tuple[Array, Array]:
+    """Frequencies and the density of signals at them, shape (f, ...), with a Hann window."""  # x (N, ...)
+    count, y = len(x), (x - x.mean(axis=0)).T
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(count) / count)
+    density = (np.abs(scipy.fft.rfft(y * window)) ** 2).T / (rate * np.sum(window**2))
+    density[1 : (count + 1) // 2] *= 2.0  # of both signs
+    return scipy.fft.rfftfreq(count, 1 / rate), density
 
 
 def _difference(q: Array) -> Array:
@@ -242,8 +239,8 @@ def measurement_noise(measured: Array, difference: Array, rate: float, above: fl
     if count < _FEWEST or rate <= 3 * above:
         nothing = np.zeros(r)
         return MeasurementNoise(nothing, nothing, nothing, nothing, nothing, above, duration)
-    frequency, of_signal = power_spectrum(measured, rate, count)
-    of_difference = power_spectrum(difference, rate, count)[1]
+    frequency, of_signal = periodogram(measured, rate)
+    of_difference = periodogram(difference, rate)[1]
     band = frequency[1]
     fast, octave = frequency > above, (frequency > above) & (frequency <= 2 * above)
     power = np.minimum(of_signal[fast].sum(axis=0), of_difference[fast].sum(axis=0)) * band
