@@ -329,18 +329,13 @@ class Trial:
         parts: Sequence[PreparedLog],
         recipe: Recipe,
         delay: Delays = 0.0,
-        kept: Sequence[Mask] | None = None,
     ) -> BlockStatistics:
-        """Sums of products of every block."""  # kept (N, r)
-        equations = self.equations(target, parts, recipe, delay)
-        if kept is not None:
-            logs = zip(kept, parts, self.instants, strict=True)
-            equations = _masked(equations, [mask[nearest(part.samples.time, time)] for mask, part, time in logs])
-        return self.statistics_of(equations, target.base.rank)
+        """Sums of products of every block."""
+        return self.statistics_of(self.equations(target, parts, recipe, delay), target.base.rank)
 
     def statistics_of(self, equations: Sequence[TrialEquations], rank: int) -> BlockStatistics:
         """Sums of products of every block, from the equations of every log."""
-        equations = equations if self.rows is None else _masked(equations, self.rows)
+        equations = equations if self.rows is None else masked(equations, self.rows)
         W, y = zip(*equations, strict=True)
         return BlockStatistics.of_sparse(W, y, self.blocks, rank)
 
@@ -389,7 +384,8 @@ class Trial:
         return known
 
 
-def _masked(equations: Sequence[TrialEquations], masks: Sequence[Mask]) -> list[TrialEquations]:
+def masked(equations: Sequence[TrialEquations], masks: Sequence[Mask]) -> list[TrialEquations]:
+    """Equations of every log with zeros instead of the rows that do not count."""
     pairs = zip(equations, masks, strict=True)
     return [
         ([(place, W * m) for (place, W), m in zip(rows, mask.T, strict=True)], y * mask) for (rows, y), mask in pairs

@@ -213,20 +213,11 @@ class VectorisedFunction:
 
 def evaluate_samples(function: VectorisedFunction, samples: Samples, columns: Index | None = None) -> Array:
     """Values of a matrix expression at every sample, shape (N, rows, columns); of some columns, or of all."""
-    width = function.shape[1] if columns is None else columns.size
-    values = np.empty((samples.time.size, function.shape[0], width))
+    values = np.zeros((samples.time.size, function.shape[0], function.shape[1] if columns is None else columns.size))
     for start in range(0, samples.time.size, _CHUNK):
-        part = slice(start, start + _CHUNK)
-        values[part] = entries_at_samples(function, samples.rows(part), columns).transpose(2, 0, 1)
-    return values
-
-
-def entries_at_samples(function: VectorisedFunction, samples: Samples, columns: Index | None = None) -> Array:
-    """As `evaluate_samples`, shape (rows, columns, N): the entries of the matrix, each at every sample."""
-    width = function.shape[1] if columns is None else columns.size
-    values = np.zeros((function.shape[0], width, samples.time.size))
-    for row, (place, found) in zip(values, rows_at_samples(function, samples, columns), strict=True):
-        row[place] = found
+        chunk = slice(start, start + _CHUNK)
+        for row, (place, found) in enumerate(rows_at_samples(function, samples.rows(chunk), columns)):
+            values[chunk, row, place] = found.T
     return values
 
 
