@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import scipy
 import scipy.ndimage
 
 from excite.identification.observations import Observations, rows_of_groups
@@ -15,7 +16,6 @@ from excite.information.target import IdentificationTarget
 from excite.logs.event import within
 from excite.logs.excitation import runs
 from excite.logs.log import Log
-from excite.logs.signals.periods import periodogram
 from regressors.errors import percent
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
@@ -104,6 +104,7 @@ def cause_of_residual(
 
 MOST = 0.5  # share of the squared residual that makes a cause the cause
 _FEWEST = 50  # rows of a spectrum
+_STRETCH = 2**16  # rows of a long one
 
 
 def noisy_derivatives(observations: Observations, predicted: Array, above: float) -> tuple[str, str] | None:
@@ -131,8 +132,8 @@ def noisy_derivatives(observations: Observations, predicted: Array, above: float
 
 
 def _fast(x: Array, rate: float, above: float) -> float:
-    """Mean square above a frequency."""
-    frequency, power = periodogram(x, rate)
+    """Mean square above a frequency; of long signals the mean over their stretches [Welch 1967]."""
+    frequency, power = scipy.signal.welch(x, rate, "hann", nperseg=min(x.size, _STRETCH))
     return float(np.sum(power[frequency > above]) * frequency[1])
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TypeAlias
 
 import numpy as np
+import scipy
 import scipy.ndimage
 from numpy.typing import NDArray
 
@@ -68,7 +69,7 @@ def velocity_jumps(q: Array, half: int) -> Array:
     after = i > 0
     basis = np.column_stack([np.ones_like(i), i, i**2, i**3, after * i**2, after * i])
     kernel = np.linalg.pinv(basis)[-1] / half
-    jump = scipy.ndimage.correlate1d(q, kernel, axis=0)
+    jump = scipy.signal.oaconvolve(q, kernel[::-1, None], mode="same", axes=0)
     jump[:half] = jump[-half:] = 0.0
     return np.asarray(jump)
 

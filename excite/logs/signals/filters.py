@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
+import scipy
 import scipy.fft
 
 from excite.logs.signals.method import FilteredMotion, Method, check_positive, cut_motion, spacing
@@ -21,18 +23,14 @@ ORDER = 4
 def low_passed(x: Array, rate: float, cutoff: float, order: int = ORDER) -> Array:
     """Signal through a Butterworth filter, forwards and backwards, so that nothing is delayed.
 
-    The gain is ``1 / (1 + (f / cutoff)^(2 order))``: one at f = 0, a half at the cutoff, with the frequencies of the
-    bilinear transform, ``tan(pi f h)``. At both ends the signal is continued by its reflection about the last value.
+    The gain is ``1 / (1 + (f / cutoff)^(2 order))``: one at f = 0, a half at the cutoff.
     """  # x (N, ...)
     _check_cutoff(rate, cutoff, order)
     if x.shape[0] <= (least := edge(rate, cutoff)):
         raise InputError(f"low-pass: {x.shape[0]} samples are too few for a cutoff of {cutoff:g} Hz; needs {least + 1}")
-    smooth = np.linspace(x[0], x[-1], len(x))  # passes; the rest is continued odd at its ends, where it is zero
-    frequency = np.arange(1, len(x) - 1) / (2 * (len(x) - 1))  # of its sines, times the sample time
-    gain = 1 / (1 + (np.tan(np.pi * frequency) / np.tan(np.pi * cutoff / rate)) ** (2 * order))
-    spectrum = scipy.fft.dst((x - smooth)[1:-1].T, type=1) * gain
-    smooth[1:-1] += scipy.fft.idst(spectrum, type=1).T
-    return np.asarray(smooth)
+    sections = scipy.signal.butter(order, cutoff, fs=rate, output="sos")
+    padding = min(2 * edge(rate, cutoff), x.shape[0] - 1)
+    return np.asarray(scipy.signal.sosfiltfilt(sections, x, axis=0, padlen=padding), dtype=float)
 
 
 def edge(rate: float, cutoff: float) -> int:
@@ -141,6 +139,9 @@ def _stencil(x: Array, weights: Array) -> Array:
     return result
 
 
+_LONG = 32  # samples on either side, from which on transforms are faster
+
+
 @dataclass(frozen=True)
 class SavitzkyGolay(Method):
     """Least-squares polynomial over a window about every sample; its derivatives are those of the motion."""
@@ -162,15 +163,6 @@ class SavitzkyGolay(Method):
 
     def motion(self, time: Array, q: Array, dq: Array | None = None) -> FilteredMotion:
         """Values and derivatives of the polynomials in the middle of their windows; see `Method.motion`."""
-        return self.operator(time, q)(q)
-
-    def settled(self, time: Array, q: Array) -> SavitzkyGolay:
-        """The method with the window that it chooses."""
-        h = spacing(time, self.name, self.degree + 2)
-        return replace(self, window=2 * h * self._half(q, h)[0])
-
-    def operator(self, time: Array, q: Array) -> Callable[[Array], FilteredMotion]:
-        """The filters with the window that it would choose, by fast Fourier transforms."""
         h = spacing(time, self.name, self.degree + 2)
         half, origin = self._half(q, h)
         length = 2 * half + 1
@@ -178,21 +170,35 @@ class SavitzkyGolay(Method):
             raise InputError(f"{self.name}: the window of {length} samples is longer than the {time.size} samples")
         if length <= self.degree:
             raise InputError(f"{self.name}: the window of {length} samples is too short for degree {self.degree}")
+        state = [scipy.signal.savgol_filter(q, length, self.degree, d, h, axis=0) for d in (0, 1, 2)]
         assumed = (
             f"polynomials of degree {self.degree} over {length} samples ({2 * half * h:.3g} s, {origin}); "
             f"{half * h:.3g} s cut at each end"
         )
-        powers = np.vander(np.arange(half, -half - 1, -1.0) / half, self.degree + 1, increasing=True)
-        weights = np.linalg.pinv(powers)[:3] * np.array([[1.0], [1.0], [2.0]]) / (half * h) ** np.arange(3)[:, None]
-        count = scipy.fft.next_fast_len(time.size, real=True)  # what wraps around is cut
-        kernels = np.zeros((3, 1, count))
-        kernels[:, 0, : half + 1], kernels[:, 0, count - half :] = weights[:, half:], weights[:, :half]
+        return cut_motion(time, state, half, assumed)
+
+    def settled(self, time: Array, q: Array) -> SavitzkyGolay:
+        """The method with the window that it chooses."""
+        h = spacing(time, self.name, self.degree + 2)
+        return replace(self, window=2 * h * self._half(q, h)[0])
+
+    def operator(self, time: Array, q: Array) -> Callable[[Array], FilteredMotion]:
+        """The filters with the window that it would choose, by fast Fourier transforms where it is long."""
+        settled = self.settled(time, q)
+        motion, h = settled.motion(time, q), spacing(time, self.name, self.degree + 2)
+        half = motion.kept.start
+        if half < _LONG:
+            return partial(settled.motion, time)
+        length = scipy.fft.next_fast_len(time.size, real=True)  # what wraps around is cut
+        weights = np.array([scipy.signal.savgol_coeffs(2 * half + 1, self.degree, d, h) for d in (0, 1, 2)])
+        kernels = np.zeros((3, length))
+        kernels[:, : half + 1], kernels[:, length - half :] = weights[:, half:], weights[:, :half]
         response = scipy.fft.rfft(kernels)
 
         def filtered(positions: Array) -> FilteredMotion:
-            spectrum = scipy.fft.rfft(np.ascontiguousarray(positions.T), count)
-            state = scipy.fft.irfft(spectrum * response, count)[:, :, : time.size].transpose(0, 2, 1)
-            return cut_motion(time, list(state), half, assumed)
+            spectrum = scipy.fft.rfft(np.ascontiguousarray(positions.T), length)
+            state = [scipy.fft.irfft(spectrum * kernel, length)[:, : time.size].T for kernel in response]
+            return cut_motion(time, state, half, motion.assumed)
 
         return filtered
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 import scipy.fft
 import scipy.interpolate
 import scipy.optimize
@@ -60,15 +61,6 @@ def repeats(time: Array, q: Array) -> bool:
     except InputError:
         return False
     return True
-
-
-def periodogram(x: Array, rate: float) -> tuple[Array, Array]:
-    """Frequencies and the density of signals at them, shape (f, ...), with a Hann window."""  # x (N, ...)
-    count, y = len(x), (x - x.mean(axis=0)).T
-    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(count) / count)
-    density = (np.abs(scipy.fft.rfft(y * window)) ** 2).T / (rate * np.sum(window**2))
-    density[1 : (count + 1) // 2] *= 2.0  # of both signs
-    return scipy.fft.rfftfreq(count, 1 / rate), density
 
 
 def _difference(q: Array) -> Array:
@@ -239,8 +231,8 @@ def measurement_noise(measured: Array, difference: Array, rate: float, above: fl
     if count < _FEWEST or rate <= 3 * above:
         nothing = np.zeros(r)
         return MeasurementNoise(nothing, nothing, nothing, nothing, nothing, above, duration)
-    frequency, of_signal = periodogram(measured, rate)
-    of_difference = periodogram(difference, rate)[1]
+    frequency, of_signal = scipy.signal.periodogram(measured, rate, "hann", axis=0)
+    of_difference = scipy.signal.periodogram(difference, rate, "hann", axis=0)[1]
     band = frequency[1]
     fast, octave = frequency > above, (frequency > above) & (frequency <= 2 * above)
     power = np.minimum(of_signal[fast].sum(axis=0), of_difference[fast].sum(axis=0)) * band

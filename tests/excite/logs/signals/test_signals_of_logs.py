@@ -121,7 +121,7 @@ def decimated(x, cutoff, every=None):
 def test_the_filter_is_that_of_scipy_row_by_row():
     x = np.random.default_rng(4).normal(size=(500, 2, 2))
     sections = scipy.signal.butter(4, 8.0, fs=RATE, output="sos")
-    slow = scipy.signal.sosfiltfilt(sections, x, axis=0, padtype="odd", padlen=499)
+    slow = scipy.signal.sosfiltfilt(sections, x, axis=0, padtype="odd", padlen=50)
     np.testing.assert_allclose(low_passed(x, RATE, 8.0), slow, atol=1e-12)
     assert kept_rows(600, RATE, 8.0, None).start == edge(RATE, 8.0) == 25
 
