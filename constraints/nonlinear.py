@@ -24,7 +24,7 @@ from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.intervals import OverBoxes, interval_function
 from regressors.robot.symbolic.kinematics import sparse
-from regressors.robot.symbolic.vectorised import VectorisedFunction, evaluate_samples, interpret_samples
+from regressors.robot.symbolic.vectorised import VectorisedFunction, evaluate_samples
 from regressors.samples import Array, Index, Samples
 
 
@@ -162,7 +162,7 @@ class NonlinearConstraint(Constraint):
     def at_rest(self, pose: Array) -> Array:
         """Values of g at rest in one pose of shape (n,), shape (k,)."""
         zero = np.zeros((1, self.joints))
-        return interpret_samples(self.function, Samples(np.zeros(1), pose[None], zero, zero, zero))[0, :, 0]
+        return np.asarray(self.values(Samples(np.zeros(1), pose[None], zero, zero, zero))[0])
 
     @cached_property
     def derivatives(self) -> tuple[int, ...]:

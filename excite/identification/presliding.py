@@ -11,9 +11,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 import scipy.optimize
 
+from excite.identification.choices.left_out import least_squares_of_products
 from excite.identification.equations import (
     DirectedFriction,
     friction_drives,
@@ -143,10 +143,9 @@ def _every(part: PreparedLog, target: IdentificationTarget, every: int) -> tuple
 
 def _misfit(factors: Sequence[Array], y: Array) -> float:
     """Mean over the equations of the logarithm of the residuals' size, after a fit weighted by these sizes."""
-    sizes = np.ones(len(factors))
+    sizes, products = np.ones(len(factors)), np.array([R.T @ R for R in factors])
     for _ in range(4):
-        stacked = np.concatenate([R / s for R, s in zip(factors, sizes, strict=True)])
-        beta = scipy.linalg.lstsq(stacked[:, :-1], stacked[:, -1], lapack_driver="gelsy", check_finite=False)[0]
+        beta = least_squares_of_products(products, sizes**-2)
         sizes = np.array([np.linalg.norm(R[:, -1] - R[:, :-1] @ beta) for R in factors]) / np.sqrt(len(y))
         sizes = np.maximum(sizes, 1e-9 * np.sqrt(np.mean(y**2)))
     return float(np.mean(np.log(sizes)))

@@ -69,8 +69,7 @@ _DELAYS = np.array([-0.03, -0.01, 0.01, 0.03, 0.06, 0.1])  # [s]
 _IN_MOTION = 0.1  # of the root mean square speed of each drive
 _OF_LOG = 0.1  # of the shortest log: longer delays are not searched
 _LOG_GAIN, _OFF, _SHOWN = (-14.0, 14.0), 1.5, 0.1  # a factor shows where so many times it explains so much less
-_TILT = np.deg2rad(15.0)  # first of a base that moved
-_OBLIQUE, _ASIDE = np.array([3.0, 4.0, -5.0]), 0.3  # gravity along no axis; first steps of its direction
+_OBLIQUE, _TURNS = np.array([3.0, 4.0, -5.0]), 4  # gravity along no axis; steps of its direction
 _SPLITS = 10  # instants from which on something may have changed, before the best is refined
 _SHORT = 0.02  # lengths that are not fitted [m]
 _LENGTH_ROUNDS, _COMMON, _STEP = 7, 2, 1e-3  # of their fit, those with one factor for all, and of the differences
@@ -241,11 +240,12 @@ class FaultSearch:
         for k in range(_LENGTH_ROUNDS if factors.size else 0):
             W = columns(factors)
             fits.append((fit(W), factors))
-            if k == _COMMON and fits[0][0].size - min(one.size for one, _ in fits) < _SHOWN:
-                return NO_FAULT  # robots of a family are longer or shorter as a whole, before all else
             steps = np.ones((1, factors.size)) if k < _COMMON else np.eye(factors.size)
             changes = [(columns(factors + _STEP * step) - W) @ fits[-1][0].parameters[:b] / _STEP for step in steps]
-            change = np.clip(fit(W, np.stack(changes, axis=2)).parameters[-len(steps) :], -_LONGER, _LONGER)
+            linear = fit(W, np.stack(changes, axis=2))
+            if k == 0 and fits[0][0].size - linear.size < _SHOWN:
+                return NO_FAULT  # robots of a family are longer or shorter as a whole, before all else
+            change = np.clip(linear.parameters[-len(steps) :], -_LONGER, _LONGER)
             factors = np.clip(factors + change @ steps, _SHORTEST, 1 / _SHORTEST)
         if not fits:
             return NO_FAULT
@@ -257,15 +257,12 @@ class FaultSearch:
 
     def _fit(self, fault: Fault) -> Fault:
         """Fit with a fault undone."""
-        if fault.positions is None and fault.late is None:
-            return self.plain.fit(fault)
-        late = np.zeros(len(self.target.robot.joint_names), dtype=int) if fault.late is None else fault.late
         if fault.positions is None:
-            return Equations.of(self, self.samples, self.columns, self.torques(late)).fit(fault)
+            return (self.plain if fault.late is None else self.plain.of_torques(self.torques(fault.late))).fit(fault)
         A, b = fault.positions
         s = self.samples
         samples = replace(s, q=s.q @ A.T + b, dq=s.dq @ A.T, ddq=s.ddq @ A.T)
-        return Equations.of(self, samples, self.columns_of(samples), self.torques(late)).fit(fault)
+        return Equations.of(self, samples, self.columns_of(samples), self.measured).fit(fault)
 
     def _at_best(self, fault: Callable[[float], Fault], grid: Array, reach: float, **options: float) -> Fault:
         """Fit with the fault of the best value undone: the best on a grid, refined within reach of it."""
@@ -285,7 +282,7 @@ class FaultSearch:
         def size(log_gains: Array) -> float:
             return self.plain.fit(replace(NO_FAULT, torques=np.diag(np.exp(log_gains)))).size
 
-        dd, dy = self.plain.products[:, -1, -1], np.diagonal(self.plain.products[:, -1, -1 - n : -1])
+        dd, dy = self.plain.products[:, -1, -1], np.diagonal(self.plain.right[:, -1])
         start = np.log(dd / np.abs(dy)) if np.all(dd * dy != 0) else np.zeros(n)
         for unit in np.eye(n):  # where friction hides the described torque, the start may be far off
             start = min((start + step * unit for step in (0.0, *_GAINS)), key=size)
@@ -301,63 +298,59 @@ class FaultSearch:
         length = float(np.linalg.norm(down))
         if length == 0:
             return []
-        search, W0, changes = self._in_gravity
-
-        def fit(direction: Array) -> Fault:
-            g = length / float(np.linalg.norm(direction)) * direction
-            rows = Equations.of(search, self.samples, W0 + np.tensordot(g, changes, 1), self.measured)
-            return rows.fit(gravity_fault(down, g))
-
-        grid = [np.array(g) / np.linalg.norm(g) for g in product((-1.0, 0.0, 1.0), repeat=3) if any(g)]
-        found: list[Array] = []
+        fit = partial(self._in_gravity, 0)
+        grid = [length * np.array(g) / np.linalg.norm(g) for g in product((-1.0, 0.0, 1.0), repeat=3) if any(g)]
+        found = []
         for half in (down, -down):
-            start = min((g for g in grid if g @ half > 0), key=lambda g: fit(g).size)
-            options = {"initial_simplex": start + _ASIDE * np.eye(4, 3), "xatol": 2e-3, "fatol": 1e-3}
-            found.append(scipy.optimize.minimize(lambda g: fit(g).size, start, method="Nelder-Mead", options=options).x)
+            tilted = min((g for g in grid if g @ half > 0), key=lambda g: fit(g).size)
+            for _ in range(_TURNS):
+                tilted = self._turned(0, tilted)
+            found.append(tilted)
         best, other = sorted(found, key=lambda g: fit(g).size)
         return [fit(best), *([fit(other)] if gravity_fault(best, other).kind != NO_FAULT.kind else [])]
 
     @cached_property
-    def _in_gravity(self) -> tuple[FaultSearch, Array, Array]:
-        """The search with the base of an oblique gravity, its rows without gravity, and what each component adds."""
+    def _of_gravity(self) -> tuple[FaultSearch, Array, Array]:
+        """The search with the base of an oblique gravity, its rows, and what each component of gravity adds to them."""
         robot = self.target.robot
         oblique, *models = (self.target.model.on(robot.replace(gravity=g)) for g in (_OBLIQUE, np.zeros(3), *np.eye(3)))
         base = base_parameters(oblique, states=random_states(robot, few_states(oblique)))
         still, *along = (replace(self.target, model=model, base=base) for model in models)
         search = replace(self, target=still, described=described_coefficients(still), signs=signs_of_bodies(base))
         W0 = search.columns
-        return search, W0, np.array([replace(search, target=one).columns_of(self.samples) - W0 for one in along])
+        changes = np.array([replace(search, target=one).columns_of(self.samples) - W0 for one in along])
+        return search, W0 + np.tensordot(robot.gravity, changes, 1), changes
+
+    def _in_gravity(self, split: int, gravity: Array, before: Fault | None = None) -> Fault:
+        """Fit with that gravity from an instant on, or with three more columns for its change."""
+        down, moment = self.target.robot.gravity, self.moments[split]
+        search, level, changes = self._of_gravity
+        after = (np.arange(len(level)) >= split)[:, None, None]
+        W = level + after * np.tensordot(gravity - down, changes, 1)
+        K = None if before is None else after * np.moveaxis(changes @ before.parameters[: W.shape[2]], 0, 2)
+        fault = moved_fault(down, gravity, moment) if split else gravity_fault(down, gravity)
+        return Equations.of(search, self.samples, W, self.measured, K).fit(fault)
+
+    def _turned(self, split: int, gravity: Array) -> Array:
+        """A better gravity from an instant on, linear in its change, by the Gauss-Newton method."""
+        turned = gravity + self._in_gravity(split, gravity, self._in_gravity(split, gravity)).parameters[-3:]
+        return np.asarray(turned * np.linalg.norm(gravity) / np.linalg.norm(turned))
 
     def _moved(self) -> Fault:
-        """The best gravity after the best instant, linear in small changes of it, by the Gauss-Newton method."""
-        down = self.target.robot.gravity
-        length = float(np.linalg.norm(down))
-        if length == 0:
+        """The best gravity after the best instant."""
+        gravity, stride = self.target.robot.gravity, max(len(self.moments) // _SPLITS, 1)
+        if not gravity.any() or not self._splits:
             return NO_FAULT
-        search, W0, changes = self._in_gravity
-        level = W0 + np.tensordot(down, changes, 1)
-
-        def fit(split: int, gravity: Array, before: Fault | None = None) -> Fault:
-            """Fit with that gravity from an instant on, or with three more columns for its change."""
-            after = (np.arange(len(level)) >= split)[:, None, None]
-            W = level + after * np.tensordot(gravity - down, changes, 1)
-            K = None if before is None else after * np.moveaxis(changes @ before.parameters[: W.shape[2]], 0, 2)
-            rows = Equations.of(search, self.samples, W, self.measured, K)
-            return rows.fit(moved_fault(down, gravity, self.moments[split]))
 
         def size(gravity: Array, split: int) -> float:
-            return fit(split, gravity).size if self._divides(split) else np.inf
+            return self._in_gravity(split, gravity).size if split in self._splits else np.inf
 
-        aside = scipy.linalg.null_space(down[None]).T * np.tan(_TILT) * length
-        tilted = [length * g / np.linalg.norm(g) for side in aside for g in (down + side, down - side)]
-        starts = [(size(g, split), k, split) for split in self._splits for k, g in enumerate(tilted)]
-        _, k, split = min(starts, default=(0.0, 0, 0))
-        gravity = tilted[k]
-        for _ in range(_ROUNDS if starts else 0):
-            change = fit(split, gravity, fit(split, gravity)).parameters[-3:]
-            gravity = length / float(np.linalg.norm(gravity + change)) * (gravity + change)
-            split = _refined(split, len(level) // _SPLITS // 2, partial(size, gravity))
-        return fit(split, gravity) if starts else NO_FAULT
+        level = self._in_gravity(0, gravity)
+        split = min(self._splits[::stride], key=lambda split: self._in_gravity(split, gravity, level).size)
+        for _ in range(_TURNS):
+            gravity = self._turned(split, gravity)
+            split = _refined(split, stride // 2, partial(size, gravity))
+        return self._in_gravity(split, gravity)
 
     def _drifting(self) -> Fault:
         """Friction of every drive that changes in proportion to the time of each log."""
@@ -382,9 +375,11 @@ class FaultSearch:
             return self._fit(late_from_fault(names, rows, self.step * late, self.moments[split]))
 
         def size(late: int, split: int) -> float:
-            return fit(split, late).size if self._divides(split) and abs(late) * self.step <= self.longest else np.inf
+            near = split in self._splits and abs(late) * self.step <= self.longest
+            return fit(split, late).size if near else np.inf
 
-        starts = [(size(late, split), late, split) for split in self._splits for late in self._delays if late]
+        splits = self._splits[:: max(N // _SPLITS, 1)]
+        starts = [(size(late, split), late, split) for split in splits for late in self._delays if late]
         _, late, split = min(starts, default=(0.0, 0, 0))
         for stride in (8, 4, 2, 1) if starts else ():
             split = _refined(split, N // _SPLITS // 2, partial(size, late))
@@ -393,14 +388,9 @@ class FaultSearch:
 
     @property
     def _splits(self) -> range:
-        """Instants from which on something may have changed."""
-        N = len(self.moments)
-        return range(N // _SPLITS, N, N // _SPLITS) if N >= _SPLITS else range(0)
-
-    def _divides(self, split: int) -> bool:
-        """Whether there is enough on both sides of an instant."""
-        N = len(self.moments)
-        return N // _SPLITS <= split <= N - N // _SPLITS
+        """Instants from which on something may have changed, with enough on both sides."""
+        least = max(len(self.moments) // _SPLITS, 1)
+        return range(least, len(self.moments) - least + 1)
 
     @property
     def _delays(self) -> list[int]:
@@ -469,54 +459,64 @@ def _later(y: Array, rows: Index, late: Index) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """Products of the columns of each equation, ``[W, Y, described torque]``."""
+    """Products of the columns X of each equation, ``[W, described torque]``, and of the torques Y of all joints."""
 
-    products: Array  # (n, k, k) with k = b + n + 1
+    X: Array  # (N, n, k) with k = b + 1
+    products: Array  # (n, k, k)
+    right: Array  # (n, k, n)
+    squares: Array  # (n, n)
     signs: Array  # (b,)
     believed: Array  # (b,) 1 for the parameters that the description states
 
     @staticmethod
     def of(search: FaultSearch, samples: Samples, W: Array, measured: Array, further: Array | None = None) -> Equations:
         """The equations along a motion, with further columns of any sign, shape (N, n, k)."""
-        base, n = search.target.base, measured.shape[1]
-        inertial = inertial_columns(base)
+        inertial = inertial_columns(search.target.base)
         of_log = samples is search.samples
         added, added_signs = search.added if of_log else _added_columns(search.target, search.friction, samples)
         if further is not None:
             added = np.concatenate([added, further], axis=2)
             added_signs = np.concatenate([added_signs, np.zeros(further.shape[2])])
-        described = (
-            np.zeros(W.shape[:2]) if search.described is None else W[:, :, inertial] @ search.described[inertial]
-        )
+        known = np.zeros(inertial.size) if search.described is None else search.described * inertial
         believed = inertial.astype(float) * (search.described is not None)
-        Y = np.broadcast_to(measured[:, None, :], (len(measured), n, n))
-        X = np.concatenate([W, added, Y, described[:, :, None]], axis=2)
-        products = np.array([X[:, j].T @ X[:, j] for j in range(n)])
+        X = np.concatenate([W, added, (W @ known)[:, :, None]], axis=2)
+        right, squares = _with_torques(X, measured)
         return Equations(
-            products,
+            X,
+            np.array([x.T @ x for x in X.transpose(1, 0, 2)]),
+            right,
+            squares,
             np.concatenate([search.signs, added_signs]),
             np.concatenate([believed, np.zeros(added.shape[2])]),
         )
 
+    def of_torques(self, measured: Array) -> Equations:
+        """The same equations of other torques, shape (N, n)."""
+        right, squares = _with_torques(self.X, measured)
+        return replace(self, right=right, squares=squares)
+
     def fit(self, fault: Fault) -> Fault:
         """Fit by least squares that weights each equation by its own residual."""
-        n = len(self.products)
-        b = self.signs.size
+        n, b = len(self.products), self.signs.size
         T = np.eye(n) if fault.torques is None else fault.torques
-        WW, WY, YY = self.products[:, :b, :b], self.products[:, :b, b : b + n], self.products[:, b : b + n, b : b + n]
-        Wd, dd = self.products[:, :b, -1], self.products[:, -1, -1]
-        right, size = np.einsum("jbn,jn->jb", WY, T), np.einsum("jn,jnm,jm->j", T, YY, T)
+        WW, Wd, dd = self.products[:, :b, :b], self.products[:, :b, -1], self.products[:, -1, -1]
+        right, size = np.einsum("jbn,jn->jb", self.right[:, :b], T), np.sum((T @ self.squares) * T, axis=1)
         size = np.where(size > 0, size, 1.0)
-        belief = _BELIEF * self.believed
-        normal = WW + np.sqrt(belief)[:, None] * WW * np.sqrt(belief)
-        right_all = right + belief * Wd
+        belief = np.sqrt(_BELIEF) * self.believed
+        normal = WW + belief[:, None] * WW * belief
+        right_all = right + np.sqrt(_BELIEF) * belief * Wd
         square, bound = size, np.zeros(b, dtype=bool)
         for _ in range(_ROUNDS):
             weight = 1 / np.maximum(square, LEAST_ERROR**2 * size)
             x = _of_one_sign(np.tensordot(weight, normal, 1), weight @ right_all, self.signs, bound)
-            square = np.einsum("b,jbc,c->j", x, normal, x) - 2 * right_all @ x + size
+            square = (normal @ x - 2 * right_all) @ x + size
             square = np.maximum(square + _BELIEF * dd * np.any(self.believed), 0.0)
         return replace(fault, errors=np.sqrt(square / size), parameters=x)
+
+
+def _with_torques(X: Array, Y: Array) -> tuple[Array, Array]:
+    """``X_j' Y`` and ``Y' Y``."""
+    return np.array([x.T @ Y for x in X.transpose(1, 0, 2)]), Y.T @ Y
 
 
 _EXCHANGES, _AT_ONCE = 60, 6
@@ -530,17 +530,17 @@ def _of_one_sign(A: Array, right: Array, signs: Array, bound: Flags) -> Array:
     """
     scale = np.sqrt(np.diag(A))
     present = scale > _NOTHING * scale.max(initial=0.0)
-    x = np.zeros(right.size)
+    scale = np.where(present, scale, 1.0)
+    M, y, x = A / np.outer(scale, scale) + _RIDGE * np.eye(scale.size), right / scale, np.zeros(right.size)
     for k in range(_EXCHANGES):
         free = np.flatnonzero(present & ~bound)
-        M = A[np.ix_(free, free)] / np.outer(scale[free], scale[free])
         x[:] = 0.0
-        x[free] = np.linalg.solve(M + _RIDGE * np.eye(free.size), right[free] / scale[free]) / scale[free]
-        wrong = np.where(bound, present & (signs * (right - A @ x) > _NOTHING * np.abs(right)), signs * x < 0)
+        x[free] = np.linalg.solve(M[np.ix_(free, free)], y[free])
+        wrong = np.where(bound, present & (signs * (y - M @ x) > _NOTHING * np.abs(y)), signs * x < 0)
         if not wrong.any():
             break
         bound ^= wrong if k < _AT_ONCE else np.arange(x.size) == np.flatnonzero(wrong)[-1]
-    return x
+    return np.asarray(x / scale)
 
 
 def _added_columns(

@@ -37,7 +37,7 @@ from regressors.robot.friction.load_and_temperature import torques_at_drives
 from regressors.robot.inertia import PARAMETERS_PER_LINK
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import bodies, body_regressor, effort_regressor, sparse
-from regressors.robot.symbolic.vectorised import VectorisedFunction, entries_at_samples
+from regressors.robot.symbolic.vectorised import VectorisedFunction, evaluate_samples
 from regressors.samples import Array, Samples
 
 
@@ -148,7 +148,7 @@ class DifferentialModel(RegressorModel):
         terms = self.terms
         if not (terms.load_share or terms.root or terms.stribeck):  # Coulomb friction alone
             return np.ones((samples.time.size, self._magnitudes.shape[0]))
-        return entries_at_samples(self._magnitudes, samples)[:, 0].T
+        return evaluate_samples(self._magnitudes, samples)[:, :, 0]
 
     @cached_property
     def _magnitudes(self) -> VectorisedFunction:

@@ -27,7 +27,6 @@ from regressors.robot.symbolic.vectorised import (
     SparseRow,
     VectorisedFunction,
     evaluate_samples,
-    interpret_samples,
     rows_at_samples,
 )
 from regressors.samples import Array, Index, Samples
@@ -36,8 +35,6 @@ if TYPE_CHECKING:
     from regressors.models.windows import Window
 
 Channel = Literal["effort", "wrench"]
-
-_FEW = 500  # instants that take CasADi's machine less time than the translation for many
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,8 +165,7 @@ class RegressorModel(ABC):
         ndarray, shape (N * r, p)
             The r rows of the first instant, then of the second, and so on.
         """
-        evaluate = interpret_samples if samples.time.size <= _FEW else evaluate_samples
-        return evaluate(self.function, samples).reshape(-1, len(self.columns))
+        return evaluate_samples(self.function, samples).reshape(-1, len(self.columns))
 
     def selected(self, samples: Samples, columns: Index) -> Array:
         """Some columns of `instants`, shape (N * r, k), without computing an array of all of them.
@@ -179,7 +175,7 @@ class RegressorModel(ABC):
         samples : Samples
         columns : ndarray of int, shape (k,)
         """
-        if type(self).instants is not RegressorModel.instants or samples.time.size <= _FEW:
+        if type(self).instants is not RegressorModel.instants:
             return self.instants(samples)[:, columns]
         return evaluate_samples(self.function, samples, columns).reshape(-1, columns.size)
 
@@ -191,7 +187,7 @@ class RegressorModel(ABC):
         samples : Samples
         columns : ndarray of int, shape (k,)
         """
-        if type(self).instants is not RegressorModel.instants or samples.time.size <= _FEW:
+        if type(self).instants is not RegressorModel.instants:
             W = self.instants(samples).reshape(samples.time.size, -1, len(self.columns))[:, :, columns]
             return [(np.arange(columns.size), np.ascontiguousarray(row)) for row in W.transpose(1, 2, 0)]
         return rows_at_samples(self.function, samples, columns)

@@ -16,7 +16,7 @@ import numpy as np
 
 from excite.identification.biases import SPEEDS, standstill_candidates
 from excite.identification.choices.left_out import Choice, LeftOut, best_of, candidates_of, differ, jackknife
-from excite.identification.choices.scoring import Mask, Scoring
+from excite.identification.choices.scoring import Mask, Scoring, masked
 from excite.identification.choices.timing import LONGEST, Chosen, DelayFit, Scored, choose_timing, delay_of
 from excite.identification.equations import nearest
 from excite.identification.recipe import Recipe
@@ -280,8 +280,8 @@ def _counts(scoring: Scoring, masks: Sequence[Mask]) -> Array:
 def _errors(scoring: Scoring, recipe: Recipe, judge: Scoring) -> LeftOut:
     """Left-out errors of the judge's rows, with estimates from those of the scoring."""
     soft = scoring.softened(recipe)
-    parts = soft.parts(recipe)
-    statistics, judged = (one.trial.statistics(soft.target, parts, recipe) for one in (scoring, judge))
+    equations = soft.trial.equations(soft.target, soft.parts(recipe), recipe)
+    statistics, judged = (one.trial.statistics_of(equations, soft.target.base.rank) for one in (scoring, judge))
     return soft.of(statistics, judged)
 
 
@@ -298,11 +298,12 @@ def choose_standstill(scoring: Scoring, recipe: Recipe, least: float = 0.0) -> t
     candidates = standstill_candidates(scoring.target, parts)
     if len(candidates) < 2:
         return recipe, ()
-    speeds = [least_speeds(scoring.target, part.samples) for part in parts]
-    statistics = {
-        v: scoring.trial.statistics(scoring.target, parts, recipe, kept=[speed >= v for speed in speeds])
-        for v in candidates
-    }
+    trial, target, times = scoring.trial, scoring.target, scoring.trial.instants
+    rows = [part.samples.rows(nearest(part.samples.time, time)) for part, time in zip(parts, times, strict=True)]
+    speeds = [least_speeds(target, samples) for samples in rows]
+    equations = trial.equations(target, parts, recipe)
+    kept = {v: masked(equations, [speed >= v for speed in speeds]) for v in candidates}
+    statistics = {v: trial.statistics_of(one, target.base.rank) for v, one in kept.items()}
     scores = {v: scoring.of(one, statistics[candidates[-1]]) for v, one in statistics.items()}
     allowed = {v: scores[v] for share, v in zip(SPEEDS, candidates, strict=False) if share >= least}
     allowed = allowed or {candidates[-1]: scores[candidates[-1]]}

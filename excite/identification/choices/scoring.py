@@ -26,6 +26,7 @@ from excite.identification.estimators.physical import possible_fit
 from excite.identification.estimators.possible_set import near_described
 from excite.identification.prediction import without_friction
 from excite.identification.preparation import PreparedLog, prepare
+from excite.identification.presliding import Sliding
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
 from excite.logs.event import Spans, within
@@ -105,8 +106,7 @@ WITHIN = (10.0, 3.0, 1.0)  # of the described bodies, in their sizes
 
 def best_pulled(target: IdentificationTarget, described: Mapping[str, float], statistics: BlockStatistics) -> Estimate:
     """`pulled_least_squares` with the deviation that predicts left-out blocks best."""
-    every = range(target.base.rank)
-    estimates = [pulled_least_squares(target, described, within, every) for within in WITHIN]
+    estimates = [pulled_least_squares(target, described, within, range(target.base.rank)) for within in WITHIN]
     return min(estimates, key=lambda estimate: left_out(statistics, estimate).score)
 
 
@@ -308,12 +308,20 @@ class Trial:
     friction: FrictionCurves | None = None  # known friction, which is subtracted
     rows: tuple[Mask, ...] | None = None  # (M, r) rows of each log's instants that count; all if not given
 
+    # presliding that every row shows, by recipe, target and known friction
+    slidings: dict[tuple[object, ...], list[tuple[Sliding, float]]] = field(default_factory=dict, repr=False)
+    _prepared: deque[tuple[Recipe, list[PreparedLog]]] = field(default_factory=lambda: deque(maxlen=16), repr=False)
     _recent: deque[TrialRows] = field(default_factory=deque, repr=False)  # as many as 64 MB hold
     _motions: deque[DelayedMotion] = field(default_factory=lambda: deque(maxlen=_LOGS), repr=False)
 
     def prepared(self, target: IdentificationTarget, recipe: Recipe) -> list[PreparedLog]:
-        """The logs under a recipe; what no filter changes is done once."""
-        return [prepare(log, self.robot, target, recipe) for log in self.logs]
+        """The logs under a recipe, of which friction has no part in them; one of the last is not filtered again."""
+        recipe = replace(recipe, sign_width=None, breakaway=None)
+        known = next((parts for one, parts in self._prepared if one == recipe), None)
+        if known is None:
+            known = [prepare(log, self.robot, target, recipe) for log in self.logs]
+            self._prepared.append((recipe, known))
+        return known
 
     def statistics(
         self,
@@ -321,17 +329,15 @@ class Trial:
         parts: Sequence[PreparedLog],
         recipe: Recipe,
         delay: Delays = 0.0,
-        kept: Sequence[Mask] | None = None,
     ) -> BlockStatistics:
-        """Sums of products of every block."""  # kept (N, r)
-        equations = self.equations(target, parts, recipe, delay)
-        if kept is not None:
-            logs = zip(kept, parts, self.instants, strict=True)
-            equations = _masked(equations, [mask[nearest(part.samples.time, time)] for mask, part, time in logs])
-        if self.rows is not None:
-            equations = _masked(equations, self.rows)
+        """Sums of products of every block."""
+        return self.statistics_of(self.equations(target, parts, recipe, delay), target.base.rank)
+
+    def statistics_of(self, equations: Sequence[TrialEquations], rank: int) -> BlockStatistics:
+        """Sums of products of every block, from the equations of every log."""
+        equations = equations if self.rows is None else masked(equations, self.rows)
         W, y = zip(*equations, strict=True)
-        return BlockStatistics.of_sparse(W, y, self.blocks, target.base.rank)
+        return BlockStatistics.of_sparse(W, y, self.blocks, rank)
 
     def equations(
         self, target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe, delay: Delays = 0.0
@@ -378,7 +384,8 @@ class Trial:
         return known
 
 
-def _masked(equations: Sequence[TrialEquations], masks: Sequence[Mask]) -> list[TrialEquations]:
+def masked(equations: Sequence[TrialEquations], masks: Sequence[Mask]) -> list[TrialEquations]:
+    """Equations of every log with zeros instead of the rows that do not count."""
     pairs = zip(equations, masks, strict=True)
     return [
         ([(place, W * m) for (place, W), m in zip(rows, mask.T, strict=True)], y * mask) for (rows, y), mask in pairs

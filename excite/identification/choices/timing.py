@@ -49,7 +49,7 @@ def choose_delay(scored: Scored, residuals: Residuals, step: float, near: float 
         return tried[delay].score
 
     score(near := _descent(score, 0.0, _GRID, step / 2) if near is None else near)
-    best, (low, high) = DelayLikelihood.of(residuals(near), tried[near], residuals).found(near, step / 2, step)
+    best, (low, high) = DelayLikelihood.of(residuals(near), tried[near]).found(residuals, near, step / 2, step)
     gain = score(0.0) - score(best)
     listed = candidates_of(dict(sorted(tried.items())))
     if low <= 0.0 <= high or abs(best) > LONGEST + _BEYOND / 2 or gain < LEAST_GAIN:
@@ -89,50 +89,48 @@ class DelayLikelihood:
     sizes: Array  # (r,) deviation of the residuals
     weights: Array  # (r,) share of the residuals that is independent
     margin: float  # between logarithms in the interval; one row may be on the wrong side
-    residuals: Residuals | None = None
-    tried: dict[float, float] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, own: list[Array], errors: LeftOut, residuals: Residuals | None = None) -> DelayLikelihood:
+    def of(cls, own: list[Array], errors: LeftOut) -> DelayLikelihood:
         """Sizes and correlation are those of some residuals."""
         least = NEGLIGIBLE * np.sqrt(errors.sizes / errors.instants)
         independent = np.array([effective_samples(autocorrelation(e), e.size) for e in own])
         weights = independent / [e.size for e in own]
         margin = float(scipy.special.fdtri(1, independent.sum(), 1 - _LEVEL) / 2 + _MOST * weights.max())
         sizes = np.maximum([_NORMAL * np.median(np.abs(e)) for e in own], least)
-        return cls(sizes, weights, margin, residuals)
-
-    def misfit(self, delay: float) -> float:
-        """Minus the logarithm of the likelihood of a delay."""
-        if delay not in self.tried and self.residuals is not None:
-            self.tried[delay] = self.misfit_of(self.residuals(delay))
-        return self.tried[delay]
+        return cls(sizes, weights, margin)
 
     def misfit_of(self, own: list[Array]) -> float:
         """Minus the logarithm: Tukey's bisquare, which is half the square of small deviations."""
         shares = [1 - np.maximum(1 - (e / s / _BISQUARE) ** 2, 0.0) ** 3 for e, s in zip(own, self.sizes, strict=True)]
         return _MOST * float(self.weights @ [share.sum() for share in shares])
 
-    def found(self, near: float, distance: float, step: float) -> tuple[float, tuple[float, float]]:
-        """Mean of the delays about one that is near, and the ends of their interval."""
-        near = _descent(self.misfit, near, distance, _PRECISION * step)
-        low, high = (self.edge(near, side, step) for side in (-1.0, 1.0))
-        return round(self.mean(), 6), (low, high)
+    def found(
+        self, residuals: Residuals, near: float, distance: float, step: float
+    ) -> tuple[float, tuple[float, float]]:
+        """Mean by likelihood of the delays about one that is near, and the ends of their interval."""
+        tried: dict[float, float] = {}
 
-    def mean(self) -> float:
-        """Mean of the delays that were tried, by their likelihood."""
-        delays, misfits = np.array(sorted(self.tried.items())).T
+        def misfit(delay: float) -> float:
+            if delay not in tried:
+                tried[delay] = self.misfit_of(residuals(delay))
+            return tried[delay]
+
+        near = _descent(misfit, near, distance, _PRECISION * step)
+        low, high = (self.edge(misfit, near, side, step) for side in (-1.0, 1.0))
+        delays, misfits = np.array(sorted(tried.items())).T
         likelihoods = np.exp(misfits.min() - misfits)
-        return float(np.trapezoid(delays * likelihoods, delays) / np.trapezoid(likelihoods, delays))
+        mean = np.trapezoid(delays * likelihoods, delays) / np.trapezoid(likelihoods, delays)
+        return round(float(mean), 6), (low, high)
 
-    def edge(self, best: float, side: float, step: float) -> float:
+    def edge(self, misfit: Callable[[float], float], best: float, side: float, step: float) -> float:
         """End of the interval on one side of the best."""
-        inner, outer, most = 0.0, step / 4, self.misfit(best) + self.margin
-        while self.misfit(round(best + side * outer, 9)) <= most and outer < LONGEST:
+        inner, outer, most = 0.0, step / 4, misfit(best) + self.margin
+        while misfit(round(best + side * outer, 9)) <= most and outer < LONGEST:
             inner, outer = outer, 2 * outer
         while outer - inner > _EDGE * outer and outer > _PRECISION * step:
             middle = (inner + outer) / 2
-            outside = self.misfit(round(best + side * middle, 9)) > most
+            outside = misfit(round(best + side * middle, 9)) > most
             inner, outer = (inner, middle) if outside else (middle, outer)
         return round(best + side * (outer + _TURN * step), 9)
 
@@ -154,9 +152,9 @@ def delay_of(
 
 def _residuals(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], delay: Delays) -> list[Array]:
     """Residuals of each equation under a delay, after the estimate with it."""
-    statistics = scoring.statistics(recipe, parts, delay)
-    beta = scoring.fitted(statistics, scoring.of(statistics).weights)
     equations = scoring.trial.equations(scoring.target, parts, recipe, delay)
+    statistics = scoring.trial.statistics_of(equations, scoring.target.base.rank)
+    beta = scoring.fitted(statistics, scoring.of(statistics).weights)
     masks = scoring.trial.rows or [np.ones(y.shape, dtype=bool) for _, y in equations]
     predicted = [np.column_stack([beta[place] @ entries for place, entries in W]) for W, _ in equations]
     e = np.concatenate([y - p for (_, y), p in zip(equations, predicted, strict=True)])
@@ -378,12 +376,12 @@ def _refined_delays(
             def others(delay: float, g: int = g) -> Array:
                 return np.tensordot(np.where(np.arange(len(late)) == g, delay, late), groups, 1)
 
-            likelihood = DelayLikelihood.of(
-                _residuals(scoring, recipe, parts, others(late[g])),
-                scoring.of(scoring.statistics(recipe, parts, others(late[g]))),
-                lambda delay: _residuals(scoring, recipe, parts, others(delay)),
-            )
-            late[g], ends[g] = likelihood.found(late[g], _GRID / 2, step)
+            def residuals(delay: float, others: Callable[[float], Array] = others) -> list[Array]:
+                return _residuals(scoring, recipe, parts, others(delay))
+
+            errors = scoring.of(scoring.statistics(recipe, parts, others(late[g])))
+            likelihood = DelayLikelihood.of(residuals(late[g]), errors)
+            late[g], ends[g] = likelihood.found(residuals, late[g], _GRID / 2, step)
     return DelayFit(recipe, late, ends)
 
 
@@ -453,8 +451,10 @@ def _later(one: Recipe, other: Recipe) -> bool:
 def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> list[Recipe]:
     if recipe.sign_width is not None or recipe.breakaway is not None:
         return [replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)]
-    found = presliding_candidates(recipe, scoring.target, parts, scoring.trial.friction)
-    return [replace(recipe, **sliding) for sliding, _ in found]
+    asked, known = (recipe, scoring.target, id(scoring.trial.friction)), scoring.trial.slidings
+    if asked not in known:
+        known[asked] = presliding_candidates(recipe, scoring.target, parts, scoring.trial.friction)
+    return [replace(recipe, **sliding) for sliding, _ in known[asked]]
 
 
 _Timing = tuple[Recipe, LeftOut, tuple[Choice, ...]]

@@ -153,6 +153,9 @@ def in_turn(step: ca.Function, count: int) -> Callable[[Array, Array], Array]:
     return lambda state, inputs: np.array(chained.mapaccum(inputs.shape[1] // width)(state, inputs)[1])
 
 
+_FEW = 1000  # instants that take CasADi's machine less time than the translation for many
+
+
 class VectorisedFunction:
     """The structural nonzeros of a matrix expression, and their reverse derivative, for many instants at once."""
 
@@ -168,6 +171,7 @@ class VectorisedFunction:
         self._function = ca.Function("forward", self._inputs, [self._values])
         _check(self._function)
         self._reverse: Callable[[Sequence[Array]], Array] | None = None
+        self._seldom = 0  # instants that were asked of `seldom`
 
     @property
     def instructions(self) -> int:
@@ -187,10 +191,14 @@ class VectorisedFunction:
         # nonzeros (k,)
         return VectorisedFunction(self._inputs, ca.vertcat(*(self._values[int(k)] for k in nonzeros)))
 
-    def interpreted(self, *inputs: Array) -> Array:
-        """The same nonzeros by CasADi's own machine, which is slower, but needs no translation."""
+    def seldom(self, *inputs: Array) -> Array:
+        """The same nonzeros; the first by CasADi's own machine, which is slower, but needs no translation."""
         # inputs (n_k, instants)
-        return np.asarray(self._function(*map(ca.DM, inputs)), dtype=float).reshape(len(self.row), inputs[0].shape[1])
+        self._seldom += inputs[0].shape[1]
+        if self._seldom > _FEW:
+            return self(*inputs)
+        values = np.ascontiguousarray(self._function(*map(ca.DM, inputs)), dtype=float)
+        return values.reshape(len(self.row), inputs[0].shape[1])
 
     def pullback(self, inputs: Sequence[Array], seeds: Array) -> tuple[Array, ...]:
         """Gradient of ``sum(seeds * values)`` with respect to the inputs, by one reverse sweep."""
@@ -205,20 +213,11 @@ class VectorisedFunction:
 
 def evaluate_samples(function: VectorisedFunction, samples: Samples, columns: Index | None = None) -> Array:
     """Values of a matrix expression at every sample, shape (N, rows, columns); of some columns, or of all."""
-    width = function.shape[1] if columns is None else columns.size
-    values = np.empty((samples.time.size, function.shape[0], width))
+    values = np.zeros((samples.time.size, function.shape[0], function.shape[1] if columns is None else columns.size))
     for start in range(0, samples.time.size, _CHUNK):
-        part = slice(start, start + _CHUNK)
-        values[part] = entries_at_samples(function, samples.rows(part), columns).transpose(2, 0, 1)
-    return values
-
-
-def entries_at_samples(function: VectorisedFunction, samples: Samples, columns: Index | None = None) -> Array:
-    """As `evaluate_samples`, shape (rows, columns, N): the entries of the matrix, each at every sample."""
-    width = function.shape[1] if columns is None else columns.size
-    values = np.zeros((function.shape[0], width, samples.time.size))
-    for row, (place, found) in zip(values, rows_at_samples(function, samples, columns), strict=True):
-        row[place] = found
+        chunk = slice(start, start + _CHUNK)
+        for row, (place, found) in enumerate(rows_at_samples(function, samples.rows(chunk), columns)):
+            values[chunk, row, place] = found.T
     return values
 
 
@@ -229,14 +228,6 @@ def rows_at_samples(function: VectorisedFunction, samples: Samples, columns: Ind
         place = np.full(function.shape[1], -1)
         place[columns] = np.arange(columns.size)
     column = place[function.column]
-    found = function(*(np.ascontiguousarray(x.T) for x in (samples.q, samples.dq, samples.ddq)))
+    found = function.seldom(*(np.ascontiguousarray(x.T) for x in (samples.q, samples.dq, samples.ddq)))
     used = (np.flatnonzero((function.row == row) & (column >= 0)) for row in range(function.shape[0]))
     return [(column[k], found[k]) for k in used]
-
-
-def interpret_samples(function: VectorisedFunction, samples: Samples) -> Array:
-    """As `evaluate_samples` of all columns, by CasADi's own machine."""
-    values = np.zeros((samples.time.size, *function.shape))
-    motion = [np.ascontiguousarray(x.T) for x in (samples.q, samples.dq, samples.ddq)]
-    values[:, function.row, function.column] = function.interpreted(*motion).T
-    return values
