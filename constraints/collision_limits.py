@@ -61,8 +61,8 @@ class Clearance(NonlinearConstraint):
 
     def __init__(self, robot: Robot, motion: PartialMotion, pairs: Sequence[Pair], world: World) -> None:
         self.robot, self.motion, self.pairs, self.world = robot, motion, tuple(pairs), world
-        joints = motion.matrix.shape[1]
-        gaps = list(self._gaps(ca.SX.sym("q", joints)))
+        self.joints = motion.matrix.shape[1]
+        _, gaps = self._own
         reach = np.array([gap.reach for _, gap in gaps])
         squared = np.array([gap.squared for _, gap in gaps])
         clearance = np.array([pair.clearance for pair, _ in gaps])
@@ -74,7 +74,16 @@ class Clearance(NonlinearConstraint):
 
         bounds = clearance, np.full(len(gaps), np.inf), np.full(len(gaps), _SCALE)
         texts = tuple(pair.label for pair, _ in gaps), ("m",) * len(gaps)
-        super().__init__(joints, lambda q, dq, ddq: self._expression(q)[0], *bounds, *texts, shown, "distance")
+        super().__init__(self.joints, self._expression, *bounds, *texts, shown, "distance")
+
+    def _expression(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
+        return self._expressions(list(self._gaps(q)))[0]
+
+    @cached_property
+    def _own(self) -> tuple[list[ca.SX], list[tuple[Pair, Gap]]]:
+        """Symbols of q, dq, ddq and dddq, and the gaps of q, which values and slopes share."""
+        symbols = self._symbols(4)
+        return symbols, list(self._gaps(symbols[0]))
 
     def _gaps(self, s: ca.SX) -> Iterator[tuple[Pair, Gap]]:
         frames = Frames(self.robot, ca.mtimes(sparse(self.motion.matrix), s) + ca.DM(self.motion.offset))
@@ -86,27 +95,33 @@ class Clearance(NonlinearConstraint):
                     for gap in gaps(capsule, pose, shape, other, self.world.tolerance):
                         yield pair, gap
 
-    def _expression(self, s: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    @staticmethod
+    def _expressions(gaps: Sequence[tuple[Pair, Gap]]) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """The functions, the same with symbols for held values, the symbols, and their expressions."""
-        gaps = list(self._gaps(s))
         open_form = ca.vertcat(*(_value(gap, pair.clearance) for pair, gap in gaps))
         held = [pair for _, gap in gaps for pair in gap.held]
         symbols, meaning = (ca.vertcat(ca.SX(0, 1), *(pair[k] for pair in held)) for k in (0, 1))
         return ca.substitute(open_form, symbols, meaning), open_form, symbols, meaning
 
     @cached_property
+    def function(self) -> VectorisedFunction:
+        """Values of g for many instants at once."""
+        (*motion, _), gaps = self._own
+        return VectorisedFunction(motion, self._expressions(gaps)[0])
+
+    @cached_property
     def jacobian(self) -> VectorisedFunction:
         """``dg / d(q, dq, ddq)``, shape (k, 3 n), for many instants at once."""
-        q, dq, ddq = self._symbols(3)
-        _, g, held, meaning = self._expression(q)
+        (q, dq, ddq, _), gaps = self._own
+        _, g, held, meaning = self._expressions(gaps)
         slopes = ca.substitute(ca.jacobian(g, q), held, meaning)
         return VectorisedFunction([q, dq, ddq], ca.horzcat(slopes, ca.SX(g.numel(), 2 * self.joints)))
 
     @cached_property
     def rate(self) -> OverBoxes:
         """``dg/dt`` of (q, dq, ddq, dddq), enclosed over boxes."""
-        q, dq, ddq, dddq = self._symbols(4)
-        _, g, held, meaning = self._expression(q)
+        (q, dq, ddq, dddq), gaps = self._own
+        _, g, held, meaning = self._expressions(gaps)
         return interval_function([q, dq, ddq, dddq], ca.substitute(ca.jtimes(g, q, dq), held, meaning))
 
 

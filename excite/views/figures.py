@@ -6,6 +6,7 @@ import io
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import IO, Any
@@ -13,17 +14,20 @@ from xml.etree import ElementTree
 
 import matplotlib
 from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 
 from excite.storage.atomic import replacing
 from excite.storage.manifest import read_manifest
 from excite.storage.result_folder import amend_result, check_formats, figure_names, result_folder
-from excite.views.style import DPI, drawing_style, literal, size_of, take_sizes
+from excite.views.style import DPI, column_width, drawing_style, literal, size_of, take_sizes
 from excite.views.view import View
 from regressors.arguments import checked
 from regressors.errors import InputError, printable
+from regressors.samples import Array
 
 # views by the classes of what they show; a class is not imported for what is of another one
 _VIEWS = {
@@ -174,13 +178,35 @@ def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
     figure.dpi = dpi
     try:
         if engine is not None:
-            engine.execute(figure)
+            # in a column, what is written at the ends of curves may reach further when the panel is narrower
+            with _measured_once(figure.axes if column_width() == float("inf") else []):
+                engine.execute(figure)
             figure.set_layout_engine("none")
         yield
     finally:
         figure.set_layout_engine(engine)
         figure.dpi = before
         figure.set_canvas(canvas)
+
+
+@contextmanager
+def _measured_once(panels: Sequence[Axes]) -> Iterator[None]:
+    """Measure the text around panels once: the layout asks for it a second time, when it has moved them."""
+    for ax in panels:
+        ax.get_tightbbox = partial(_around, ax, ax.get_tightbbox, [])  # type: ignore[method-assign]
+    try:
+        yield
+    finally:
+        for ax in panels:
+            del ax.get_tightbbox  # that of its class is back
+
+
+def _around(ax: Axes, measure: Callable[..., Bbox], known: list[Array], renderer: Any, **how: Any) -> Bbox:
+    """Bounding box of a panel with its text, which reaches as far beyond the panel as the first time."""
+    ax.apply_aspect()
+    if not known:
+        known.append(measure(renderer, **how).extents - ax.bbox.extents)
+    return Bbox.from_extents(ax.bbox.extents + known[0])
 
 
 @contextmanager
@@ -193,7 +219,7 @@ def _saying_what_is_saved(folder: Path, kind: str) -> Iterator[None]:
         raise InputError(f"{error}; everything but the figures is saved in {folder}") from error
 
 
-LARGE = 300_000  # characters; longer ones have their curves as a picture
+LONG = 6000  # points that a curve has where it bends; a longer one is a picture
 _PIXELS = 1.35  # of a page, per point of a figure
 FONTS = "DejaVu Sans, Verdana, Arial, sans-serif"
 _FONT = re.compile(r"(?P<style>italic |oblique )?(?P<weight>bold |\d{3} )?(?P<size>[\d.]+)px (?P<family>.+)", re.DOTALL)
@@ -203,15 +229,13 @@ _LEFT_OUT = ("metadata", "style")
 
 
 def svg_text(figure: Figure, prefix: str, label: str) -> str:
-    """A figure as an ``<svg>`` element without inline styles, to stand in a page; very long curves are a picture."""
+    """A figure as an ``<svg>`` element without inline styles, to stand in a page; very long curves are pictures."""
     literal(figure)
     with _laid_out(figure, DPI):
+        for line in (line for ax in figure.axes for line in ax.lines):
+            path, place = line.get_path(), line.get_transform()
+            line.set_rasterized(len(path) > LONG and len(path.cleaned(place, simplify=True)) > LONG)
         text = _drawn(figure)
-        if len(text) > LARGE:
-            for ax in figure.axes:  # not those of legends, which matplotlib would misplace
-                for line in ax.lines:
-                    line.set_rasterized(True)
-            text = _drawn(figure)
     return _element(text, prefix, label)
 
 
