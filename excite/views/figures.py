@@ -223,8 +223,8 @@ LONG = 6000  # points that a curve has where it bends; a longer one is a picture
 _PIXELS = 1.35  # of a page, per point of a figure
 FONTS = "DejaVu Sans, Verdana, Arial, sans-serif"
 _FONT = re.compile(r"(?P<style>italic |oblique )?(?P<weight>bold |\d{3} )?(?P<size>[\d.]+)px (?P<family>.+)", re.DOTALL)
-_NUMBER = re.compile(r"-?\d+\.\d{3,}")
-_ROUNDED = ("d", "transform", "x", "y", "points")
+_DIGITS = re.compile(r"(\.\d\d)\d+")  # behind the decimal point: two are a hundredth of a point
+_SHORTENED = ("d", "transform", "x", "y", "points")
 _LEFT_OUT = ("metadata", "style")
 
 
@@ -257,7 +257,7 @@ def _element(text: str, prefix: str, label: str) -> str:
         given = dict(element.attrib)
         element.attrib.clear()
         for name, value in _attributes(given):
-            element.set(name, _rounded(value) if name in _ROUNDED else _of_page(name, value, prefix))
+            element.set(name, _shortened(value) if name in _SHORTENED else _of_page(name, value, prefix))
         if element.text is not None and not element.text.strip():
             element.text = None
         element.tail = None
@@ -303,5 +303,5 @@ def _of_page(name: str, value: str, prefix: str) -> str:
     return value.replace("url(#", f"url(#{prefix}-")
 
 
-def _rounded(text: str) -> str:
-    return _NUMBER.sub(lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), " ".join(text.split()))
+def _shortened(text: str) -> str:
+    return _DIGITS.sub(r"\1", " ".join(text.split()))

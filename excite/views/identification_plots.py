@@ -75,10 +75,15 @@ def fit_figure(
 
 def envelope(values: Array, bins: int) -> tuple[Index, Array]:
     """Least value, 5th, 50th and 95th percentile and largest value of each of ``bins`` stretches."""
-    edges = np.linspace(0, values.size, bins + 1).astype(np.intp)
-    parts = [part[np.isfinite(part)] for part in np.split(values, edges[1:-1])]
-    unknown = np.full(len(PERCENTILES), np.nan)
-    return edges, np.array([np.percentile(part, PERCENTILES) if part.size else unknown for part in parts]).T
+    width = -(-values.size // bins)
+    parts = np.pad(np.where(np.isfinite(values), values, np.nan), (0, -values.size % width), constant_values=np.nan)
+    ordered = np.sort(parts.reshape(-1, width), axis=1)  # what is unknown at the end
+    last = np.maximum(np.isfinite(ordered).sum(axis=1) - 1, 0)
+    place = np.outer(last, np.array(PERCENTILES) / 100.0)
+    below = place.astype(np.intp)
+    low, high = (np.take_along_axis(ordered, k, 1) for k in (below, np.minimum(below + 1, last[:, None])))
+    edges = np.minimum(np.arange(len(ordered) + 1) * width, values.size)
+    return edges, (low + (place - below) * (high - low)).T
 
 
 def draw_values(ax: Axes, timeline: Timeline, time: Array, log: Index, values: Array) -> None:

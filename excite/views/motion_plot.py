@@ -19,7 +19,7 @@ from constraints.linear import QUANTITIES, LinearConstraint, linear_limits
 from excite.design.design import Design
 from excite.design.stated_limits import checked_text, kept_headline
 from excite.trajectories.sequence import EXCITE
-from excite.views.panels import Panel, ends, legend_below, panels
+from excite.views.panels import NAME_STYLE, Panel, ends, legend_below, panels
 from excite.views.player_data import of_some_joints
 from excite.views.style import (
     BAND,
@@ -36,7 +36,6 @@ from excite.views.style import (
     panel_width,
     plain,
     size_of,
-    tidy,
     typeset,
 )
 from regressors.robot.robot import Robot
@@ -58,7 +57,6 @@ def draw_limited(
 ) -> None:
     """Draw a curve, shade what its limits forbid, and mark the value that comes closest to one."""  # time, values (N,)
     view = view_range(values if closest is None else np.append(values, closest[1]), allowed, far)
-    tidy(ax)
     _shade(ax, allowed, view)
     ax.plot(time, values, color=BLUE, linewidth=CURVE)
     if closest is not None:
@@ -131,7 +129,6 @@ _LINE = 1.33  # height of a line over the size of its font
 _TITLE_LETTER, _NOTE_LETTER, _NAME_LETTER = 0.675, 0.66, 0.74  # mean width over the size of the font
 _NAME_LINES = 5
 _DOT_MEANING = "closest to a limit (100 % used: at the limit, 0 %: in mid-range)"
-_NAME_STYLE: dict[str, Any] = {"loc": "left", "y": 1.0, "fontsize": LABEL, "fontweight": "bold", "color": DARK}
 _PER_TIME = ("", "/s", "/s^2", "/s^3")
 
 
@@ -298,7 +295,7 @@ def _write_name(ax: Axes, name: str, lines: int) -> None:
     """Write a name above the lines on the right of a panel."""
     letters = int(72.0 * min(_PANEL_WIDTH, panel_width(ax)) / (_NAME_LETTER * size_of("axes.labelsize")))
     text = "\n".join(textwrap.wrap(ends(name, _NAME_LINES * letters), letters, break_on_hyphens=False))
-    ax.set_title(typeset(text) + lines * "\n", **_NAME_STYLE)
+    ax.set_title(typeset(text) + lines * "\n", **NAME_STYLE)
 
 
 def _label_times(figure: Figure) -> None:

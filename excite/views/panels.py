@@ -42,7 +42,7 @@ from excite.views.style import (
 )
 from regressors.samples import Array, Index
 
-NAME_STYLE: dict[str, Any] = {"loc": "left", "fontsize": LABEL, "fontweight": "bold", "color": DARK}
+NAME_STYLE: dict[str, Any] = {"loc": "left", "y": 1.0, "fontsize": LABEL, "fontweight": "bold", "color": DARK}
 _NUMBER = 3.0  # height that a number takes on a vertical axis in a column, over the size of its font
 _HANDLE = 9  # letters that the line of a legend's entry takes, with the space around it
 _ABOVE, _RIGHT = 0.8, 0.25  # [in]
@@ -128,7 +128,7 @@ def head(ax: Axes, name: str, note: str = "", colour: str = DARK) -> None:
     else:
         name = ends(name, max(3, letters))
     ax.set_title(typeset(name) + below, **NAME_STYLE)
-    ax.set_title(typeset(note), loc="right", fontsize=NOTE, color=colour)
+    ax.set_title(typeset(note), loc="right", y=1.0, fontsize=NOTE, color=colour)
 
 
 def value_axis(ax: Axes, label: str, numbers: int = 5) -> None:
@@ -170,11 +170,11 @@ def extremes(values: Array, bins: int = BINS) -> Index:
     # values (N,)
     if values.size <= 2 * bins:
         return np.arange(values.size)
-    edges = np.linspace(0, values.size, bins + 1).astype(int)
-    kept = [0, values.size - 1]
-    for first, part in zip(edges, np.split(values, edges[1:-1]), strict=False):
-        kept += [first + int(np.argmin(part)), first + int(np.argmax(part))]
-    return np.unique(kept)
+    width = -(-values.size // bins)
+    parts = np.pad(values, (0, -values.size % width), "edge").reshape(-1, width)
+    first = width * np.arange(len(parts))
+    kept = np.concatenate([[0, values.size - 1], first + parts.argmin(axis=1), first + parts.argmax(axis=1)])
+    return np.unique(np.minimum(kept, values.size - 1))
 
 
 @dataclass(frozen=True, eq=False)

@@ -69,12 +69,12 @@ def convergence_figure(design: Design) -> Figure:
     tidy(ax)
     others = [start for start in design.starts if start.index != design.best_start]
     thin = 1.0 if len(others) <= _MANY else 0.5
-    for start in others:
-        _draw_start(ax, start, GREY, thin, order=2.0)
-    for start in design.starts:
-        if start.index == design.best_start:
-            _draw_start(ax, start, BLUE, 2.0, order=3.0)
-            _name_end(ax, start)
+    best = [start for start in design.starts if start.index == design.best_start]
+    for starts, *look in ((others, GREY, thin, 2.0), (best, BLUE, 2.0, 3.0)):
+        for running in (False, True):
+            _draw_starts(ax, [start for start in starts if (start.status == RUNNING) == running], *look)
+    for start in best:
+        _name_end(ax, start)
     _scale(ax, design.starts)
     name = name_of(design.task.objective.criterion)
     symbol = _SYMBOLS.get(name, name)
@@ -89,14 +89,19 @@ def convergence_figure(design: Design) -> Figure:
     return figure
 
 
-def _draw_start(ax: Axes, start: StartResult, colour: str, width: float, order: float) -> None:
-    both = np.stack([start.history, np.minimum.accumulate(start.history)])
+def _draw_starts(ax: Axes, starts: Sequence[StartResult], colour: str, width: float, order: float) -> None:
+    """Draw starts that have ended, or have not, as curves with a gap after each start."""
+    if not starts:
+        return
+    histories = [np.append(start.history, np.nan) for start in starts]
+    iterate = np.concatenate([np.append(np.arange(each.size - 1.0), np.nan) for each in histories])
+    both = np.hstack([[each, np.minimum.accumulate(each)] for each in histories])
     history, lowest = np.where(np.isfinite(both), both, np.nan)
-    iterate = np.arange(history.size)
+    last = np.cumsum([each.size for each in histories]) - 2
     ax.plot(iterate, history, ":", color=colour, linewidth=0.9, zorder=order - 0.5)
     ax.plot(iterate, lowest, color=colour, linewidth=width, zorder=order)
-    face = "white" if start.status == RUNNING else colour
-    ax.plot(iterate[-1:], lowest[-1:], "o", color=colour, markerfacecolor=face, markersize=4.5, zorder=order)
+    dot: dict[str, Any] = {"markersize": 4.5, "markerfacecolor": "white" if starts[0].status == RUNNING else colour}
+    ax.plot(iterate[last], lowest[last], "o", color=colour, zorder=order, **dot)
 
 
 def _name_end(ax: Axes, start: StartResult) -> None:
