@@ -62,7 +62,7 @@ class Clearance(NonlinearConstraint):
     def __init__(self, robot: Robot, motion: PartialMotion, pairs: Sequence[Pair], world: World) -> None:
         self.robot, self.motion, self.pairs, self.world = robot, motion, tuple(pairs), world
         self.joints = motion.matrix.shape[1]
-        _, gaps = self._own
+        gaps = self._own
         reach = np.array([gap.reach for _, gap in gaps])
         squared = np.array([gap.squared for _, gap in gaps])
         clearance = np.array([pair.clearance for pair, _ in gaps])
@@ -74,16 +74,12 @@ class Clearance(NonlinearConstraint):
 
         bounds = clearance, np.full(len(gaps), np.inf), np.full(len(gaps), _SCALE)
         texts = tuple(pair.label for pair, _ in gaps), ("m",) * len(gaps)
-        super().__init__(self.joints, self._expression, *bounds, *texts, shown, "distance")
-
-    def _expression(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
-        return self._expressions(list(self._gaps(q)))[0]
+        super().__init__(self.joints, lambda q, dq, ddq: self._expression(q)[0], *bounds, *texts, shown, "distance")
 
     @cached_property
-    def _own(self) -> tuple[list[ca.SX], list[tuple[Pair, Gap]]]:
-        """Symbols of q, dq, ddq and dddq, and the gaps of q, which values and slopes share."""
-        symbols = self._symbols(4)
-        return symbols, list(self._gaps(symbols[0]))
+    def _own(self) -> list[tuple[Pair, Gap]]:
+        """The gaps at the symbols of this limit, which values and slopes share."""
+        return list(self._gaps(self._symbols[0]))
 
     def _gaps(self, s: ca.SX) -> Iterator[tuple[Pair, Gap]]:
         frames = Frames(self.robot, ca.mtimes(sparse(self.motion.matrix), s) + ca.DM(self.motion.offset))
@@ -95,33 +91,27 @@ class Clearance(NonlinearConstraint):
                     for gap in gaps(capsule, pose, shape, other, self.world.tolerance):
                         yield pair, gap
 
-    @staticmethod
-    def _expressions(gaps: Sequence[tuple[Pair, Gap]]) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    def _expression(self, s: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """The functions, the same with symbols for held values, the symbols, and their expressions."""
+        gaps = self._own if s is self._symbols[0] else list(self._gaps(s))
         open_form = ca.vertcat(*(_value(gap, pair.clearance) for pair, gap in gaps))
         held = [pair for _, gap in gaps for pair in gap.held]
         symbols, meaning = (ca.vertcat(ca.SX(0, 1), *(pair[k] for pair in held)) for k in (0, 1))
         return ca.substitute(open_form, symbols, meaning), open_form, symbols, meaning
 
     @cached_property
-    def function(self) -> VectorisedFunction:
-        """Values of g for many instants at once."""
-        (*motion, _), gaps = self._own
-        return VectorisedFunction(motion, self._expressions(gaps)[0])
-
-    @cached_property
     def jacobian(self) -> VectorisedFunction:
         """``dg / d(q, dq, ddq)``, shape (k, 3 n), for many instants at once."""
-        (q, dq, ddq, _), gaps = self._own
-        _, g, held, meaning = self._expressions(gaps)
+        q, dq, ddq, _ = self._symbols
+        _, g, held, meaning = self._expression(q)
         slopes = ca.substitute(ca.jacobian(g, q), held, meaning)
         return VectorisedFunction([q, dq, ddq], ca.horzcat(slopes, ca.SX(g.numel(), 2 * self.joints)))
 
     @cached_property
     def rate(self) -> OverBoxes:
         """``dg/dt`` of (q, dq, ddq, dddq), enclosed over boxes."""
-        (q, dq, ddq, dddq), gaps = self._own
-        _, g, held, meaning = self._expressions(gaps)
+        q, dq, ddq, dddq = self._symbols
+        _, g, held, meaning = self._expression(q)
         return interval_function([q, dq, ddq, dddq], ca.substitute(ca.jtimes(g, q, dq), held, meaning))
 
 

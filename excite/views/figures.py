@@ -13,6 +13,7 @@ from typing import IO, Any
 from xml.etree import ElementTree
 
 import matplotlib
+import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -179,8 +180,12 @@ def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
     try:
         if engine is not None:
             # in a column, what is written at the ends of curves may reach further when the panel is narrower
-            with _measured_once(figure.axes if column_width() == float("inf") else []):
-                engine.execute(figure)
+            panels = [ax for ax in figure.axes if column_width() == float("inf") and ax.get_axes_locator() is None]
+            for ax in panels:
+                ax.get_tightbbox = partial(_around, ax, type(ax).get_tightbbox, [])  # type: ignore[method-assign]
+            engine.execute(figure)
+            for ax in panels:
+                del ax.get_tightbbox  # that of its class is back
             figure.set_layout_engine("none")
         yield
     finally:
@@ -189,24 +194,12 @@ def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
         figure.set_canvas(canvas)
 
 
-@contextmanager
-def _measured_once(panels: Sequence[Axes]) -> Iterator[None]:
-    """Measure the text around panels once: the layout asks for it a second time, when it has moved them."""
-    for ax in panels:
-        ax.get_tightbbox = partial(_around, ax, ax.get_tightbbox, [])  # type: ignore[method-assign]
-    try:
-        yield
-    finally:
-        for ax in panels:
-            del ax.get_tightbbox  # that of its class is back
-
-
-def _around(ax: Axes, measure: Callable[..., Bbox], known: list[Array], renderer: Any, **how: Any) -> Bbox:
-    """Bounding box of a panel with its text, which reaches as far beyond the panel as the first time."""
+def _around(ax: Axes, measure: Any, known: list[Array], renderer: Any, **how: Any) -> Bbox:
+    """Bounding box of a panel with its text, measured once: the layout asks again when it has moved the panel."""
     ax.apply_aspect()
     if not known:
-        known.append(measure(renderer, **how).extents - ax.bbox.extents)
-    return Bbox.from_extents(ax.bbox.extents + known[0])
+        known.append(np.subtract(measure(ax, renderer, **how).extents, ax.bbox.extents))
+    return Bbox.from_extents(*np.add(ax.bbox.extents, known[0]))
 
 
 @contextmanager

@@ -88,9 +88,8 @@ def alike(
 ) -> tuple[Figure, list[Axes], list[Axes]]:
     """Create so many panels of one width in as many columns as fit, below panels over the whole width."""
     columns = max(1, min(columns_that_fit(most, panel.least), count))
-    rows = -(-count // columns)
-    figure, axes = panels(whole + max(rows, whole), replace(panel, widths=panel.widths[:1] * columns), title)
-    above = []
+    figure, axes = panels(whole, replace(panel, widths=panel.widths[:1] * columns), title, further=count)
+    above, below = [], axes[whole] if count else []
     for row in axes[:whole]:
         place = row[0].get_subplotspec()
         assert place is not None
@@ -98,12 +97,9 @@ def alike(
         tidy(above[-1])
         for ax in row:
             ax.remove()
-    flat = [ax for row in axes[whole:] for ax in row]
-    for ax in flat[count:]:
-        ax.remove()
-    for ax in flat[max(0, count - columns) : count] if xlabel else ():
+    for ax in below[-columns:] if xlabel else ():
         ax.set_xlabel(xlabel, fontsize=LABEL, color=DARK)
-    return figure, flat[:count], above
+    return figure, below, above
 
 
 def fit_panels(rows: int, title: str) -> tuple[Figure, list[tuple[Axes, Axes]]]:

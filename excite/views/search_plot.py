@@ -67,21 +67,18 @@ def convergence_figure(design: Design) -> Figure:
     figure = figure_of(9.5, 5.4, f"{title} ({unfinished} unfinished)" if unfinished else title, text=1.2)
     ax = figure.subplots()
     tidy(ax)
-    others = [start for start in design.starts if start.index != design.best_start]
+    best, others = ([s for s in design.starts if (s.index == design.best_start) == own] for own in (True, False))
     thin = 1.0 if len(others) <= _MANY else 0.5
-    best = [start for start in design.starts if start.index == design.best_start]
-    for starts, *look in ((others, GREY, thin, 2.0), (best, BLUE, 2.0, 3.0)):
+    for starts, colour, width, order in ((others, GREY, thin, 2.0), (best, BLUE, 2.0, 3.0)):
         for running in (False, True):
-            _draw_starts(ax, [start for start in starts if (start.status == RUNNING) == running], *look)
-    for start in best:
-        _name_end(ax, start)
+            _draw_starts(ax, [each for each in starts if (each.status == RUNNING) == running], colour, width, order)
+    _name_end(ax, best[0])
     _scale(ax, design.starts)
     name = name_of(design.task.objective.criterion)
     symbol = _SYMBOLS.get(name, name)
     ax.set_xlabel("accepted iterate", fontsize=LABEL, color=DARK)
     ax.set_ylabel(f"{symbol} in the solver", fontsize=LABEL, color=DARK)
-    explanation = broken(_explanation(design), 0.8 * figure.get_figwidth(), "axes.labelsize")
-    ax.set_title(plain(explanation), loc="left", y=1.0, fontsize=LABEL, color=DARK)
+    _explain(ax, _explanation(design, best[0]))
     if column_width() < float("inf"):  # no room in the panel
         legend_below(figure, _legend(design))
     else:
@@ -124,13 +121,12 @@ def _scale(ax: Axes, starts: Sequence[StartResult]) -> None:
     ax.set_xlim(0.0, 1.06 * max(len(start.history) for start in starts))
 
 
-def _explanation(design: Design) -> str:
+def _explanation(design: Design, best: StartResult) -> str:
     """Text of what is minimised, and of the best start's final value as reported."""
     objective = design.task.objective
     as_measured = not objective.weighted and objective.prior is None and not objective.after
     plain = as_measured and objective.scale == "unit" and not objective.interest
     measure = _MEASURES.get(objective.base) if plain and name_of(objective.criterion) == "condition" else None
-    best = next(start for start in design.starts if start.index == design.best_start)
     if measure is None:
         return f"minimised: {minimised_text(design.task)}; best start {significant(best.value, 4)}"
     solver = significant(min(best.history), 4)
