@@ -180,12 +180,12 @@ def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
     try:
         if engine is not None:
             # in a column, what is written at the ends of curves may reach further when the panel is narrower
-            panels = [ax for ax in figure.axes if column_width() == float("inf") and ax.get_axes_locator() is None]
-            for ax in panels:
-                ax.get_tightbbox = partial(_around, ax, type(ax).get_tightbbox, [])  # type: ignore[method-assign]
+            for ax in figure.axes if column_width() == float("inf") else ():
+                if ax.get_axes_locator() is None:
+                    ax.get_tightbbox = partial(_around, ax, type(ax).get_tightbbox, [])  # type: ignore[method-assign]
             engine.execute(figure)
-            for ax in panels:
-                del ax.get_tightbbox  # that of its class is back
+            for ax in figure.axes:
+                vars(ax).pop("get_tightbbox", None)  # that of its class is back
             figure.set_layout_engine("none")
         yield
     finally:
@@ -224,21 +224,14 @@ _LEFT_OUT = ("metadata", "style")
 def svg_text(figure: Figure, prefix: str, label: str) -> str:
     """A figure as an ``<svg>`` element without inline styles, to stand in a page; very long curves are pictures."""
     literal(figure)
-    with _laid_out(figure, DPI):
+    stream = io.StringIO()
+    with _laid_out(figure, DPI), matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "excite"}):
         for line in (line for ax in figure.axes for line in ax.lines):
             path, place = line.get_path(), line.get_transform()
             line.set_rasterized(len(path) > LONG and len(path.cleaned(place, simplify=True)) > LONG)
-        text = _drawn(figure)
-    return _element(text, prefix, label)
-
-
-def _drawn(figure: Figure) -> str:
-    stream = io.StringIO()
-    figure.dpi = DPI  # of pictures in it; matplotlib leaves it at that of SVG
-    canvas: Any = FigureCanvasSVG(figure)
-    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "excite"}):
-        canvas.print_svg(stream, metadata={"Date": None, "Creator": None})
-    return stream.getvalue()
+        canvas: Any = FigureCanvasSVG(figure)
+        canvas.print_svg(stream, metadata=_UNDATED["svg"])
+    return _element(stream.getvalue(), prefix, label)
 
 
 def _element(text: str, prefix: str, label: str) -> str:

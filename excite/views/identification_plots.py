@@ -77,13 +77,11 @@ def envelope(values: Array, bins: int) -> tuple[Index, Array]:
     """Least value, 5th, 50th and 95th percentile and largest value of each of ``bins`` stretches."""
     width = -(-values.size // bins)
     parts = np.pad(np.where(np.isfinite(values), values, np.nan), (0, -values.size % width), constant_values=np.nan)
-    ordered = np.sort(parts.reshape(-1, width), axis=1)  # what is unknown at the end
-    last = np.maximum(np.isfinite(ordered).sum(axis=1) - 1, 0)
-    place = np.outer(last, np.array(PERCENTILES) / 100.0)
-    below = place.astype(np.intp)
-    low, high = (np.take_along_axis(ordered, k, 1) for k in (below, np.minimum(below + 1, last[:, None])))
-    edges = np.minimum(np.arange(len(ordered) + 1) * width, values.size)
-    return edges, (low + (place - below) * (high - low)).T
+    parts = parts.reshape(-1, width)
+    known, bands = np.isfinite(parts), np.percentile(parts, PERCENTILES, axis=1)
+    for k in np.flatnonzero(known.any(axis=1) & ~known.all(axis=1)):
+        bands[:, k] = np.percentile(parts[k, known[k]], PERCENTILES)
+    return np.minimum(np.arange(len(parts) + 1) * width, values.size), bands
 
 
 def draw_values(ax: Axes, timeline: Timeline, time: Array, log: Index, values: Array) -> None:

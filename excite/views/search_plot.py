@@ -67,18 +67,19 @@ def convergence_figure(design: Design) -> Figure:
     figure = figure_of(9.5, 5.4, f"{title} ({unfinished} unfinished)" if unfinished else title, text=1.2)
     ax = figure.subplots()
     tidy(ax)
-    best, others = ([s for s in design.starts if (s.index == design.best_start) == own] for own in (True, False))
+    best = next(start for start in design.starts if start.index == design.best_start)
+    others = [start for start in design.starts if start is not best]
     thin = 1.0 if len(others) <= _MANY else 0.5
-    for starts, colour, width, order in ((others, GREY, thin, 2.0), (best, BLUE, 2.0, 3.0)):
-        for running in (False, True):
-            _draw_starts(ax, [each for each in starts if (each.status == RUNNING) == running], colour, width, order)
-    _name_end(ax, best[0])
+    _draw_starts(ax, [start for start in others if start.status != RUNNING], GREY, thin, 2.0)
+    _draw_starts(ax, [start for start in others if start.status == RUNNING], GREY, thin, 2.0)
+    _draw_starts(ax, [best], BLUE, 2.0, 3.0)
+    _name_end(ax, best)
     _scale(ax, design.starts)
     name = name_of(design.task.objective.criterion)
     symbol = _SYMBOLS.get(name, name)
     ax.set_xlabel("accepted iterate", fontsize=LABEL, color=DARK)
     ax.set_ylabel(f"{symbol} in the solver", fontsize=LABEL, color=DARK)
-    _explain(ax, _explanation(design, best[0]))
+    _explain(ax, _explanation(design, best))
     if column_width() < float("inf"):  # no room in the panel
         legend_below(figure, _legend(design))
     else:
