@@ -61,8 +61,8 @@ class Clearance(NonlinearConstraint):
 
     def __init__(self, robot: Robot, motion: PartialMotion, pairs: Sequence[Pair], world: World) -> None:
         self.robot, self.motion, self.pairs, self.world = robot, motion, tuple(pairs), world
-        joints = motion.matrix.shape[1]
-        gaps = list(self._gaps(ca.SX.sym("q", joints)))
+        self.joints = motion.matrix.shape[1]
+        gaps = self._own
         reach = np.array([gap.reach for _, gap in gaps])
         squared = np.array([gap.squared for _, gap in gaps])
         clearance = np.array([pair.clearance for pair, _ in gaps])
@@ -74,7 +74,12 @@ class Clearance(NonlinearConstraint):
 
         bounds = clearance, np.full(len(gaps), np.inf), np.full(len(gaps), _SCALE)
         texts = tuple(pair.label for pair, _ in gaps), ("m",) * len(gaps)
-        super().__init__(joints, lambda q, dq, ddq: self._expression(q)[0], *bounds, *texts, shown, "distance")
+        super().__init__(self.joints, lambda q, dq, ddq: self._expression(q)[0], *bounds, *texts, shown, "distance")
+
+    @cached_property
+    def _own(self) -> list[tuple[Pair, Gap]]:
+        """The gaps at the symbols of this limit, which values and slopes share."""
+        return list(self._gaps(self._symbols[0]))
 
     def _gaps(self, s: ca.SX) -> Iterator[tuple[Pair, Gap]]:
         frames = Frames(self.robot, ca.mtimes(sparse(self.motion.matrix), s) + ca.DM(self.motion.offset))
@@ -88,7 +93,7 @@ class Clearance(NonlinearConstraint):
 
     def _expression(self, s: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """The functions, the same with symbols for held values, the symbols, and their expressions."""
-        gaps = list(self._gaps(s))
+        gaps = self._own if s is self._symbols[0] else list(self._gaps(s))
         open_form = ca.vertcat(*(_value(gap, pair.clearance) for pair, gap in gaps))
         held = [pair for _, gap in gaps for pair in gap.held]
         symbols, meaning = (ca.vertcat(ca.SX(0, 1), *(pair[k] for pair in held)) for k in (0, 1))
@@ -97,7 +102,7 @@ class Clearance(NonlinearConstraint):
     @cached_property
     def jacobian(self) -> VectorisedFunction:
         """``dg / d(q, dq, ddq)``, shape (k, 3 n), for many instants at once."""
-        q, dq, ddq = self._symbols(3)
+        q, dq, ddq, _ = self._symbols
         _, g, held, meaning = self._expression(q)
         slopes = ca.substitute(ca.jacobian(g, q), held, meaning)
         return VectorisedFunction([q, dq, ddq], ca.horzcat(slopes, ca.SX(g.numel(), 2 * self.joints)))
@@ -105,7 +110,7 @@ class Clearance(NonlinearConstraint):
     @cached_property
     def rate(self) -> OverBoxes:
         """``dg/dt`` of (q, dq, ddq, dddq), enclosed over boxes."""
-        q, dq, ddq, dddq = self._symbols(4)
+        q, dq, ddq, dddq = self._symbols
         _, g, held, meaning = self._expression(q)
         return interval_function([q, dq, ddq, dddq], ca.substitute(ca.jtimes(g, q, dq), held, meaning))
 

@@ -101,19 +101,17 @@ def design_from_options(
         with one_interrupt() as interruption:
             design = begin(interruption.ignore)
             interruption.ignore()
-            tell("writing and drawing")
+            tell("writing")
             files = write_design(design, out, figures.formats)
-            if figures:
-                files = [*excite.write_figures(design, out, **vars(figures)), *files]
-    runs = None if design.precision is None else design.precision.runs
-    step = _NEXT if runs is None else _NEXT_RUNS.format("once" if runs == 1 else f"{runs} times in one recording")
-    show(
-        design_view(design),
-        files,
-        content=lambda: {"out": str(out), **shown_content(design)},
-        next_steps=[step],
-        all_in="design.json",
-    )
+            runs = None if design.precision is None else design.precision.runs
+            times = "once" if runs == 1 else f"{runs} times in one recording"
+            show(
+                design_view(design),
+                lambda: [*(excite.write_figures(design, out, **vars(figures)) if figures else ()), *files],
+                content=lambda: {"out": str(out), **shown_content(design)},
+                next_steps=[_NEXT if runs is None else _NEXT_RUNS.format(times)],
+                all_in="design.json",
+            )
     sys.exit(_status(design))
 
 

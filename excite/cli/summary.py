@@ -13,7 +13,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from importlib.metadata import version
-from itertools import takewhile
+from itertools import chain, takewhile
 from pathlib import Path
 from shutil import get_terminal_size
 from textwrap import wrap
@@ -41,9 +41,12 @@ _NAMED = 6  # names of a list in a cell of a short table
 _LIBRARIES = ("numpy", "scipy", "casadi")
 
 
+_Drawn = Callable[[], Sequence[Path]]
+
+
 def show(
     view: View,
-    files: Sequence[Path] = (),  # those that were written
+    files: Sequence[Path] | _Drawn = (),  # those that were written; a call draws figures first
     *,
     content: Callable[[], Any],
     next_steps: Sequence[str] = (),  # what to do next
@@ -53,18 +56,21 @@ def show(
     """Show a view in the form that was asked for: its summary, all of it, its verdict alone, or its content as JSON."""
     something_is_shown()
     chosen = verbosity()
+    drawn: _Drawn = files if callable(files) else lambda: files
     if chosen.as_json:
         known = content()
         click.echo(json.dumps({"verdict": view.verdict, **known} if isinstance(known, dict) else known, indent=1))
+        drawn()
     elif chosen.quiet:
         click.echo(one_line(in_options(view.verdict)))
+        drawn()
     else:
-        whole = details or (lambda: print_view(view, files, next_steps))
-        _print_text(view, files, next_steps, all_in, whole if chosen.verbose else None)
+        whole = details or (lambda: print_view(view, drawn(), next_steps))
+        _print_text(view, drawn, next_steps, all_in, whole if chosen.verbose else None)
 
 
 def _print_text(
-    view: View, files: Sequence[Path], next_steps: Sequence[str], all_in: str | None, details: Callable[[], None] | None
+    view: View, drawn: _Drawn, next_steps: Sequence[str], all_in: str | None, details: Callable[[], None] | None
 ) -> None:
     out = console()
     width = min(get_terminal_size((_COLUMNS, _LINES)).columns, _COLUMNS)
@@ -81,13 +87,14 @@ def _print_text(
         return
     facts = (*view.against, *view.summary, *(line for table in view.tables for line in brief_table(table)))
     above = [_rendered(fact, out, width) for fact in facts]
-    below = [_wrapped(text, width, "  ") for text in _written(files)]
+    for line in chain.from_iterable(above):  # before figures are drawn
+        out.print(line, soft_wrap=True)
+    below = [_wrapped(text, width, "  ") for text in _written(drawn())]
     below += [_next(step, width) for step in next_steps]
     taken = len(verdict) + sum(map(len, [*above, *below]))
     notes = _notes_that_fit(view.remarks, all_in, _LINES - taken, width)
-    for lines in (*above, *notes, *below):
-        for line in lines:
-            out.print(line, soft_wrap=True)
+    for line in chain.from_iterable([*notes, *below]):
+        out.print(line, soft_wrap=True)
 
 
 def _rendered(fact: str | Table, out: LiteralConsole, width: int) -> list[str]:

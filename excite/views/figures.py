@@ -6,24 +6,29 @@ import io
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import IO, Any
 from xml.etree import ElementTree
 
 import matplotlib
+import numpy as np
 from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 
 from excite.storage.atomic import replacing
 from excite.storage.manifest import read_manifest
 from excite.storage.result_folder import amend_result, check_formats, figure_names, result_folder
-from excite.views.style import DPI, drawing_style, literal, size_of, take_sizes
+from excite.views.style import DPI, column_width, drawing_style, literal, size_of, take_sizes
 from excite.views.view import View
 from regressors.arguments import checked
 from regressors.errors import InputError, printable
+from regressors.samples import Array
 
 # views by the classes of what they show; a class is not imported for what is of another one
 _VIEWS = {
@@ -174,13 +179,27 @@ def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
     figure.dpi = dpi
     try:
         if engine is not None:
+            # in a column, what is written at the ends of curves may reach further when the panel is narrower
+            for ax in figure.axes if column_width() == float("inf") else ():
+                if ax.get_axes_locator() is None:
+                    ax.get_tightbbox = partial(_around, ax, type(ax).get_tightbbox, [])  # type: ignore[method-assign]
             engine.execute(figure)
+            for ax in figure.axes:
+                vars(ax).pop("get_tightbbox", None)  # that of its class is back
             figure.set_layout_engine("none")
         yield
     finally:
         figure.set_layout_engine(engine)
         figure.dpi = before
         figure.set_canvas(canvas)
+
+
+def _around(ax: Axes, measure: Any, known: list[Array], renderer: Any, **how: Any) -> Bbox:
+    """Bounding box of a panel with its text, measured once: the layout asks again when it has moved the panel."""
+    ax.apply_aspect()
+    if not known:
+        known.append(np.subtract(measure(ax, renderer, **how).extents, ax.bbox.extents))
+    return Bbox.from_extents(*np.add(ax.bbox.extents, known[0]))
 
 
 @contextmanager
@@ -193,35 +212,26 @@ def _saying_what_is_saved(folder: Path, kind: str) -> Iterator[None]:
         raise InputError(f"{error}; everything but the figures is saved in {folder}") from error
 
 
-LARGE = 300_000  # characters; longer ones have their curves as a picture
+LONG = 6000  # points that a curve has where it bends; a longer one is a picture
 _PIXELS = 1.35  # of a page, per point of a figure
 FONTS = "DejaVu Sans, Verdana, Arial, sans-serif"
 _FONT = re.compile(r"(?P<style>italic |oblique )?(?P<weight>bold |\d{3} )?(?P<size>[\d.]+)px (?P<family>.+)", re.DOTALL)
-_NUMBER = re.compile(r"-?\d+\.\d{3,}")
-_ROUNDED = ("d", "transform", "x", "y", "points")
+_DIGITS = re.compile(r"(\.\d\d)\d+")  # behind the decimal point: two are a hundredth of a point
+_SHORTENED = ("d", "transform", "x", "y", "points")
 _LEFT_OUT = ("metadata", "style")
 
 
 def svg_text(figure: Figure, prefix: str, label: str) -> str:
-    """A figure as an ``<svg>`` element without inline styles, to stand in a page; very long curves are a picture."""
+    """A figure as an ``<svg>`` element without inline styles, to stand in a page; very long curves are pictures."""
     literal(figure)
-    with _laid_out(figure, DPI):
-        text = _drawn(figure)
-        if len(text) > LARGE:
-            for ax in figure.axes:  # not those of legends, which matplotlib would misplace
-                for line in ax.lines:
-                    line.set_rasterized(True)
-            text = _drawn(figure)
-    return _element(text, prefix, label)
-
-
-def _drawn(figure: Figure) -> str:
     stream = io.StringIO()
-    figure.dpi = DPI  # of pictures in it; matplotlib leaves it at that of SVG
-    canvas: Any = FigureCanvasSVG(figure)
-    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "excite"}):
-        canvas.print_svg(stream, metadata={"Date": None, "Creator": None})
-    return stream.getvalue()
+    with _laid_out(figure, DPI), matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "excite"}):
+        for line in (line for ax in figure.axes for line in ax.lines):
+            path, place = line.get_path(), line.get_transform()
+            line.set_rasterized(len(path) > LONG and len(path.cleaned(place, simplify=True)) > LONG)
+        canvas: Any = FigureCanvasSVG(figure)
+        canvas.print_svg(stream, metadata=_UNDATED["svg"])
+    return _element(stream.getvalue(), prefix, label)
 
 
 def _element(text: str, prefix: str, label: str) -> str:
@@ -233,7 +243,7 @@ def _element(text: str, prefix: str, label: str) -> str:
         given = dict(element.attrib)
         element.attrib.clear()
         for name, value in _attributes(given):
-            element.set(name, _rounded(value) if name in _ROUNDED else _of_page(name, value, prefix))
+            element.set(name, _shortened(value) if name in _SHORTENED else _of_page(name, value, prefix))
         if element.text is not None and not element.text.strip():
             element.text = None
         element.tail = None
@@ -279,5 +289,5 @@ def _of_page(name: str, value: str, prefix: str) -> str:
     return value.replace("url(#", f"url(#{prefix}-")
 
 
-def _rounded(text: str) -> str:
-    return _NUMBER.sub(lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), " ".join(text.split()))
+def _shortened(text: str) -> str:
+    return _DIGITS.sub(r"\1", " ".join(text.split()))

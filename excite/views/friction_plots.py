@@ -30,6 +30,7 @@ from excite.views.style import (
     broken,
     columns_that_fit,
     figure_of,
+    padded,
     panel_width,
     plain,
     tidy,
@@ -239,10 +240,8 @@ def _draw_breakaways(ax: Axes, c: CoordinatePlan) -> None:
     for part in c.breakaways:
         ax.axvspan(part.begin, _end(part.begin, c), color=_TEST, linewidth=0.0, zorder=0.5)
     ax.plot(time[inside], ways, color=GREEN, linewidth=1.4)
-    low, high = float(ways.min()), float(ways.max())
-    pad = 0.15 * (high - low) if high > low else 1.0
     ax.set_xlim(begin, end)
-    ax.set_ylim(low - pad, high + pad)
+    ax.set_ylim(*padded(float(ways.min()), float(ways.max()), 0.15))
     value_axis(ax, f"way [m{c.unit}]")
     count = len(c.breakaways)
     head(ax, f"{c.label}: break-away tests", f"{count} at {_speed(c):.2g} m{c.unit}/s")

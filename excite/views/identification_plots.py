@@ -75,10 +75,13 @@ def fit_figure(
 
 def envelope(values: Array, bins: int) -> tuple[Index, Array]:
     """Least value, 5th, 50th and 95th percentile and largest value of each of ``bins`` stretches."""
-    edges = np.linspace(0, values.size, bins + 1).astype(np.intp)
-    parts = [part[np.isfinite(part)] for part in np.split(values, edges[1:-1])]
-    unknown = np.full(len(PERCENTILES), np.nan)
-    return edges, np.array([np.percentile(part, PERCENTILES) if part.size else unknown for part in parts]).T
+    width = -(-values.size // bins)
+    parts = np.pad(np.where(np.isfinite(values), values, np.nan), (0, -values.size % width), constant_values=np.nan)
+    parts = parts.reshape(-1, width)
+    known, bands = np.isfinite(parts), np.percentile(parts, PERCENTILES, axis=1)
+    for k in np.flatnonzero(known.any(axis=1) & ~known.all(axis=1)):
+        bands[:, k] = np.percentile(parts[k, known[k]], PERCENTILES)
+    return np.minimum(np.arange(len(parts) + 1) * width, values.size), bands
 
 
 def draw_values(ax: Axes, timeline: Timeline, time: Array, log: Index, values: Array) -> None:

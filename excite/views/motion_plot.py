@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -19,7 +19,7 @@ from constraints.linear import QUANTITIES, LinearConstraint, linear_limits
 from excite.design.design import Design
 from excite.design.stated_limits import checked_text, kept_headline
 from excite.trajectories.sequence import EXCITE
-from excite.views.panels import Panel, ends, legend_below, panels
+from excite.views.panels import NAME_STYLE, Panel, ends, legend_below, panels
 from excite.views.player_data import of_some_joints
 from excite.views.style import (
     BAND,
@@ -36,7 +36,6 @@ from excite.views.style import (
     panel_width,
     plain,
     size_of,
-    tidy,
     typeset,
 )
 from regressors.robot.robot import Robot
@@ -58,8 +57,7 @@ def draw_limited(
 ) -> None:
     """Draw a curve, shade what its limits forbid, and mark the value that comes closest to one."""  # time, values (N,)
     view = view_range(values if closest is None else np.append(values, closest[1]), allowed, far)
-    tidy(ax)
-    _shade(ax, allowed, view)
+    shade(allowed, view, ax.axhspan, ax.axhline)
     ax.plot(time, values, color=BLUE, linewidth=CURVE)
     if closest is not None:
         colour = DARK if closest[2] else VERMILLION
@@ -79,31 +77,26 @@ def view_range(values: Array, allowed: Range, far: float = _FAR) -> Range:
     return bottom - pad, top + pad
 
 
-def _shade(ax: Axes, allowed: Range, view: Range) -> None:
+def shade(allowed: Range, view: Range, span: Callable[..., object], line: Callable[..., object]) -> None:
     """Shade the forbidden range, from each bound in view to the panel's edge."""
     for bound, edge in zip(allowed, view, strict=True):
         if view[0] < bound < view[1]:
-            ax.axhspan(min(bound, edge), max(bound, edge), color=FORBIDDEN, linewidth=0, zorder=0.5)
-            ax.axhline(bound, color=VERMILLION, linewidth=1.0, zorder=1.5)
+            span(min(bound, edge), max(bound, edge), color=FORBIDDEN, linewidth=0, zorder=0.5)
+            line(bound, color=VERMILLION, linewidth=1.0, zorder=1.5)
 
 
 def write_use(ax: Axes, use: LimitUse | None, bound: float, owner: str = "") -> int:
     """Write above a panel how much of its limit is used; number of lines."""
-    text, colour = _used(use, bound, owner, ax.get_ylim())
+    text, colour = "no limit", GREY
+    if use is not None:
+        low, high = ax.get_ylim()
+        where = "" if low < bound < high else " (out of view)"
+        limit = f"{owner}, " * bool(owner) + f"limit {float(f'{bound:.4g}'):g}{where}: "
+        text = limit * (column_width() > _LEAST_FOR_LIMITS) + f"{100 * use.use:.1f} % used"
+        text, colour = (text, DARK) if use.holds else (f"{text}, BROKEN", VERMILLION)
     lines = broken(textwrap.fill(text, _LETTERS, break_on_hyphens=False), panel_width(ax)).split("\n")
     ax.set_title(typeset("\n".join(lines)), loc="right", y=1.0, fontsize=NOTE, color=colour)
     return len(lines)
-
-
-def _used(use: LimitUse | None, bound: float, owner: str, view: Range) -> tuple[str, str]:
-    """Use of a limit as text, and the text's colour."""
-    if use is None:
-        return "no limit", GREY
-    whose = f"{owner}, " if owner else ""
-    where = "" if view[0] < bound < view[1] else " (out of view)"
-    used = f"{100 * use.use:.1f} % used"
-    text = f"{whose}limit {float(f'{bound:.4g}'):g}{where}: {used}" if column_width() > _LEAST_FOR_LIMITS else used
-    return (text, DARK) if use.holds else (f"{text}, BROKEN", VERMILLION)
 
 
 def limited_torques(design: Design, motion: Samples) -> list[tuple[str, Array, Range, LimitUse]]:
@@ -131,7 +124,6 @@ _LINE = 1.33  # height of a line over the size of its font
 _TITLE_LETTER, _NOTE_LETTER, _NAME_LETTER = 0.675, 0.66, 0.74  # mean width over the size of the font
 _NAME_LINES = 5
 _DOT_MEANING = "closest to a limit (100 % used: at the limit, 0 %: in mid-range)"
-_NAME_STYLE: dict[str, Any] = {"loc": "left", "y": 1.0, "fontsize": LABEL, "fontweight": "bold", "color": DARK}
 _PER_TIME = ("", "/s", "/s^2", "/s^3")
 
 
@@ -222,7 +214,9 @@ def motion_figure(design: Design) -> Figure:
     for segment, (start, end) in spans.items():
         for ax in figure.axes if segment != EXCITE else ():
             ax.axvspan(start, end, color=BAND, linewidth=0, zorder=0.4)
-    _label_times(figure)
+    for ax in {ax.get_position().x0: ax for ax in figure.axes}.values():  # the lowest of each column comes last
+        ax.set_xlabel("time [s]", fontsize=LABEL, color=DARK)
+        ax.tick_params(labelbottom=True)
     meanings = [
         *([Patch(color=BAND, label="approach, return")] if len(spans) > 1 else []),
         Line2D([], [], color=BLUE, linewidth=CURVE, label="planned motion"),
@@ -298,11 +292,4 @@ def _write_name(ax: Axes, name: str, lines: int) -> None:
     """Write a name above the lines on the right of a panel."""
     letters = int(72.0 * min(_PANEL_WIDTH, panel_width(ax)) / (_NAME_LETTER * size_of("axes.labelsize")))
     text = "\n".join(textwrap.wrap(ends(name, _NAME_LINES * letters), letters, break_on_hyphens=False))
-    ax.set_title(typeset(text) + lines * "\n", **_NAME_STYLE)
-
-
-def _label_times(figure: Figure) -> None:
-    """Label the lowest panel of each column, whose last row may have some missing."""
-    for ax in {ax.get_position().x0: ax for ax in figure.axes}.values():  # they are in order from the top
-        ax.set_xlabel("time [s]", fontsize=LABEL, color=DARK)
-        ax.tick_params(labelbottom=True)
+    ax.set_title(typeset(text) + lines * "\n", **NAME_STYLE)

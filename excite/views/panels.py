@@ -42,7 +42,7 @@ from excite.views.style import (
 )
 from regressors.samples import Array, Index
 
-NAME_STYLE: dict[str, Any] = {"loc": "left", "fontsize": LABEL, "fontweight": "bold", "color": DARK}
+NAME_STYLE: dict[str, Any] = {"loc": "left", "y": 1.0, "fontsize": LABEL, "fontweight": "bold", "color": DARK}
 _NUMBER = 3.0  # height that a number takes on a vertical axis in a column, over the size of its font
 _HANDLE = 9  # letters that the line of a legend's entry takes, with the space around it
 _ABOVE, _RIGHT = 0.8, 0.25  # [in]
@@ -88,9 +88,8 @@ def alike(
 ) -> tuple[Figure, list[Axes], list[Axes]]:
     """Create so many panels of one width in as many columns as fit, below panels over the whole width."""
     columns = max(1, min(columns_that_fit(most, panel.least), count))
-    rows = -(-count // columns)
-    figure, axes = panels(whole + max(rows, whole), replace(panel, widths=panel.widths[:1] * columns), title)
-    above = []
+    figure, axes = panels(whole, replace(panel, widths=panel.widths[:1] * columns), title, further=count)
+    above, below = [], axes[whole] if count else []
     for row in axes[:whole]:
         place = row[0].get_subplotspec()
         assert place is not None
@@ -98,12 +97,9 @@ def alike(
         tidy(above[-1])
         for ax in row:
             ax.remove()
-    flat = [ax for row in axes[whole:] for ax in row]
-    for ax in flat[count:]:
-        ax.remove()
-    for ax in flat[max(0, count - columns) : count] if xlabel else ():
+    for ax in below[-columns:] if xlabel else ():
         ax.set_xlabel(xlabel, fontsize=LABEL, color=DARK)
-    return figure, flat[:count], above
+    return figure, below, above
 
 
 def fit_panels(rows: int, title: str) -> tuple[Figure, list[tuple[Axes, Axes]]]:
@@ -128,7 +124,7 @@ def head(ax: Axes, name: str, note: str = "", colour: str = DARK) -> None:
     else:
         name = ends(name, max(3, letters))
     ax.set_title(typeset(name) + below, **NAME_STYLE)
-    ax.set_title(typeset(note), loc="right", fontsize=NOTE, color=colour)
+    ax.set_title(typeset(note), loc="right", y=1.0, fontsize=NOTE, color=colour)
 
 
 def value_axis(ax: Axes, label: str, numbers: int = 5) -> None:
@@ -170,11 +166,11 @@ def extremes(values: Array, bins: int = BINS) -> Index:
     # values (N,)
     if values.size <= 2 * bins:
         return np.arange(values.size)
-    edges = np.linspace(0, values.size, bins + 1).astype(int)
-    kept = [0, values.size - 1]
-    for first, part in zip(edges, np.split(values, edges[1:-1]), strict=False):
-        kept += [first + int(np.argmin(part)), first + int(np.argmax(part))]
-    return np.unique(kept)
+    width = -(-values.size // bins)
+    parts = np.pad(values, (0, -values.size % width), "edge").reshape(-1, width)
+    first = width * np.arange(len(parts))
+    kept = np.concatenate([[0, values.size - 1], first + parts.argmin(axis=1), first + parts.argmax(axis=1)])
+    return np.unique(np.minimum(kept, values.size - 1))
 
 
 @dataclass(frozen=True, eq=False)

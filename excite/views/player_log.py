@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from constraints.collision_limits import Collisions
+from constraints.collision_limits import SelfCollisions
 from constraints.geometry import World
 from constraints.linear import linear_limits
 from excite.design.friction_runs.friction_plan import CoordinatePlan, FrictionPlan
@@ -130,7 +130,7 @@ def _courses(robot: Robot, world: World | None, moving: NDArray[np.bool_], sampl
         return
     index = np.flatnonzero(moving).tolist()
     part = of_some_joints(samples, robot, [robot.joint_names[k] for k in index])
-    distances = Collisions(world).imposed(robot, of_joints(robot, index))
+    distances = SelfCollisions(world).imposed(robot, of_joints(robot, index))
     yield from nearest_pairs([course for limit in distances for course in courses_of(limit, part, bodies)])
 
 

@@ -67,21 +67,19 @@ def convergence_figure(design: Design) -> Figure:
     figure = figure_of(9.5, 5.4, f"{title} ({unfinished} unfinished)" if unfinished else title, text=1.2)
     ax = figure.subplots()
     tidy(ax)
-    others = [start for start in design.starts if start.index != design.best_start]
+    best = next(start for start in design.starts if start.index == design.best_start)
+    others = [start for start in design.starts if start is not best]
     thin = 1.0 if len(others) <= _MANY else 0.5
-    for start in others:
-        _draw_start(ax, start, GREY, thin, order=2.0)
-    for start in design.starts:
-        if start.index == design.best_start:
-            _draw_start(ax, start, BLUE, 2.0, order=3.0)
-            _name_end(ax, start)
+    _draw_starts(ax, [start for start in others if start.status != RUNNING], GREY, thin, 2.0)
+    _draw_starts(ax, [start for start in others if start.status == RUNNING], GREY, thin, 2.0)
+    _draw_starts(ax, [best], BLUE, 2.0, 3.0)
+    _name_end(ax, best)
     _scale(ax, design.starts)
     name = name_of(design.task.objective.criterion)
     symbol = _SYMBOLS.get(name, name)
     ax.set_xlabel("accepted iterate", fontsize=LABEL, color=DARK)
     ax.set_ylabel(f"{symbol} in the solver", fontsize=LABEL, color=DARK)
-    explanation = broken(_explanation(design), 0.8 * figure.get_figwidth(), "axes.labelsize")
-    ax.set_title(plain(explanation), loc="left", y=1.0, fontsize=LABEL, color=DARK)
+    _explain(ax, _explanation(design, best))
     if column_width() < float("inf"):  # no room in the panel
         legend_below(figure, _legend(design))
     else:
@@ -89,14 +87,19 @@ def convergence_figure(design: Design) -> Figure:
     return figure
 
 
-def _draw_start(ax: Axes, start: StartResult, colour: str, width: float, order: float) -> None:
-    both = np.stack([start.history, np.minimum.accumulate(start.history)])
+def _draw_starts(ax: Axes, starts: Sequence[StartResult], colour: str, width: float, order: float) -> None:
+    """Draw starts that have ended, or have not, as curves with a gap after each start."""
+    if not starts:
+        return
+    histories = [np.append(start.history, np.nan) for start in starts]
+    iterate = np.concatenate([np.append(np.arange(each.size - 1.0), np.nan) for each in histories])
+    both = np.hstack([[each, np.minimum.accumulate(each)] for each in histories])
     history, lowest = np.where(np.isfinite(both), both, np.nan)
-    iterate = np.arange(history.size)
+    last = np.cumsum([each.size for each in histories]) - 2
     ax.plot(iterate, history, ":", color=colour, linewidth=0.9, zorder=order - 0.5)
     ax.plot(iterate, lowest, color=colour, linewidth=width, zorder=order)
-    face = "white" if start.status == RUNNING else colour
-    ax.plot(iterate[-1:], lowest[-1:], "o", color=colour, markerfacecolor=face, markersize=4.5, zorder=order)
+    dot: dict[str, Any] = {"markersize": 4.5, "markerfacecolor": "white" if starts[0].status == RUNNING else colour}
+    ax.plot(iterate[last], lowest[last], "o", color=colour, zorder=order, **dot)
 
 
 def _name_end(ax: Axes, start: StartResult) -> None:
@@ -119,13 +122,12 @@ def _scale(ax: Axes, starts: Sequence[StartResult]) -> None:
     ax.set_xlim(0.0, 1.06 * max(len(start.history) for start in starts))
 
 
-def _explanation(design: Design) -> str:
+def _explanation(design: Design, best: StartResult) -> str:
     """Text of what is minimised, and of the best start's final value as reported."""
     objective = design.task.objective
     as_measured = not objective.weighted and objective.prior is None and not objective.after
     plain = as_measured and objective.scale == "unit" and not objective.interest
     measure = _MEASURES.get(objective.base) if plain and name_of(objective.criterion) == "condition" else None
-    best = next(start for start in design.starts if start.index == design.best_start)
     if measure is None:
         return f"minimised: {minimised_text(design.task)}; best start {significant(best.value, 4)}"
     solver = significant(min(best.history), 4)

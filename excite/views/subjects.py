@@ -124,7 +124,8 @@ def subjects_of(given: Iterable[object], part: Collection[str] = ()) -> list[Sub
             )
     if not subjects:
         raise InputError("a report needs the folder of a design, an identification or a verification; none is given")
-    return subjects
+    # a record that is named beside its folder is shown once
+    return list({each.path.resolve() if isinstance(each, Filed) else id(each): each for each in subjects}.values())
 
 
 def _of_folder(folder: Path, part: Collection[str]) -> list[Subject]:

@@ -22,7 +22,7 @@ from constraints.geometry import Box, HalfSpace, Obstacle, Shape
 from constraints.linear import linear_limits
 from excite.design.design import Design
 from excite.trajectories.sequence import whole_pose
-from excite.views.motion_plot import motion_functions
+from excite.views.motion_plot import motion_functions, shade
 from excite.views.panels import Panel, alike, head, legend_below, panels, value_axis
 from excite.views.style import (
     BLUE,
@@ -276,7 +276,8 @@ def phase_figure(design: Design) -> Figure:
         z, dz = each.values(samples, 0), each.values(samples, 1)
         ax.set_xlim(*_view(z, each.allowed(0)))
         ax.set_ylim(*_view(dz, each.allowed(1)))
-        _forbidden(ax, each.allowed(0), each.allowed(1))
+        shade(each.allowed(0), ax.get_xlim(), ax.axvspan, ax.axvline)
+        shade(each.allowed(1), ax.get_ylim(), ax.axhspan, ax.axhline)
         ax.plot(z, dz, color=BLUE, linewidth=1.0)
         ax.plot(z[0], dz[0], "o", color=DARK, markersize=4)
         head(ax, each.name)
@@ -298,15 +299,3 @@ def _view(values: Array, bounds: tuple[float, float]) -> tuple[float, float]:
     ends = [low, high, *(b for b in bounds if np.isfinite(b) and low - _WIDER * size < b < high + _WIDER * size)]
     margin = _BEYOND * max(max(ends) - min(ends), 1e-9)
     return min(ends) - margin, max(ends) + margin
-
-
-def _forbidden(ax: Axes, position: tuple[float, float], velocity: tuple[float, float]) -> None:
-    """Shade the range beyond the bounds in view."""
-    for bounds, view, span, line in (
-        (position, ax.get_xlim(), ax.axvspan, ax.axvline),
-        (velocity, ax.get_ylim(), ax.axhspan, ax.axhline),
-    ):
-        for bound, edge in zip(bounds, view, strict=True):
-            if view[0] < bound < view[1]:
-                span(min(bound, edge), max(bound, edge), color=FORBIDDEN, linewidth=0.0, zorder=0)
-                line(bound, color=VERMILLION, linewidth=0.9)

@@ -8,6 +8,9 @@ from pathlib import Path
 import pytest
 from commands import COMMANDS, Here
 
+from excite.cli.summary import show
+from excite.views.view import View
+
 LINES, COLUMNS = 30, 100
 QUICK = "--starts 1 --harmonics 3 --period 4 --executor serial"
 LOGS = "--rate 200 --torque-noise 0.3"
@@ -69,6 +72,12 @@ def faults(ended, name: str) -> list[str]:  # type: ignore[no-untyped-def]
     if lines[:1] and lines[0].startswith(("note", "written", "next", " ")):
         found.append(f"{name}: no verdict first: {lines[0]}")
     return found
+
+
+def test_figures_are_drawn_when_the_numbers_are_on_the_screen(capsys: pytest.CaptureFixture[str]) -> None:
+    seen: list[str] = []
+    show(View("d", "it holds", summary=("a number",)), lambda: seen.append(capsys.readouterr().out) or [], content=dict)
+    assert seen == ["it holds\na number\n"]
 
 
 @pytest.mark.slow

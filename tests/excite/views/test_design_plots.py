@@ -400,12 +400,12 @@ def test_the_search_shows_every_start_and_what_is_minimised(searched: Design) ->
     assert ax.get_yscale() == "log"
     lowest = [np.minimum.accumulate(history) for history in HISTORIES.values()]
     for style, expected in ((":", HISTORIES.values()), ("-", lowest)):
-        drawn = {line.get_ydata().size: line for line in ax.lines if line.get_linestyle() == style}
+        drawn = {line.get_ydata().size - 1: line for line in ax.lines if line.get_linestyle() == style}
         for values in expected:
             seen = np.where(np.isfinite(values), values, np.nan)
-            np.testing.assert_array_equal(drawn[len(values)].get_ydata(), seen)
-            np.testing.assert_array_equal(drawn[len(values)].get_xdata(), np.arange(len(values)))
-    lines = {line.get_ydata().size: line for line in ax.lines if line.get_linestyle() == "-"}
+            np.testing.assert_array_equal(drawn[len(values)].get_ydata()[:-1], seen)
+            np.testing.assert_array_equal(drawn[len(values)].get_xdata()[:-1], np.arange(len(values)))
+    lines = {line.get_ydata().size - 1: line for line in ax.lines if line.get_linestyle() == "-"}
     assert [lines[size].get_color() for size in (4, 5, 2)] == [GREY, BLUE, GREY]
     assert lines[5].get_linewidth() > lines[4].get_linewidth()
     assert lines[5].get_zorder() > lines[4].get_zorder()
@@ -425,6 +425,13 @@ def test_the_search_shows_every_start_and_what_is_minimised(searched: Design) ->
     assert "minimised: cond(W), columns of the left-to-right QR base (Gautier 1991), SI, unscaled" in title
     assert "best start: 40.00 in the solver (with smoothed friction signs)" in title
     assert f"{searched.condition_number:.2f} in the written file (100 Hz)" in title
+
+
+def test_starts_of_one_kind_are_curves_with_a_gap_between_them(design: Design) -> None:
+    (ax,) = convergence_figure(with_starts(design, {0: [3.0, 2.0], 1: [9.0, 8.0, 7.0], 2: [5.0]}, best=0)).axes
+    (line,) = [line for line in ax.lines if line.get_linestyle() == ":" and line.get_color() == GREY]
+    np.testing.assert_array_equal(line.get_xdata(), [0, 1, 2, np.nan, 0, np.nan])
+    np.testing.assert_array_equal(line.get_ydata(), [9, 8, 7, np.nan, 5, np.nan])
 
 
 @pytest.mark.parametrize("base", ["pivoted", "orthonormal"])

@@ -26,7 +26,7 @@ from excite.information.target import target_of
 from excite.registry import FIGURE_FORMATS
 from excite.tasks.task import Task
 from excite.views import style
-from excite.views.figures import LARGE, drawn_figures, svg_text, write_figure_files
+from excite.views.figures import LONG, drawn_figures, svg_text, write_figure_files
 from excite.views.page_text import CARD, _linear, dark, dark_rules
 from excite.views.panels import (
     LINES,
@@ -233,8 +233,8 @@ def test_names_are_texts(name: str) -> None:
 
 
 def test_long_curves_become_a_picture() -> None:
-    text = svg_text(figure(20000), "p", "l")
-    assert len(text) < LARGE
+    text = svg_text(figure(4 * LONG), "p", "l")
+    assert len(text) < 100 * LONG
     images = ElementTree.fromstring(text).iter("image")
     assert {str(each.get("href")).partition(";")[0] for each in images} == {"data:image/png"}
 

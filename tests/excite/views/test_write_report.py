@@ -121,7 +121,7 @@ def test_task_file_is_the_same_task(parsed: ParsedPage, content: dict[str, Any],
 def test_identification_and_verification(tmp_path: Path) -> None:
     target = saved(tmp_path / "result", result("old"))
     verification("old").save(target, name="verification-run")
-    parsed = ParsedPage(report_text(target))
+    parsed = ParsedPage(report_text([target, target / "verification-run.json"]))  # which is shown once
     content = json.loads((target / "result.json").read_text())
     verified = json.loads((target / "verification-run.json").read_text())
     columns = ("standard_deviation", "relative_deviation", "reference")
