@@ -165,8 +165,8 @@ def verdict_of(rival: str, comparisons: Sequence[Mapping[str, Any]]) -> str:
 
 
 TRIED = """\
-What the IPOPT rival was chosen from, by its best on P1, seed 0, after some 15 s, as its own 100 instants have it; one run
-each beside other work, so that a few per cent say little (iterations in ms of processor time):
+What the IPOPT rival was chosen from, by its best on P1, seed 0, after some 15 s, as its own 100 instants have it; one
+run each beside other work, so that a few per cent say little (iterations in ms of processor time):
 
 - powers p of the criterion: 2, 8, 32: 8.8; 8, 32: 8.35; **4, 32**: 8.4; 4, 16, 64: 8.4; 32 alone: 8.8;
 - L-BFGS with the augmented system (`extended`), 10 ms an iteration, or by Sherman and Morrison, 18 ms;
@@ -186,12 +186,12 @@ LIMITATIONS = (
     "before; no files and figures are written, and no floor, self-collision and torque limits are checked",
     "all times are processor time of a fresh process from its start: imports, base columns, symbolic set-up and "
     "compiling; a ratio below 1 says that the rival is sooner, 0.0 that ours did not get there within the budget",
-    "`first motion`: the first one that a system holds, random or not, drawn into its limits; `as good as one start of "
+    "`first motion`: the first one that a system holds, random or not, drawn into its limits; `one start of "
     "ours`: the median of the condition numbers at which random starts of ours end; `rival's best`: within its budget; "
     "ratios there are of every seed of the rival with every one of ours, and low too where a rival soon gets stuck",
     "the rivals' limits hold at 100 instants; what breaks one in between is drawn together, which costs them up to "
     "about a per cent of the condition number, and an afternoon more would save them",
-    "rivals rest at both ends and have our harmonics, and are told the base columns; the finite differences see the "
+    "rivals rest at both ends and have our harmonics, and the judge's base columns; the finite differences see the "
     "sign of velocity as it is, the others a steep tanh",
     "we know these robots: our search was tuned on the IRp-6, P1 and P2, the rivals' settings on seed 0 of "
     "P1, and the steepness of their tanh on that of the UR10e and the IRp-6",
