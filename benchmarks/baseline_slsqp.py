@@ -11,10 +11,11 @@ Run alone it shows the course of one run on P1 beside that of a comparable basel
 from __future__ import annotations
 
 import json
+import os
 import sys
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -27,14 +28,19 @@ from problems import HARMONICS, PERIOD, PROBLEMS, Problem
 from scipy.optimize import minimize
 
 LIMIT_INSTANTS = 100
-_SPACING = 0.2  # [s] of processor time between two iterates that are kept
+SPACING = 0.05  # [s] of processor time between two iterates that are kept
 _PEERS = {30: 14.5, 50: 13.1, 100: 12.6, 200: 12.2}
 #: Per derivative L, lower, upper of ``lower <= L q^(d) <= upper``.
 Limits = tuple[tuple[Array, Array, Array], ...]
 _OMEGA = 2 * np.pi / PERIOD * np.arange(1, HARMONICS + 1)
 
 
-class _SpentError(Exception):
+def spent() -> float:
+    """Processor time of this process since it began, with that of its children (a compiler, say) [s]."""
+    return sum(os.times()[:4])
+
+
+class SpentError(Exception):
     """The processor time is used up."""
 
 
@@ -49,7 +55,7 @@ _ENDS = np.vstack([_series(np.zeros(1), derivative) for derivative in (1, 2)])
 _FREE = scipy.linalg.null_space(_ENDS)  # coefficients of motions at rest at t = 0, shape (2K+1, 2K-1)
 
 
-def _bases(count: int) -> list[Array]:
+def bases(count: int) -> list[Array]:
     time = np.linspace(0.0, PERIOD, count, endpoint=False)
     return [_series(time, derivative) @ _FREE for derivative in range(3)]
 
@@ -59,14 +65,17 @@ def limits_of(problem: Problem) -> Limits:
     return tuple((np.eye(len(problem.lower)), *problem.bounds(derivative)) for derivative in range(3))
 
 
+def two_sided(limits: Limits) -> tuple[Array, Array, Array]:
+    """``lower <= A x <= upper`` for all limits at the instants of the grid."""
+    A = [np.kron(L, basis) for (L, _, _), basis in zip(limits, bases(LIMIT_INSTANTS), strict=True)]
+    lower, upper = (np.concatenate([np.repeat(limit[side], LIMIT_INSTANTS) for limit in limits]) for side in (1, 2))
+    return np.vstack(A), lower, upper
+
+
 def limit_rows(limits: Limits) -> tuple[Array, Array]:
-    """``A x <= b`` for all limits at the instants of the grid."""
-    rows, bounds = [], []
-    for (L, lower, upper), basis in zip(limits, _bases(LIMIT_INSTANTS), strict=True):
-        A = np.kron(L, basis)
-        rows += [A, -A]
-        bounds += [np.repeat(upper, LIMIT_INSTANTS), -np.repeat(lower, LIMIT_INSTANTS)]
-    return np.vstack(rows), np.concatenate(bounds)
+    """The same as ``A x <= b``."""
+    A, lower, upper = two_sided(limits)
+    return np.vstack([A, -A]), np.concatenate([upper, -lower])
 
 
 def random_start(middle: Array, A: Array, b: Array, rng: np.random.Generator) -> Array:
@@ -97,44 +106,55 @@ def iterates(problem: Problem, wanted: Mapping[str, Any]) -> list[tuple[float, A
     objective = log_condition(lambda *state: regressor(problem, *state)[:, columns], wanted["instants"])
     rng = np.random.default_rng(wanted["seed"])
     middle = sum(problem.bounds(0)) / 2
-    return descents(objective, A, b, lambda: random_start(middle, A, b, rng), wanted["cpu"])
+    return descents([objective], A, b, lambda: random_start(middle, A, b, rng), wanted["cpu"])
 
 
 def log_condition(columns: Callable[..., Array], instants: int) -> Callable[[Array], float]:
     """``log cond(W)`` of a motion, W at so many instants; ``columns(q, dq, ddq)`` is W."""
-    bases = _bases(instants)
+    steps = bases(instants)
 
     def objective(x: Array) -> float:
         X = x.reshape(-1, _FREE.shape[1])
-        sigma = np.linalg.svd(columns(*(basis @ X.T for basis in bases)), compute_uv=False)
+        sigma = np.linalg.svd(columns(*(step @ X.T for step in steps)), compute_uv=False)
         return float(np.log(sigma[0] / sigma[-1]))
 
     return objective
 
 
 def descents(
-    objective: Callable[[Array], float], A: Array, b: Array, begin: Callable[[], Array], cpu: float
+    objectives: Sequence[Callable[[Array], Any]],
+    A: Array,
+    b: Array,
+    begin: Callable[[], Array],
+    cpu: float,
+    *,
+    gradients: bool = False,
 ) -> list[tuple[float, Array]]:
-    """Processor time since the process began, and the iterate, of descents from one start after the other."""
+    """Processor time since the process began, and the iterate, of descents from one start after the other.
+
+    Every descent minimises the objectives in turn, each from the end of that before; with ``gradients`` they give value
+    and gradient.
+    """
     kept: list[tuple[float, Array]] = []
 
     def callback(x: Array) -> None:
-        now = time.process_time()
+        now = spent()
         if now > cpu:
-            raise _SpentError
-        if not kept or now - kept[-1][0] > _SPACING:
+            raise SpentError
+        if now - kept[-1][0] > SPACING:
             kept.append((now, x.copy()))
 
     limits = {"type": "ineq", "fun": lambda x: b - A @ x, "jac": lambda x: -A}
     options = {"maxiter": 100_000, "ftol": 1e-7}
-    while True:
-        try:
-            found = minimize(
-                objective, begin(), method="SLSQP", constraints=[limits], callback=callback, options=options
-            )
-        except _SpentError:
-            return kept
-        kept.append((time.process_time(), found.x))
+    common = {"method": "SLSQP", "constraints": [limits], "options": options, "callback": callback}
+    with suppress(SpentError):
+        while spent() < cpu:
+            x = begin()
+            kept.append((spent(), x))
+            for objective in objectives:
+                x = minimize(objective, x, jac=gradients or None, **common).x
+                kept.append((spent(), x))
+    return kept
 
 
 def shrunk(problem: Problem, plain: dict[str, Any]) -> tuple[dict[str, Any], float]:

@@ -17,6 +17,8 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 _PLACE = re.compile(r"(<!-- (?P<name>\w+) -->\n).*?(?=<!-- end of (?P=name) -->)", re.DOTALL)
 Cells = Sequence[object]
+#: Where those of the other systems are in other base columns.
+OTHER_COLUMNS = {("P2", "pivoted-lapack")}
 
 
 def result(name: str) -> dict[str, Any]:
@@ -43,6 +45,14 @@ def percents(values: Sequence[float]) -> str:
     return " to ".join(dict.fromkeys(ends)) + " %"
 
 
+def _compared(case: dict[str, Any]) -> tuple[str, str]:
+    """Ours, bold where it is lower, and theirs, where it is of the same base columns."""
+    ours, theirs = f"{case['condition_number']:.2f}", f"{case['known']['others']:.2f}"
+    if (case["problem"], case["convention"]) in OTHER_COLUMNS:
+        return ours, "other columns"
+    return f"**{ours}**" if float(ours) < float(theirs) else ours, theirs
+
+
 def quality() -> str:
     """Best designs in three conventions, beside the best of other systems."""
     wanted = ("gautier", "pivoted-lapack", "orthonormal")
@@ -50,8 +60,7 @@ def quality() -> str:
         (
             case["problem"],
             case["convention"],
-            f"**{case['condition_number']:.2f}**",
-            f"{case['known']['others']:.2f}",
+            *_compared(case),
             yes(case["judgement"]["feasible"]),
             f"{case['cpu_seconds']:.0f}",
         )
@@ -62,18 +71,25 @@ def quality() -> str:
     return table(head, *rows)
 
 
-def time_to_target() -> str:
-    """Processor time until the value of the baseline is reached."""
-    comparisons = result("results/time_to_target")["comparisons"]
+def afternoon() -> str:
+    """How much sooner than an afternoon's rivals their own best values are reached."""
+    comparisons = {(each["case"], each["rival"]): each for each in result("results/afternoon")["comparisons"]}
+
+    def sooner(case: str, rival: str) -> str:
+        if (case, rival) not in comparisons:
+            return "-"
+        ratios = comparisons[case, rival]["ratios_to_best"]
+        return f"{statistics.median(ratios):.1f} ({min(ratios):.1f})"
+
     rows = []
-    for problem in sorted({each["problem"] for each in comparisons}):
-        times = [time for each in comparisons if each["problem"] == problem for time in each["total"]]
-        reached = [time for time in times if math.isfinite(time)]
-        median = statistics.median(times)
-        rows.append(
-            (problem, f"{median:.1f}", f"{max(reached):.1f}", f"{len(reached)} of {len(times)}", f"{100 / median:.0f}")
-        )
-    head = ("problem", "CPU s, median", "largest", "reached within 60 s", "baseline's 100 s over the median")
+    for case, rival in comparisons:
+        if rival == "ipopt":
+            found = comparisons[case, rival]
+            times = (f"{seconds:.1f}" if math.isfinite(seconds) else "never" for seconds in reversed(found["to_best"]))
+            ratios = (sooner(case, each) for each in ("ipopt", "slsqp-exact", "slsqp"))
+            rows.append((case, f"{found['best'][1]:.2f}", f"{found['best'][0]:.2f}", *times, *ratios))
+    sooner_than = ("times sooner (least)", "than SLSQP, exact", "than plain SLSQP")
+    head = ("problem", "IPOPT's best", "best of ours", "it takes IPOPT, CPU s", "ours", *sooner_than)
     return table(head, *rows)
 
 
@@ -166,7 +182,7 @@ def coverage() -> str:
 
 TABLES: dict[str, Callable[[], str]] = {
     "quality": quality,
-    "time_to_target": time_to_target,
+    "afternoon": afternoon,
     "paper": paper,
     "limits": limits,
     "families": families,

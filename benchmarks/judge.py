@@ -81,18 +81,33 @@ def pinocchio_model(name: str) -> tuple[Any, Any]:
     return model, model.createData()
 
 
-def column_names(problem: Problem) -> list[str]:
+def standard_names(links: int) -> list[str]:
     """Names of the ten inertial parameters of every link, in this project's order."""
-    return [name.format(link) for link in range(1, len(problem.lower) + 1) for name in _NAMES]
+    return [name.format(link) for link in range(1, links + 1) for name in _NAMES]
+
+
+def column_names(problem: Problem) -> list[str]:
+    """`standard_names` of an arm."""
+    return standard_names(len(problem.lower))
+
+
+def numbers_in_pinocchio(links: int) -> NDArray[np.intp]:
+    """Pinocchio's number of each of our columns."""
+    return np.concatenate([np.array(_ORDER) + 10 * link for link in range(links)])
+
+
+def leftmost_columns(W: Array) -> NDArray[np.intp]:
+    """Numbers of the columns that are independent of those to their left."""
+    size = np.abs(np.diag(np.linalg.qr(W, mode="r")))
+    return np.flatnonzero(size > _TOLERANCE * size.max())
 
 
 def regressor(problem: Problem, q: Array, dq: Array, ddq: Array, *, pinocchio_order: bool = False) -> Array:
     """Stacked W, instant by instant, shape (N n, 10 n)."""
     model, data = pinocchio_model(problem.name)
     rows = [pin.computeJointTorqueRegressor(model, data, *state).copy() for state in zip(q, dq, ddq, strict=True)]
-    order = np.concatenate([np.array(_ORDER) + 10 * link for link in range(model.nv)])
     W = np.concatenate(rows)
-    return W if pinocchio_order else np.asarray(W[:, order])
+    return W if pinocchio_order else np.asarray(W[:, numbers_in_pinocchio(model.nv)])
 
 
 def torques_and_tool(problem: Problem, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array, Array]:
@@ -187,9 +202,8 @@ def base_columns(name: str) -> dict[str, list[str]]:
     problem = PROBLEMS[name]
     R = np.asarray(np.linalg.qr(regressor(problem, *random_states(problem)), mode="r"))
     names = column_names(problem)
-    size = np.abs(np.diag(R))
     return {
-        "gautier": [names[k] for k in np.flatnonzero(size > _TOLERANCE * size.max())],
+        "gautier": [names[k] for k in leftmost_columns(R)],
         "pivoted": [names[k] for k in sorted(_leftmost_pivots(R))],
         "pivoted-lapack": lapack_columns(problem),
     }

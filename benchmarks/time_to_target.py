@@ -95,7 +95,8 @@ LIMITATIONS = (
     "the best of all, and `reached at` is when that came",
     "motions of the baseline that exceed a limit between its 100 grid instants (by up to 1.2 %) are shrunk into the "
     "limits before they are judged",
-    "a baseline with 100 instants in its objective is the fastest that we know to write; one with 1001 optimises what "
+    "a baseline with 100 instants in its objective is the fastest that we know to write with finite differences "
+    "(exact gradients make it much faster, see afternoon.md); one with 1001 optimises what "
     "is reported and is nearer to the one measured with the other systems (see baseline_slsqp.md)",
     "the two problems run at the same time, one core each: baseline and ours of a problem never run together, but "
     "beside those of the other problem",

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import importlib
 import json
+import shutil
 import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import casadi
 import numpy as np
 import pytest
 from commands import module_of
@@ -156,6 +158,22 @@ def test_the_irp6_of_the_judge_is_that_of_the_description(peers: Any) -> None:
     described = dict(zip(names, values, strict=True))
     assert described["X7"] == pytest.approx(8.125, abs=2e-3)  # measured by [KD96], as is the next one
     assert described["F2v"] == 26.0
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="the rivals compile their regressors")
+def test_exact_gradients_are_those_of_the_columns_of_the_judge(peers: Any, monkeypatch: Any, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)  # where CasADi compiles
+    rivals, steps = peers("exact_gradients"), peers("baseline_slsqp").bases(100)
+    x, G = rivals.information("P2")
+    point, step = np.random.default_rng(0).normal(size=(2, x.numel()))
+    W = peers("cases").case("P2").columns(*(basis @ point.reshape(6, -1).T for basis in steps))
+    assert np.array(casadi.Function("G", [x], [G])(point)) == pytest.approx(W.T @ W / 100, abs=1e-12 * np.sum(W**2))
+    value = rivals.stand_in(G, 32)
+    both = casadi.Function("both", [x], [value, casadi.jtimes(value, x, casadi.DM(step))])
+    exact = np.log(np.linalg.cond(W))
+    assert exact - 1e-9 <= float(both(point)[0]) <= exact + np.log(W.shape[1]) / 32
+    ends = [float(both(point + h * step)[0]) for h in (1e-6, -1e-6)]
+    assert float(both(point)[1]) == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=1e-5)
 
 
 # --- resumption -------------------------------------------------------------------------------------------------------

@@ -8,10 +8,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import irp6_model
 import numpy as np
-from judge import Array, base_columns, column_names, described_parameters, random_states, regressor, torque_limits
+import pinocchio as pin  # type: ignore[import-untyped]
+from judge import (
+    Array,
+    base_columns,
+    column_names,
+    described_parameters,
+    leftmost_columns,
+    numbers_in_pinocchio,
+    random_states,
+    regressor,
+    standard_names,
+    torque_limits,
+)
 from problems import HARMONICS, PERIOD, PROBLEMS
 
 NAMES = ("IRp-6", "P1", "P2")
@@ -103,6 +116,43 @@ def _irp6() -> Case:
 
 
 @cache
+def ur10e_model() -> tuple[Any, Any]:
+    """Pinocchio's model of the built-in UR10e, without its masses, on which no column depends."""
+    arm, parent = pin.Model(), 0
+    for k, joint in enumerate(irp6_model.description("ur10e")["joints"]):
+        parent = arm.addJoint(parent, pin.JointModelRZ(), irp6_model.placement(joint), f"q{k + 1}")
+    return arm, arm.createData()
+
+
+def _ur10e_regressor(q: Array, dq: Array, ddq: Array) -> Array:
+    arm, data = ur10e_model()
+    rows = [pin.computeJointTorqueRegressor(arm, data, *state).copy() for state in zip(q, dq, ddq, strict=True)]
+    return np.concatenate(rows)[:, numbers_in_pinocchio(len(q[0]))]
+
+
+@cache
+def _ur10e() -> Case:
+    """The built-in UR10e with friction, as the default of `excite design` has it, accelerations up to 15 rad/s^2."""
+    n, rng = 6, np.random.default_rng(0)
+    speed = np.deg2rad([120.0] * 2 + [180.0] * 4)
+    limits = tuple((np.eye(n), -bound, bound) for bound in (np.full(n, 2 * np.pi), speed, np.full(n, 15.0)))
+    chosen = leftmost_columns(_ur10e_regressor(*(rng.uniform(lower, upper, (500, n)) for _, lower, upper in limits)))
+
+    def columns(q: Array, dq: Array, ddq: Array) -> Array:
+        friction = [(part[:, :, None] * np.eye(n)).reshape(-1, n) for part in (np.sign(dq), dq)]
+        return np.hstack([_ur10e_regressor(q, dq, ddq)[:, chosen], *friction])
+
+    standard = standard_names(n)
+    names = tuple(standard[k] for k in chosen) + tuple(f"F{k + 1}{kind}" for kind in "cv" for k in range(n))
+    units = (*(_unit(standard[k]) for k in chosen), *("Nm",) * n, *("Nm s",) * n)
+    unknown = {"whitening": np.eye(n), "values": np.zeros(len(names))}
+    return Case(
+        "ur10e", "UR10e, 6 axes, 48 parameters with friction", limits, columns, names=names, units=units, **unknown
+    )
+
+
+@cache
 def case(name: str) -> Case:
-    """The case of that name."""
-    return _irp6() if name == "IRp-6" else _arm(name)
+    """The case of that name; besides `NAMES`, ``ur10e``, whose parameters and noise are not stated."""
+    others = {"IRp-6": _irp6, "ur10e": _ur10e}
+    return others[name]() if name in others else _arm(name)

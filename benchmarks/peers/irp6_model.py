@@ -18,20 +18,27 @@ from ruamel.yaml import YAML
 
 Array = NDArray[np.float64]
 
-DESCRIPTION = Path(__file__).resolve().parents[2] / "regressors" / "robots" / "irp6.yaml"
+ROBOTS = Path(__file__).resolve().parents[2] / "regressors" / "robots"
 AXES = 3
 _TENSOR = ("xx", "xy", "yy", "xz", "yz", "zz")
 _NAMES = ("m{0}", "m{0}c{0}x", "m{0}c{0}y", "m{0}c{0}z", *(f"I{{0}}{a}" for a in _TENSOR))  # Pinocchio's order
 
 
 @cache
-def description() -> Any:
-    """The file as plain data."""
-    return YAML(typ="safe").load(DESCRIPTION.read_text(encoding="utf-8"))
+def description(robot: str = "irp6") -> Any:
+    """The file of a robot as plain data."""
+    return YAML(typ="safe").load((ROBOTS / f"{robot}.yaml").read_text(encoding="utf-8"))
 
 
 def _radians(value: float | str) -> float:
     return np.deg2rad(float(value.removesuffix("deg"))) if isinstance(value, str) else float(value)
+
+
+def placement(joint: Any) -> Any:
+    """Frame of a joint at zero in that before it, by modified Denavit-Hartenberg parameters."""
+    alpha, a, d, offset = (_radians(joint["mdh"].get(key, 0.0)) for key in ("alpha", "a", "d", "offset"))
+    twist = pin.SE3(pin.utils.rotate("x", alpha), np.array([a, 0.0, 0.0]))
+    return twist * pin.SE3(pin.utils.rotate("z", offset), np.array([0.0, 0.0, d]))
 
 
 @cache
@@ -39,9 +46,7 @@ def model() -> tuple[Any, Any]:
     """Pinocchio's model of three axes, the wrist held at zero, in modified Denavit-Hartenberg frames."""
     arm, parent, held = pin.Model(), 0, pin.SE3.Identity()
     for k, (joint, link) in enumerate(zip(description()["joints"], description()["links"], strict=True)):
-        alpha, a, d, offset = (_radians(joint["mdh"][key]) for key in ("alpha", "a", "d", "offset"))
-        twist = pin.SE3(pin.utils.rotate("x", alpha), np.array([a, 0.0, 0.0]))
-        place = twist * pin.SE3(pin.utils.rotate("z", offset), np.array([0.0, 0.0, d]))
+        place = placement(joint)
         if k < AXES:
             parent = arm.addJoint(parent, pin.JointModelRZ(), place, f"q{k + 1}")
         else:

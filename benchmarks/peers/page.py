@@ -55,7 +55,7 @@ known to 5 % (`robot s to 5 %`, with the parameter that takes longest), and whic
 minute.
 
 - `excite`: the search that `excite design` makes by default.
-- `slsqp`: what one writes in an afternoon, SciPy's SLSQP from random motions, regressors by Pinocchio.
+- `slsqp`: SciPy's SLSQP with finite differences from random motions, regressors by Pinocchio.
 - `figaroh`: its optimal trajectory between waypoints, IPOPT with finite differences.
 - `random`: the best of as many random motions as the time allows."""
 
