@@ -136,6 +136,11 @@ def _remove(paths: Sequence[Path]) -> None:
 _SAVE_EVERY = 1.0  # seconds between saves of an unfinished start
 
 
+def optimise_start(problem: Problem, method: Solver, seed: int, start: Start, folder: Path | None) -> StartResult:
+    """Draw the initial guess of a start and optimise it, saving the best point so far every second."""
+    return optimise_starts(problem, method, seed, [start], folder)[0]
+
+
 def optimise_starts(
     problem: Problem,
     method: Solver,
@@ -145,9 +150,9 @@ def optimise_starts(
     answer: Callable[[], None] = lambda: None,
     origin: Origin | None = None,
 ) -> list[StartResult]:
-    """Draw the initial guesses of some starts and optimise them beside each other, saving the best so far every second.
+    """Optimise several starts beside each other, as `optimise_start` does each; no result depends on the others.
 
-    No result depends on the others. A start's processor time is its share of that of all that were at work with it.
+    A start's processor time is its share of that of all that were at work with it.
     """
     planned = [start if isinstance(start, PlannedStart) else PlannedStart(start) for start in starts]
     with threadpool_limits(1), np.errstate(all="ignore"):  # a point that overflows is worse than any, and left behind

@@ -22,6 +22,7 @@ from excite.registry import instance
 from excite.tasks.friction_file import read_prior
 from excite.tasks.objective import Belief
 from excite.tasks.task import Task
+from excite.trajectories import Trajectory
 from regressors.errors import InputError, UnknownName
 from regressors.models.nominal import parameter_values, standard_values, stated_deviations
 from regressors.readers.library import load_robot
@@ -58,7 +59,7 @@ def motion(made: Formulation, seed: int = 0) -> Array:
 
 def written(made: Formulation, x: Array) -> Samples:
     """The motion at the instants at which it is judged."""
-    trajectory = made.problem.information.trajectory(x)
+    trajectory = Trajectory(made.problem.family, made.problem.information.joint_coefficients(x))
     return trajectory.samples(made.target.model.times(made.task.trajectory.period, made.task.output.rate))
 
 
