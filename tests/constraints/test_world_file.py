@@ -79,7 +79,11 @@ def test_a_task_file_names_a_world_or_holds_one(tmp_path: Path) -> None:
         ("{sphere: {centre: [0, 0.7, 0.4], radius: 0.1}}", "{}", "objects.ball (line 9): expected one of capsule"),
         ("clearance: 0.02", "clearance: 0", "clearance must be greater than zero, given 0"),
         ("clearance: 0.02", "clearence: 0.02", "clearence (line 2): no such field; did you mean clearance? available:"),
-        ("[link_2, table]", "[link_2, tabel]", "named 'tabel'; available: link_2, link_6, table, post, ball, crate"),
+        (
+            "[link_2, table]",
+            "[link_2, tabel]",
+            "named 'tabel'; did you mean 'table'? available: link_2, link_6, table, post, ball, crate",
+        ),
         ("excite.world/1", "excite.world/9", "schema (line 1): should be 'excite.world/1', given 'excite.world/9'"),
     ],
 )

@@ -53,8 +53,7 @@ from regressors.samples import Array
     "check `percent`, `creep` and the limits of the joints",
 )
 def plan_friction(
-    robot_or_task: Robot | Task | str,
-    /,
+    robot: Robot | Task | str,
     schedule: Schedule | None = None,
     *,
     joints: Sequence[str] | None = None,
@@ -70,7 +69,7 @@ def plan_friction(
 
     Parameters
     ----------
-    robot_or_task : Robot, Task or str
+    robot : Robot, Task or str
         A robot, or the name or file of one, or a task that states how it is installed.
     schedule : Schedule, optional
         Speeds, windows, warm-up, break-away tests, order.
@@ -102,7 +101,7 @@ def plan_friction(
     """
     for quantity, value in (("seed", seed), ("pose", pose)):
         check(quantity, value)
-    described, task = robot_and_task(robot_or_task)
+    described, task = robot_and_task(robot)
     limits = LimitChoice() if limits is None else limits
     if isinstance(world, str | Path):
         world = read_world(Path(world), task.robot if isinstance(task.robot, str) else "")

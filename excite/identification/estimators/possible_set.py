@@ -306,8 +306,7 @@ def conic_solution(
     upper = scipy.sparse.triu(P, format="csc")
     ended: list[tuple[float, Array, str]] = []
     for further in _RETRIES:
-        solution = clarabel.DefaultSolver(upper, q, rows, right, list(cones), _settings(further)).solve()
-        x, status = np.array(solution.x), str(solution.status)
+        x, status = _ended(clarabel.DefaultSolver(upper, q, rows, right, list(cones), _settings(further)))
         sound = bool(np.all(np.isfinite(x)) and possible.margins(x[None, : possible.size]).min(initial=0.0) > -_OUTSIDE)
         if sound and status in _SOLVED:
             return x, ()
@@ -319,6 +318,17 @@ def conic_solution(
         raise ConicSolverError(f"physically possible parameters: the conic solver ended with {status}")
     _, x, status = min(ended, key=lambda one: one[0])
     return x, (f"the conic solver ended with {status}: the result is possible, but may not be the best",)
+
+
+def _ended(solver: clarabel.DefaultSolver) -> tuple[Array, str]:
+    """What a conic solver found, and its status; nothing where it panics, as over an iterate that is not finite."""
+    try:
+        solution = solver.solve()
+    except BaseException as error:
+        if type(error).__name__ != "PanicException":  # PyO3's, which cannot be imported and is no Exception
+            raise
+        return np.full(1, np.nan), "a panic"
+    return np.array(solution.x), str(solution.status)
 
 
 def _settings(further: dict[str, float]) -> clarabel.DefaultSettings:

@@ -107,21 +107,29 @@ def test_few_rows_end_with_a_possible_robot(instants: int) -> None:
 
 
 def ending(status: str, x: float = np.nan) -> type:
-    """A solver that ends with a status, and a point of equal coordinates."""
+    """A solver that ends with a status, and a point of equal coordinates; or that panics."""
+
+    class PanicException(BaseException):
+        """As PyO3 raises it."""
 
     class Solver:
         def __init__(self, P: object, q: Array, *_: object) -> None:
             self.size = len(q)
 
         def solve(self) -> SimpleNamespace:
+            if status == "a panic":
+                raise PanicException("Eigval error")
             return SimpleNamespace(status=status, x=np.full(self.size, x))
 
     return Solver
 
 
-def test_without_a_solution_the_estimate_moves_towards_the_description(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("status", ["NumericalError", "a panic"])
+def test_without_a_solution_the_estimate_moves_towards_the_description(
+    status: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     rows, model, base, known, _ = experiment(5)
-    monkeypatch.setattr(possible_set.clarabel, "DefaultSolver", ending("NumericalError"))
+    monkeypatch.setattr(possible_set.clarabel, "DefaultSolver", ending(status))
     estimate = physical(rows, model, base, reference=known)
     assert_possible(estimate, model.robot.n, model.definition()[1])
     assert any("moved towards the description" in note for note in estimate.notes)
