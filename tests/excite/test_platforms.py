@@ -93,7 +93,8 @@ def test_import_and_robots(tmp_path: Path) -> None:
     status, out, err = ended(sys.executable, "-c", code, cwd=tmp_path, site=tmp_path / "site")
     assert (status, out.strip()) == (0, b"False"), err.decode("cp1252")
     status, out, err = ended(*MODULE, "robots", "irp6", cwd=tmp_path, site=tmp_path / "site")
-    assert (status, err) == (0, b"")
+    said = [line for line in err.splitlines() if not line.endswith(b" ...")]  # progress, on a slow machine
+    assert (status, said) == (0, [])
     out.decode("cp1252")
 
 
