@@ -16,15 +16,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 79_418,
-    "lines of code": 49_038,
+    "lines": 79_427,
+    "lines of code": 49_044,
     "files": 367,
     "classes": 660,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 17,
     "imports inside functions": 63,
     "look-ups of built-in parts by name": 17,
-    "lines of code of tests": 35_563,
+    "lines of code of tests": 35_574,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 140,
