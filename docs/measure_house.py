@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 79_427,
-    "lines of code": 49_044,
+    "lines": 79_431,
+    "lines of code": 49_048,
     "files": 367,
     "classes": 660,
     "public names": 95,

@@ -105,6 +105,7 @@ def plan_friction(
     limits = LimitChoice() if limits is None else limits
     if isinstance(world, str | Path):
         world = read_world(Path(world), task.robot if isinstance(task.robot, str) else "")
+    world = limits.known_world if world is None else world
     stated = stated_world(described, replace(task, limits=replace(limits, world=world)))
     if world is not None:
         surface = () if stated.world is None else stated.world.obstacles

@@ -310,8 +310,8 @@ class Trial:
 
     # presliding that every row shows, by recipe, target and known friction
     slidings: dict[tuple[object, ...], list[tuple[Sliding, float]]] = field(default_factory=dict, repr=False)
-    _prepared: deque[tuple[Recipe, list[PreparedLog]]] = field(default_factory=lambda: deque(maxlen=16), repr=False)
     _recent: deque[TrialRows] = field(default_factory=deque, repr=False)  # as many as 64 MB hold
+    _prepared: deque[tuple[Recipe, list[PreparedLog]]] = field(default_factory=deque, repr=False)  # likewise
     _motions: deque[DelayedMotion] = field(default_factory=lambda: deque(maxlen=_LOGS), repr=False)
 
     def prepared(self, target: IdentificationTarget, recipe: Recipe) -> list[PreparedLog]:
@@ -321,6 +321,9 @@ class Trial:
         if known is None:
             known = [prepare(log, self.robot, target, recipe) for log in self.logs]
             self._prepared.append((recipe, known))
+            own = sum(x.nbytes for part in known for x in vars(part.samples).values())
+            while len(self._prepared) > _MOST // own:
+                self._prepared.popleft()
         return known
 
     def statistics(
