@@ -85,7 +85,8 @@ Examples:
 
 \b
 Formats are recognised by their content: MCAP and rosbag2, Parquet (LeRobot), NPZ, HDF5, MATLAB, folders with one file
-per signal, and tables in text, among them those of PlotJuggler, RTDE clients of Universal Robots and libfranka.
+per signal or of sage (commands and states of servos), and tables in text, among them those of PlotJuggler, RTDE clients
+of Universal Robots and libfranka.
 
 \b
 Units that the recording does not state follow from the ratio of the velocities to the rate of change of the positions,

@@ -12,7 +12,9 @@ from excite.storage.sampled_motion import header_names
 from regressors.errors import InputError, check_names, listed_names, shortened
 from regressors.samples import Array
 
-CHANNELS = {"q": "position", "dq": "velocity", "effort": "effort", "temperature": "temperature"}
+CHANNELS = {
+    "q": "position", "dq": "velocity", "effort": "effort", "temperature": "temperature", "command": "command",
+}  # fmt: skip
 _SHOWN = 8
 MOST_COLUMNS = 10_000
 _PREFACE = 100  # lines that are searched for the header
@@ -41,7 +43,7 @@ class Layout:
     time: int  # column of the time
     second: float  # seconds per unit of the time column
     joints: tuple[str, ...]
-    # by the names of `excite.logs.log.Log`: ``q``, ``dq``, ``effort``, ``temperature``, ``wrench``
+    # by the names of `excite.logs.log.Log`: ``q``, ``dq``, ``effort``, ``temperature``, ``command``, ``wrench``
     channels: dict[str, Channel]
     preface: int = 0  # lines before the header that were found to be something else
 

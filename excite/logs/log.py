@@ -62,6 +62,8 @@ class Log:
         Force and torque at the sensor, in its frame [N, Nm].
     temperature : ndarray, shape (N, n), or None
         [deg C]
+    command : ndarray, shape (N, n), or None
+        Commanded position, the last one that was given at or before each instant [rad or m].
     left_out : tuple of str
         Rows left out and repairs on reading, each with its count, such as ``3 rows with time repeated``.
     truth : mapping of str to float, optional
@@ -90,6 +92,7 @@ class Log:
     effort: Array | None = None
     wrench: Array | None = None
     temperature: Array | None = None
+    command: Array | None = None
     left_out: tuple[str, ...] = ()
     truth: Mapping[str, float] | None = None
     saturated: tuple[Saturation, ...] = ()
@@ -130,8 +133,10 @@ class Log:
             return self.sha256
         digest = sha256(" ".join(self.joints).encode())
         for name in ("time", *_CHANNELS):
-            digest.update(name.encode())
-            if (channel := getattr(self, name)) is not None:
+            channel = getattr(self, name)
+            if name != "command" or channel is not None:  # logs had none when their identities were first stated
+                digest.update(name.encode())
+            if channel is not None:
                 digest.update(np.ascontiguousarray(channel).tobytes())
         return digest.hexdigest()
 
@@ -195,12 +200,18 @@ class Log:
         return replace(self, joints=tuple(joints), **cut)
 
 
-_CHANNELS = ("q", "dq", "effort", "temperature", "wrench")
+_CHANNELS = ("q", "dq", "effort", "temperature", "wrench", "command")
 
 
 def channels_of(log: Log) -> dict[str, Any]:
     """Channels that were recorded, by their names."""
     return {name: x for name in _CHANNELS if (x := getattr(log, name)) is not None}
+
+
+def held_values(time: Array, values: Array, new: Array) -> Array:
+    """Values, such as commands, that hold until the next one: the last at or before each new instant."""
+    # time (N,); values (N,) or (N, n); new (M,), none before time[0]
+    return np.asarray(values[np.searchsorted(time, new, side="right") - 1])
 
 
 def integrate_rates(time: Array, rates: Array) -> Array:

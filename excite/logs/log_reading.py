@@ -56,9 +56,10 @@ def read_log(
     """Read a log from a file.
 
     The house format is CSV in UTF-8 with a header: ``time`` [s], then by name ``NAME.position`` [rad or m],
-    ``NAME.velocity``, ``NAME.effort`` [Nm or N], ``NAME.temperature`` [deg C] or one ``temperature`` of all joints, and
-    ``wrench.force.x`` ... ``wrench.torque.z`` [N, Nm]; other columns are ignored, and named in `Log.left_out`. Other
-    files and folders, of the formats in `excite.logs.recordings.formats`, are recognised by their content.
+    ``NAME.velocity``, ``NAME.effort`` [Nm or N], ``NAME.temperature`` [deg C] or one ``temperature`` of all joints,
+    ``NAME.command`` [rad or m], and ``wrench.force.x`` ... ``wrench.torque.z`` [N, Nm]; other columns are ignored, and
+    named in `Log.left_out`. Other files and folders, of the formats in `excite.logs.recordings.formats`, are recognised
+    by their content.
 
     Parameters
     ----------
@@ -90,6 +91,8 @@ def read_log(
         raise InputError("joints: expected one or more names, given none; leave it out for all joints of the file")
     settle_files(path := Path(path))
     form, notes = binary_format(path), tuple[str, ...]()
+    if form is not None:
+        form.check(path, allowed)
     mapping = read_mapping(mapping) if isinstance(mapping, str | Path) else mapping
     if mapping is None:
         house: ForeignHeader | None = None
@@ -200,18 +203,22 @@ def at_the_joints(log: Log, mapping: LogMapping, robot: Robot | None) -> Log:
         raise InputError(
             f"{robot.name} states no gear ratio of {', '.join(without)}; give ratio with side: motor in the log mapping"
         )
-    q, dq, effort = log.q, log.dq, log.effort
-    if "q" in motor:
-        z = q
-        if motor["q"].own_gears:
-            z = np.column_stack([drive.ratio.coordinate(phi) for drive, phi in zip(drives, q.T, strict=True)])
-        q = _at_joints(C, z - zero)
+
+    def turned(z: Array, name: str) -> Array:
+        if name not in motor:
+            return z
+        if motor[name].own_gears:
+            z = np.column_stack([drive.ratio.coordinate(phi) for drive, phi in zip(drives, z.T, strict=True)])
+        return _at_joints(C, z - zero)
+
+    q, dq, effort = turned(log.q, "q"), log.dq, log.effort
+    command = None if log.command is None else turned(log.command, "command")
     ratios = _ratios(q @ C.T + zero, drives)
     if "dq" in motor and dq is not None:
         dq = _at_joints(C, dq / ratios if motor["dq"].own_gears else dq)
     if "effort" in motor and effort is not None:
         effort = (effort * ratios if motor["effort"].own_gears else effort) @ C
-    return replace(log, q=q, dq=dq, effort=effort)
+    return replace(log, q=q, dq=dq, effort=effort, command=command)
 
 
 def _at_joints(C: Array, z: Array) -> Array:

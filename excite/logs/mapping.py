@@ -2,7 +2,7 @@
 
 Columns are given by name or by number, 1 for the first; without a header by number. Of every channel the value is
 
-    ``value = sign gain unit (cell - offset) / ratio``   (position, velocity)
+    ``value = sign gain unit (cell - offset) / ratio``   (position, velocity, command)
     ``value = sign gain unit (cell - offset) ratio``     (effort, current)
 
 with `ratio` the turns of the motor per turn of the joint, where the motor's side was recorded, and `gain` a further
@@ -19,7 +19,7 @@ factor, such as the torque constant [Nm/A] of a measured current. Each of `unit`
   description, see `excite.logs.log_reading`; a `ratio` replaces the gears.
 - `file` names another file of the same layout that holds the quantity, relative to the folder of the log; ``{log}`` in
   it stands for the name of the log without its ending. Its own `time` may be given. Its values are interpolated onto
-  the rows of the positions.
+  the rows of the positions; a command holds until the next one.
 
 The logs of an arm that records motor currents, six joints in 31 columns without a header, are read by::
 
@@ -237,6 +237,7 @@ class LogMapping(Section):
     current: CurrentSection | None = None
     temperature: TemperatureSection | None = None
     wrench: WrenchSection | None = None
+    command: PositionSection | None = None
     separator: Literal[",", ";", "\t", "tab", "whitespace"] = ","
     header: bool = True
     skip: Annotated[int, AfterValidator(within("skip"))] = 0
@@ -249,7 +250,7 @@ class LogMapping(Section):
             raise ValueError(f"{name!r} is given twice")
         return value
 
-    @field_validator("position", "velocity", "effort", "current", "temperature", "wrench")
+    @field_validator("position", "velocity", "effort", "current", "temperature", "wrench", "command")
     @classmethod
     def _each(cls, value: ChannelSection | None, info: ValidationInfo) -> ChannelSection | None:
         if value is None:
@@ -268,9 +269,11 @@ class LogMapping(Section):
     @property
     def sections(self) -> dict[str, ChannelSection]:
         """Sections by the names of the channels of `excite.logs.log.Log`."""
-        given = (self.position, self.velocity, self.effort or self.current, self.temperature, self.wrench)
-        names = ("q", "dq", "effort", "temperature", "wrench")
-        return {name: section for name, section in zip(names, given, strict=True) if section is not None}
+        given = {
+            "q": self.position, "dq": self.velocity, "effort": self.effort or self.current,
+            "temperature": self.temperature, "wrench": self.wrench, "command": self.command,
+        }  # fmt: skip
+        return {name: section for name, section in given.items() if section is not None}
 
     def of(self, robot: Robot | None) -> LogMapping:
         """The mapping with the names of its joints: those of the robot, in order, where it does not name them."""

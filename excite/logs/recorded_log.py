@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from excite.logs.event import DROPPED, STEPS
 from excite.logs.layout import Channel, Layout, listed
-from excite.logs.log import Log, Removed, counted
+from excite.logs.log import Log, Removed, counted, held_values
 from excite.logs.mapping import SECONDS, Column, LogMapping
 from excite.logs.recordings.formats import binary_format, recording_sha256
 from excite.logs.recordings.recording import Contents, Numbers, RecordingFormat, StreamContents
@@ -166,7 +166,9 @@ def seconds_of(clock: Numbers, second: float, zero: float) -> Array:
 
 _QUANTITIES = {
     "q": "positions", "dq": "velocities", "effort": "efforts", "temperature": "temperatures", "wrench": "wrench",
+    "command": "commands",
 }  # fmt: skip
+_HELD = "command"  # the channel whose values hold until the next one
 
 
 def recorded_log(
@@ -175,6 +177,7 @@ def recorded_log(
     """Log of a recording whose streams have clocks of their own.
 
     The rows are those of the positions; everything else is interpolated linearly onto them, but not over its gaps.
+    Commands hold until the next one.
     """
     (columns, notes, _), source = samples, str(path)
     base = max((one for one in columns if one.channel == "q"), key=lambda one: one.time.size)
@@ -187,8 +190,7 @@ def recorded_log(
     time, numbers = base.time[rows], base.rows[rows]
     values = _aligned(time, others, base, rows)
     notes += _rates(base, others)
-    gaps = [in_gaps(time, one.time) for one in others if not np.array_equal(one.time, base.time)]
-    bridged = np.any(gaps, axis=0)
+    bridged = _bridged(time, [one for one in others if not np.array_equal(one.time, base.time)])
     own = recording_sha256(path)
     log = Log(source, own, joints, time, **values, left_out=tuple(notes), numbers=numbers, removed=removed)
     return log.without(DROPPED, bridged) if bridged.any() else log
@@ -249,7 +251,7 @@ def _inside(source: str, time: Array, others: Sequence[Sampled]) -> NDArray[np.b
                 f"{one.time[-1]:.6g} s, the positions from {time[0]:.6g} to {time[-1]:.6g} s; one clock should have "
                 "stamped both"
             )
-        inside &= within
+        inside &= (time >= one.time[0]) & (time <= _last(one))
     return inside
 
 
@@ -259,8 +261,18 @@ def _aligned(time: Array, others: Sequence[Sampled], base: Sampled, rows: Index)
     for one in others:
         alike = one.time is base.time or (one.stream == base.stream and np.array_equal(one.rows, base.rows))
         column = one.values[rows] if alike and one.time.size == base.time.size else None
-        values[one.channel][:, one.place] = np.interp(time, one.time, one.values) if column is None else column
+        values[one.channel][:, one.place] = _onto(time, one) if column is None else column
     return values
+
+
+def _onto(time: Array, one: Sampled) -> Array:
+    """Values at other instants: those of commands hold, all others are interpolated linearly."""
+    return held_values(one.time, one.values, time) if one.channel == _HELD else np.interp(time, one.time, one.values)
+
+
+def _last(one: Sampled) -> float:
+    """Instant after which values are unknown: a command holds on."""
+    return np.inf if one.channel == _HELD else float(one.time[-1])
 
 
 def _rates(base: Sampled, others: Sequence[Sampled]) -> list[str]:
@@ -269,16 +281,20 @@ def _rates(base: Sampled, others: Sequence[Sampled]) -> list[str]:
     for one in others:
         if not np.array_equal(one.time, base.time):
             own, rate = (1.0 / np.median(np.diff(each.time)) for each in (one, base))
+            delay = "a constant delay between them is estimated by identification"
+            how, more = "interpolated linearly", f"; {delay}"
+            if one.channel == _HELD:
+                after = int(np.count_nonzero(base.time > one.time[-1]))
+                how, more = "held", f"; {counted(after, 'row')} after the last one" * bool(after)
             notes.append(
-                f"{_QUANTITIES[one.channel]} ({one.stream}, {own:.4g} Hz) interpolated linearly onto the rows of "
-                f"the positions ({base.stream}, {rate:.4g} Hz); a constant delay between them is estimated by "
-                "identification"
+                f"{_QUANTITIES[one.channel]} ({one.stream}, {own:.4g} Hz) {how} onto the rows of the positions "
+                f"({base.stream}, {rate:.4g} Hz){more}"
             )
     return list(dict.fromkeys(notes))
 
 
 def with_further_files(log: Log, path: Path, mapping: LogMapping, drop: frozenset[str], zero: float = 0.0) -> Log:
-    """The log with the channels that a mapping says are in other files, interpolated linearly onto its rows."""
+    """The log with the channels that a mapping says are in other files, at the instants of its rows."""
     for file in sorted({section.file for section in mapping.sections.values() if section.file is not None}):
         log = _with_file(log, path.parent / file.replace("{log}", path.stem), file, mapping, drop, zero)
     return log
@@ -287,8 +303,8 @@ def with_further_files(log: Log, path: Path, mapping: LogMapping, drop: frozense
 def _with_file(log: Log, path: Path, file: str, mapping: LogMapping, drop: frozenset[str], zero: float) -> Log:
     others, notes, _ = _of_file(path, file, mapping, drop, zero)
     first, last = max(one.time[0] for one in others), min(one.time[-1] for one in others)
-    inside = (log.time >= first) & (log.time <= last)
-    if np.count_nonzero(inside) < 2:
+    inside = (log.time >= first) & (log.time <= min(_last(one) for one in others))
+    if np.count_nonzero(inside & (log.time <= last)) < 2:
         raise InputError(
             f"{path} is from {first:.6g} to {last:.6g} s, {log.source} from {log.time[0]:.6g} to "
             f"{log.time[-1]:.6g} s; one clock should have stamped both"
@@ -296,15 +312,16 @@ def _with_file(log: Log, path: Path, file: str, mapping: LogMapping, drop: froze
     new = log.time[inside]
     columns: dict[str, list[Array]] = {}
     for one in others:
-        columns.setdefault(one.channel, []).append(np.interp(new, one.time, one.values))
+        columns.setdefault(one.channel, []).append(_onto(new, one))
     channels: dict[str, Any] = {name: np.column_stack(each) for name, each in columns.items()}
     outside = int(np.count_nonzero(~inside))
     rows = max(one.time.size for one in others)
-    note = f"{path.name}: {rows} rows, interpolated linearly onto the {np.count_nonzero(inside)} of the positions"
+    how = "held" if columns.keys() == {_HELD} else "interpolated linearly"
+    note = f"{path.name}: {rows} rows, {how} onto the {np.count_nonzero(inside)} of the positions"
     note += f"; {outside} of these are before or after it and are not used" * bool(outside)
     both = sha256(f"{log.sha256} {recording_sha256(path)}".encode()).hexdigest()
     merged = replace(log.rows(np.flatnonzero(inside)), sha256=both, left_out=(*log.left_out, *notes, note), **channels)
-    bridged = np.any([in_gaps(merged.time, one.time) for one in others], axis=0)
+    bridged = _bridged(merged.time, others)
     return merged.without(DROPPED, bridged) if bridged.any() else merged
 
 
@@ -315,6 +332,12 @@ def _of_file(path: Path, file: str, mapping: LogMapping, drop: frozenset[str], z
         layout = mapping.layout(text.source, text.lines, file)
         columns, notes, zero = samples_of_table(text.source, layout, table_of(text, layout, drop), zero)
         return columns, [*text.mended, *notes], zero
+
+
+def _bridged(time: Array, others: Sequence[Sampled]) -> NDArray[np.bool_]:
+    """Which instants lie in gaps of what is interpolated."""
+    gaps = [in_gaps(time, one.time) for one in others if one.channel != _HELD]
+    return np.any(gaps, axis=0) if gaps else np.zeros(time.size, dtype=bool)
 
 
 def in_gaps(new: Array, time: Array) -> NDArray[np.bool_]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from regressors.samples import Array, Index
 
 ROOT = Path(__file__).resolve().parents[2]
 MAPPING = ROOT / "benchmarks" / "identification" / "ur10e.yaml"
-REAL = ROOT.parent / "shared" / "data" / "ur10e"
+REAL, SO101 = (ROOT.parent / "shared" / "data" / name for name in ("ur10e", "so101"))
 
 
 def real_log(name: str) -> Log:
@@ -25,6 +26,17 @@ def real_log(name: str) -> Log:
     if not path.exists():
         pytest.skip("recorded logs are not beside the repository")
     return read_log(path, mapping=read_mapping(MAPPING))
+
+
+def so101_folder(name: str, into: Path) -> Path:
+    """A folder of commands and states of a desktop arm; the test is skipped where they are not."""
+    (folder := into / name).mkdir()
+    for kind in ("control", "state_motor"):
+        packed = SO101 / f"{name}.{kind}.csv.gz"
+        if not packed.exists():
+            pytest.skip("recorded logs are not beside the repository")
+        (folder / f"{kind}.csv").write_bytes(gzip.decompress(packed.read_bytes()))
+    return folder
 
 
 def sines(time, joints=2, period=4.0):

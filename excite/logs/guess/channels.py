@@ -10,11 +10,12 @@ import numpy as np
 
 from excite.logs.guess.units import Clock
 from excite.logs.log import WRENCH, integrate_rates
-from excite.logs.recordings.recording import ColumnName, Contents, Recording, StreamContents, parsed_name
+from excite.logs.recordings.recording import SAGE, ColumnName, Contents, Recording, StreamContents, parsed_name
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 _PREFERRED = frozenset({"actual", "measured", "meas", "state", "states", "joint", "feedback", "present"})
+_COMMANDED = frozenset({"action", "command", "commands", "commanded", "cmd", "goal", "target"})  # positions
 _OF_COPIES = frozenset({"filtered", "filter", "filt", "smoothed", "smooth", "lowpass", "lp"})
 _AXIS = re.compile(r"^(.*?)(force|torque|f|t|m)[^a-z0-9]?([xyz])$", re.IGNORECASE)
 _UNIT_BEHIND = re.compile(r"\s*[\[(][^\])]*[\])]\s*$")
@@ -24,8 +25,7 @@ _UNIT_BEHIND = re.compile(r"\s*[\[(][^\])]*[\])]\s*$")
 class ChannelGroup:
     """Columns of one quantity."""
 
-    # ``position``, ``velocity``, ``effort``, ``current``, ``temperature``, ``wrench``; empty where nothing says it
-    quantity: str
+    quantity: str  # such as ``position``, see `Meaning`; empty where nothing says it
     stream: str
     columns: Mapping[str, str]  # by joint, whose numbers or names are as the file has them
     unit: str = ""  # empty where nothing states it
@@ -111,7 +111,10 @@ def _named(stream: StreamContents) -> Iterator[ChannelGroup]:
         for measured in (True, False):
             some = {c: p for c, p in parsed.items() if p.quantity == quantity and p.measured == measured}
             for common, unit, columns in _by_joint(stream, quantity, some):
-                yield ChannelGroup(quantity, stream.name, columns, unit, "", common, measured)
+                if quantity == "position" and _COMMANDED.intersection(common):
+                    yield ChannelGroup("command", stream.name, columns, unit, "", common)
+                else:
+                    yield ChannelGroup(quantity, stream.name, columns, unit, "", common, measured)
 
 
 def _by_joint(
@@ -251,7 +254,7 @@ def chosen_channels(
         ask("position", f"Which are the measured positions of the joints: {_spans([best, *others], ' or ')}?")
     names = _joint_names(best, robot, ask)
     chosen = {"position": best}
-    for quantity in ("velocity", "effort", "current", "temperature"):
+    for quantity in ("velocity", "effort", "current", "temperature", "command"):
         beside = _beside(groups, quantity, best)
         if beside is not None and not (quantity == "current" and "effort" in chosen):
             chosen[quantity] = beside
@@ -280,10 +283,12 @@ def _plain(names: Iterable[str]) -> list[str]:
 
 
 def _of_robot(group: ChannelGroup, robot: Robot | None) -> ChannelGroup:
-    """The group limited to the joints of a robot, in their order, where it names all of them."""
+    """The group limited to the joints of a robot, in order, where it names all of them or counts from the base."""
     known = dict(zip(_plain(group.joints), group.joints, strict=True))
     if robot is None or len(known) < len(group.joints):
         return group
+    if group.why == SAGE:
+        return group.of(group.joints[: robot.n])
     wanted = _plain(robot.joint_names)
     return group.of([known[name] for name in wanted]) if set(wanted) <= set(known) else group
 
@@ -297,7 +302,10 @@ def _joint_names(group: ChannelGroup, robot: Robot | None, ask: Ask) -> tuple[st
     if all(own):
         return tuple(own)
     listed, names = first_names(group.joints), ", ".join(robot.joint_names)
-    if len(group.joints) != robot.n:
+    if len(group.joints) < robot.n:
+        which = f"Which of the {robot.n} joints of {robot.name} ({names}) are the {len(group.joints)} of the recording"
+        ask("", f"{which} ({listed})? Name them in this order (`joints` in a mapping)")
+    elif len(group.joints) > robot.n:
         ask(
             "",
             f"Which of the {len(group.joints)} joints of the recording ({listed}) are those of {robot.name} ({names})? "
@@ -341,6 +349,8 @@ def _ask_of_efforts(groups: Sequence[ChannelGroup], chosen: dict[str, ChannelGro
         for group in groups
         if not group.quantity and len(group.columns) == len(position.columns) and not used.intersection(group.names)
     ]
+    if not others and "command" in chosen:  # what a position controller was told may stand for efforts
+        return
     if not others:
         ask("effort", "The recording holds no efforts that were recognised: add effort or current, if it has any")
         return

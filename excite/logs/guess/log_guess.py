@@ -29,10 +29,10 @@ from excite.logs.guess.units import (
     time_units,
     velocity_ratios,
 )
-from excite.logs.mapping import LogMapping
+from excite.logs.mapping import SECONDS, LogMapping
 from excite.logs.recorded_log import seconds_of
 from excite.logs.recordings.formats import preloaded, recording_format
-from excite.logs.recordings.recording import JOINT_STATE, SI_UNITS, Contents, Recording, RecordingFormat
+from excite.logs.recordings.recording import JOINT_STATE, SAGE, SI_UNITS, Contents, Recording, RecordingFormat
 from excite.storage.atomic import replacing
 from excite.storage.result_folder import replace_files, result_file
 from regressors.arguments import checked
@@ -44,7 +44,7 @@ _SURE = (STATED, CERTAIN)
 _WHOLE = ""  # part of the mapping that a sentence on all of it is about
 _PLURAL = {
     "position": "positions", "velocity": "velocities", "effort": "efforts", "current": "currents",
-    "temperature": "temperatures", "wrench": "wrenches",
+    "temperature": "temperatures", "wrench": "wrenches", "command": "commands",
 }  # fmt: skip
 _CURRENTS = (
     "Some drivers of robots publish motor currents [A] as efforts, such as those of Universal Robots: see its manual."
@@ -189,7 +189,15 @@ class _Guessing:
             self.ask(_WHOLE, f"When was each row taken? No column of {position.stream} increases")
         else:
             units, unlike = self._units(chosen, robot)
+            speed = chosen.get("velocity")
+            if speed is not None and speed.why == SAGE and (unlike or units["velocity"].level == UNKNOWN):
+                why = unlike or units["velocity"].why  # positions of servos may be scaled, and their velocities not
+                self.tell("velocity", f"velocities that disagree with the positions are not used: {why}.")
+                del chosen["velocity"]
+                units, unlike = self._units(chosen, robot)
             time = units["time"].unit
+            if "command" in chosen and not chosen["command"].unit:
+                units["command"] = FoundUnit(units["position"].unit, CERTAIN, "as the positions")
             self._describe(chosen, units)
             if unlike:
                 sign = "Do all velocities belong to the positions of their joints, with the same sign?"
@@ -229,7 +237,8 @@ class _Guessing:
             time = FoundUnit(stated, STATED, "as the file says")
         units = {"time": time, "position": angle} | ({} if rate is None else {"velocity": rate})
         if np.any(ratios < 0) or (there.size and np.nanmax(np.abs(np.abs(ratios) / ratio - 1)) > _APART):
-            each = ", ".join(f"{joint} {one:.3g}" for joint, one in zip(position.joints, ratios, strict=True))
+            rates = ratios * SECONDS[time.unit]
+            each = ", ".join(f"{joint} {one:.3g}" for joint, one in zip(position.joints, rates, strict=True))
             return units, f"ratio of velocity to rate of change of position: {each}"
         return units, ""
 
@@ -261,6 +270,9 @@ class _Guessing:
             self.tell(quantity, f"{what}, {f'as {group.why} defines' if group.why else group.how}.")
             if quantity == "effort" and group.why == JOINT_STATE:
                 self.tell(quantity, _CURRENTS)
+            defined = [one.quantity for stream in self.contents.streams for one in stream.meanings.values()]
+            if group.why == SAGE and (more := defined.count(quantity) - len(group.columns)):
+                self.tell(quantity, f"{plural} of {more} further joint{'s' * (more > 1)} are not those of the robot.")
             if group.guessed and quantity == "position":
                 self.ask(quantity, f"Are the positions of all joints {group.span}?")
             if found.level != STATED:

@@ -30,7 +30,7 @@ from excite.logs.recordings.recording import (
     head_of,
     is_clock,
 )
-from excite.logs.recordings.text_table import TEXT
+from excite.logs.recordings.text_table import SERVOS, TEXT
 from excite.storage.manifest import sha256_of
 from regressors.arguments import checked
 from regressors.errors import InputError, check_names, reading
@@ -162,7 +162,7 @@ def _streams(signals: Sequence[_Signals]) -> list[StreamContents]:
 
 
 # The first that recognises a file reads it; one of MATLAB 7.3 is HDF5 too
-FORMATS = (MCAP_BAG, ROSBAG2, ROSBAG1, PARQUET, NPZ, NPY, MATLAB_7_3, HDF5, MATLAB, FOLDER, TEXT)
+FORMATS = (MCAP_BAG, ROSBAG2, ROSBAG1, PARQUET, NPZ, NPY, MATLAB_7_3, HDF5, MATLAB, SERVOS, FOLDER, TEXT)
 
 
 @checked

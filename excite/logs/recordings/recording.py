@@ -24,8 +24,10 @@ from regressors.errors import ExciteError, InputError, cut, listed_names, one_li
 HEAD = 4096  # bytes by which a file is recognised
 LARGEST_ARRAY = 100  # elements of one row; what has more, such as an image, is no measurement of joints
 JOINT_STATE = "sensor_msgs/JointState"
+SAGE = "sage"  # whose lists have a number for each joint, from the base on
 SI_UNITS = {
     "position": "rad", "velocity": "rad/s", "effort": "Nm", "current": "A", "temperature": "degC", "wrench": "N",
+    "command": "rad",
 }  # fmt: skip
 Numbers = NDArray[np.floating[Any] | np.integer[Any]]
 _COPIES = 2.0  # what was read, and what it becomes
@@ -37,7 +39,7 @@ _PACKAGES = {"ros": "rosbags", "hdf5": "h5py", "matlab": "h5py", "parquet": "pya
 class Meaning:
     """What a column is by the definition of its format, so that nobody needs to guess."""
 
-    quantity: str  # position, velocity, effort, current, temperature or wrench
+    quantity: str  # position, velocity, effort, current, temperature, wrench or command
     of: str  # joint, or component of the wrench of excite.logs.log.WRENCH
     unit: str  # one that the sections of excite.logs.mapping.LogMapping know, such as rad
     why: str  # source of the definition, such as sensor_msgs/JointState
@@ -130,6 +132,8 @@ class RecordingFormat:
     glance: Callable[[Path, Wanted], Recording] | None = None  # of as many rows as show what they are; else of all
     # fields of `excite.logs.mapping.LogMapping` that say how such a file is laid out; none for most formats
     mapping_fields: Callable[[Path], Mapping[str, object]] = lambda _: {}
+    # refuses faulty rows of a file, all of which `read` leaves out, but for the kinds that are to be dropped
+    check: Callable[[Path, frozenset[str]], None] = lambda *_: None
 
 
 def check_table(source: Path, rows: float, columns: float, copies: float = _COPIES) -> None:

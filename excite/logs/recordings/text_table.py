@@ -8,31 +8,46 @@ The layout is found from the lines. The columns of some programs are defined by 
 - libfranka, ``franka::logToCSV``: ``time`` [ms], ``state.q[0]`` [rad], ``state.dq[0]`` [rad/s], and ``state.tau_J[0]``
   [Nm], measured torques on the side of the links.
 - The house format, see `excite.logs.log_reading.read_log`.
+- sage (github.com/isaac-sim2real/sage), a folder of ``control.csv`` and ``state_motor.csv``: ``timestamp`` [us], and
+  lists of a number for each joint, commanded ``positions`` in the first, in the second measured ``positions`` [rad],
+  ``velocities`` [rad/s] and ``torques``.
 - PlotJuggler, CSV exporter: ``__time`` [s]; topics keep their names, those of ``sensor_msgs/JointState`` as
   ``/TOPIC/JOINT/position`` [rad], ``velocity`` [rad/s], ``effort`` [Nm].
 """
 
 from __future__ import annotations
 
+import csv
+import json
 import re
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
 
+import numpy as np
+
 from excite.logs.layout import CHANNELS, MOST_COLUMNS, Layout, cells, is_number, listed, si_channel, twice
+from excite.logs.log import counted
 from excite.logs.recordings.recording import (
     JOINT_STATE,
+    LARGEST_ARRAY,
+    SAGE,
     SI_UNITS,
     Contents,
     Meaning,
+    Numbers,
     Recording,
     RecordingFormat,
     Stream,
     StreamContents,
     Wanted,
+    check_table,
+    check_wanted,
+    head_of,
 )
 from excite.logs.table import Table
 from excite.logs.text import Text, text_of
@@ -245,3 +260,131 @@ def maker_of(titles: Sequence[str]) -> TextMaker | None:
 
 
 TEXT = RecordingFormat("text", _is_text, _contents, _read, partial(_read, most=_GLANCED), _mapping_fields)
+
+_SERVO_FILES = {"control": "CONTROL", "state_motor": "STATE_MOTOR"}  # types of the rows by the names of the files
+_SERVO_HEAD = "type,timestamp,positions"
+_SERVO_LISTS = {
+    "control/positions": "command", "state_motor/positions": "position", "state_motor/velocities": "velocity",
+    "state_motor/torques": "effort",
+}  # fmt: skip
+_LIST_COPIES = 6.0  # lists of numbers take as much more memory than an array of them
+_FAULTS = {  # by the kinds of rows to drop
+    "truncated": "cut off at the end",
+    "garbage": "without a list of {} numbers in each cell",
+    "nan": "with numbers that are NaN or infinite",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class _ServoFile:
+    """Rows of lists of numbers, one number for each joint."""
+
+    path: Path
+    joints: int
+    columns: dict[str, Numbers]
+    faults: tuple[tuple[str, int], ...]  # kinds and lines of rows that are left out
+    others: int  # rows of another type
+
+    def notes(self) -> Iterator[str]:
+        """What is left out, with its count."""
+        if self.others:
+            yield f"{counted(self.others, 'row')} of {self.path.name} of another type left out"
+        for kind, count in Counter(kind for kind, _ in self.faults).items():
+            yield f"{counted(count, 'row')} of {self.path.name} {_FAULTS[kind].format(self.joints)} left out"
+
+
+def _servo_file(path: Path, kind: str) -> _ServoFile:
+    rows: dict[int, list[list[float]]] = {}
+    faults: list[tuple[str, int]] = []
+    with text_of(path) as text:
+        count, names = len(text.lines) - 1, cells(text.lines[0], ",")[1:]
+        check_table(path, count, max(line.count(",") for line in islice(text.lines, 2)), _LIST_COPIES)
+        for k, line in enumerate(text.lines[1:]):
+            if f"{kind},".startswith(line[: len(kind) + 1]):
+                try:
+                    rows[k] = _lists(line)
+                except (ValueError, TypeError, OverflowError, RecursionError, csv.Error):
+                    faults.append(("truncated" if k == count - 1 else "garbage", k + 2))
+    if not rows:
+        raise InputError(f"{path} holds no row of the type {kind}")
+    joints = Counter(len(lists[1]) for lists in rows.values()).most_common(1)[0][0]
+    if not 0 < joints <= LARGEST_ARRAY:
+        raise InputError(f"{path} holds lists of {joints} numbers; expected one number for each joint")
+    shape = [1, *(joints for _ in names[1:])]
+    values = list[list[float]]()
+    for k, lists in rows.items():
+        row = [x for each in lists for x in each]
+        if (whole := [len(each) for each in lists] == shape) and np.isfinite(row).all():
+            values.append(row)
+        else:
+            faults.append(("nan" if whole else "garbage", k + 2))
+    titles = [f"{path.stem}/{names[0]}", *(f"{path.stem}/{name}[{k}]" for name in names[1:] for k in range(joints))]
+    others = count - len({line for _, line in faults} | {k + 2 for k in rows})
+    columns = dict(zip(titles, np.array(values).reshape(-1, len(titles)).T.copy(), strict=True))
+    return _ServoFile(path, joints, columns, tuple(sorted(faults, key=lambda fault: fault[1])), others)
+
+
+def _lists(line: str) -> list[list[float]]:
+    """Time stamp and lists of a row."""
+    _, stamp, first, *others = next(csv.reader([line]))
+    lists = ([float("nan") if x is None else float(x) for x in json.loads(each)] for each in (first, *others))
+    return [[float(stamp)], *lists]
+
+
+def _is_servo_folder(head: bytes, path: Path) -> bool:
+    """Whether it holds a file of commands and one of what was measured."""
+    files = [path / f"{name}.csv" for name in _SERVO_FILES]
+    return path.is_dir() and all(file.is_file() and head_of(file).startswith(_SERVO_HEAD.encode()) for file in files)
+
+
+def _servo_files(path: Path) -> list[_ServoFile]:
+    files = [_servo_file(path / f"{name}.csv", kind) for name, kind in _SERVO_FILES.items()]
+    if len({file.joints for file in files}) > 1:
+        each = " and ".join(f"{file.joints} numbers in {file.path.name}" for file in files)
+        raise InputError(f"{path} has lists of {each}; expected one number for each joint in both")
+    return files
+
+
+def _check_servos(path: Path, drop: frozenset[str]) -> None:
+    for file in _servo_files(path):
+        if some := [(kind, line) for kind, line in file.faults if kind not in drop]:
+            kind, line = some[0]
+            count = sum(each == kind for each, _ in some)
+            raise InputError(
+                f"{file.path}, line {line}: a row {_FAULTS[kind].format(file.joints)}; {counted(count, 'row')} like "
+                f"this (`drop='{kind}'` leaves them out)"
+            )
+
+
+def _servo_contents(path: Path) -> Contents:
+    return _contents_of(path, _servo_files(path))
+
+
+def _contents_of(path: Path, files: Sequence[_ServoFile]) -> Contents:
+    streams, notes = [], list[str]()
+    for file in files:
+        clock, *others = file.columns
+        meanings = {}
+        for name in others:
+            title, _, k = name.removesuffix("]").rpartition("[")
+            if (quantity := _SERVO_LISTS.get(title)) is not None:
+                meanings[name] = Meaning(quantity, f"{int(k) + 1}", SI_UNITS[quantity], SAGE)
+        efforts = [name for name, meaning in meanings.items() if meaning.quantity == "effort"]
+        if efforts and all(np.all(file.columns[name] >= 0) for name in efforts):
+            notes.append("efforts are magnitudes, never negative: not used")
+            meanings = {name: meaning for name, meaning in meanings.items() if name not in efforts}
+        notes += file.notes()
+        rows = file.columns[clock].size
+        streams.append(StreamContents(file.path.stem, (clock, *meanings), rows, (clock,), meanings, {clock: "us"}))
+    return Contents(str(path), "folder of sage: commands and states of servos", tuple(streams), tuple(notes))
+
+
+def _read_servos(path: Path, wanted: Wanted) -> Recording:
+    contents = _contents_of(path, files := _servo_files(path))
+    check_wanted(path, wanted, {stream.name: stream.columns for stream in contents.streams})
+    columns = {name: values for file in files for name, values in file.columns.items()}
+    streams = {stream: Stream(stream, {name: columns[name] for name in names}) for stream, names in wanted.items()}
+    return Recording(str(path), contents.format, streams, contents.notes)
+
+
+SERVOS = RecordingFormat("folder of sage", _is_servo_folder, _servo_contents, _read_servos, check=_check_servos)

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from excite.logs.event import LONGEST, Gap, gaps
-from excite.logs.log import Log, channels_of
+from excite.logs.log import Log, channels_of, held_values
 from excite.registry import SIGNALS, built_in
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from regressors.errors import InputError, check_names
@@ -131,9 +131,9 @@ class Resampled:
 def resample(log: Log) -> Resampled:
     """Log on uniform instants from its first to its last.
 
-    Positions and velocities by cubic splines, torques, wrenches and temperatures linearly. A log whose instants are
-    uniform to 1e-6 of its sample time is left as it is. Where rows are missing, the others keep their instants; gaps of
-    up to a second are bridged by polynomials, see `excite.logs.signals.method`.
+    Positions and velocities by cubic splines, torques, wrenches and temperatures linearly; commands hold. A log whose
+    instants are uniform to 1e-6 of its sample time is left as it is. Where rows are missing, the others keep their
+    instants; gaps of up to a second are bridged by polynomials, see `excite.logs.signals.method`.
     """
     if log.count < 4:
         raise InputError(f"{log.source}: resampling needs 4 rows or more, given {log.count}")
@@ -150,6 +150,8 @@ def resample(log: Log) -> Resampled:
         name: _smooth(log.time, x, intervals, time) if name in _SMOOTH else _linear(log.time, x, time)
         for name, x in channels_of(log).items()
     }
+    if log.command is not None:
+        channels["command"] = held_values(log.time, log.command, time)
     new = Log(log.source, log.sha256, log.joints, time, **channels, left_out=log.left_out)
     return Resampled(
         new,

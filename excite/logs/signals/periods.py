@@ -11,7 +11,7 @@ import scipy.fft
 import scipy.interpolate
 import scipy.optimize
 
-from excite.logs.log import Log, channels_of
+from excite.logs.log import Log, channels_of, held_values
 from excite.logs.signals.method import check_positive, spacing
 from regressors.errors import InputError, percent
 from regressors.samples import Array
@@ -129,7 +129,10 @@ def _stacked(log: Log, h: float, length: float, count: int) -> dict[str, Array]:
         return {name: x[: count * samples].reshape(count, samples, -1) for name, x in channels.items()}
     time = log.time[0] + (np.arange(count)[:, None] + np.arange(samples) / samples) * length
     time = np.minimum(time, log.time[-1])
-    return {name: np.asarray(scipy.interpolate.CubicSpline(log.time, x, axis=0)(time)) for name, x in channels.items()}
+    periods = {n: np.asarray(scipy.interpolate.CubicSpline(log.time, x, axis=0)(time)) for n, x in channels.items()}
+    if log.command is not None:
+        periods["command"] = held_values(log.time, log.command, time)
+    return periods
 
 
 def _check_periodic(log: Log, length: float, mean: Array, noise: Array) -> None:

@@ -40,6 +40,7 @@ def test_units(written):
         ("position", "unit: rev", 0.5, np.pi),
         ("position", "unit: ticks, ticks: 4096", 1024.0, np.pi / 2),
         ("position", "unit: ticks, ticks: 4096, ratio: 2, offset: 1024", 3072.0, np.pi / 2),
+        ("command", "unit: ticks, ticks: 4096, ratio: 2, offset: 1024", 3072.0, np.pi / 2),
         ("velocity", "unit: rpm", 60.0, 2 * np.pi),
         ("velocity", "unit: deg/s", 90.0, np.pi / 2),
         ("velocity", "unit: ticks/s, ticks: 100", 50.0, np.pi),
@@ -103,7 +104,8 @@ def test_motors_through_gears_ball_screws_and_coupling(written, name):
     offset = np.linspace(-0.1, 0.2, 5)
     robot = robot.replace(transmission=replace(robot.transmission, offset=offset))
     content, mapping, (q, dq, tau) = motor_table(robot)
-    log = read(written, content, mapping, robot)
+    log = read(written, content, f"{mapping}command: {{columns: [2, 3, 4, 5, 6], unit: rad, side: motor}}\n", robot)
+    np.testing.assert_array_equal(log.command, log.q)
     assert log.joints == robot.joint_names
     np.testing.assert_allclose(log.q, q, atol=2e-7)
     np.testing.assert_allclose(log.dq, dq, atol=2e-6)
@@ -163,6 +165,19 @@ def test_signals_of_two_files_meet_on_the_rows_of_the_positions(written):
     written(table([50.0, 51.0], [0.0, 1.0]), "log_tau.csv")
     with pytest.raises(InputError, match="one clock"):
         read(written, table([0.0, 1.0], [0.0, 1.0]), TWO_FILES)
+
+
+def test_commands_of_another_file_hold_until_the_next_one(written):
+    mapping = TWO_FILES + "command: {columns: [2], unit: rad, file: told.csv}\n"
+    written(table([-1.0, 9.0], [0.0, 10.0]), "log_tau.csv")
+    written(table([0.0, 1.0, 5.0], [7.0, 8.0, 9.0]), "told.csv")
+    log = read(written, table([-0.5, 0.0, 0.9, 1.0, 3.0, 5.0, 8.0], np.zeros(7)), mapping)
+    np.testing.assert_array_equal(log.command[:, 0], [7.0, 7.0, 8.0, 8.0, 9.0, 9.0])
+    np.testing.assert_allclose(log.effort[:, 0], log.time + 1.0)
+    assert log.left_out[0].startswith("told.csv: 3 rows, held onto the 6 of the positions; 1 of these are before")
+    written(table([-9.0, -8.0], [7.0, 8.0]), "told.csv")
+    with pytest.raises(InputError, match="one clock"):
+        read(written, table([0.0, 1.0], [0.0, 1.0]), mapping)
 
 
 # --- garbage ---------------------------------------------------------------------------------------------------------

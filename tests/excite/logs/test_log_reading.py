@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from excite.logs.mapping import read_mapping
 from regressors.errors import InputError, UnknownName
 from regressors.readers.library import built_in
 
-CHANNELS = ("time", "q", "dq", "effort", "wrench", "temperature")
+CHANNELS = ("time", "q", "dq", "effort", "wrench", "temperature", "command")
 GOOD = "time,a.position,b.position\n0,1,2\n0.5,3,4\n1,5,6\n"
 
 
@@ -44,8 +45,8 @@ def same(one: Log, other: Log) -> None:
 def test_what_is_written_reads_back_to_the_same_bits(tmp_path):
     random = np.random.default_rng(1)
     time = np.cumsum(random.uniform(0.001, 0.002, 50))
-    parts = [random.normal(size=(50, 3)) * 10.0 ** random.integers(-9, 9, (50, 3)) for _ in range(4)]
-    full = log_of(time, *parts[:3], wrench=random.normal(size=(50, 6)), temperature=parts[3])
+    parts = [random.normal(size=(50, 3)) * 10.0 ** random.integers(-9, 9, (50, 3)) for _ in range(5)]
+    full = log_of(time, *parts[:3], wrench=random.normal(size=(50, 6)), temperature=parts[3], command=parts[4])
     bare = log_of(time, parts[0])
     for log in (full, bare):
         write_log(log, tmp_path / "log.csv")
@@ -53,6 +54,17 @@ def test_what_is_written_reads_back_to_the_same_bits(tmp_path):
         same(read, log)
         assert read.left_out == ()
         assert read.sha256 == hashlib.sha256((tmp_path / "log.csv").read_bytes()).hexdigest()
+
+
+def test_commands_are_cut_with_the_rows_and_leave_the_identity_of_logs_without_them():
+    time = np.arange(3.0)
+    log = log_of(time, np.outer(time, [1.0, 2.0]), effort=np.outer(time, [3.0, 4.0]))
+    assert log.identity == "bb506c0be088e026dd8ee21180c5e64b857c97d03053004625e3ddfbb14aca06"
+    told = replace(log, command=np.outer(time, [5.0, 6.0]))
+    assert told.identity != log.identity
+    np.testing.assert_array_equal(told.rows(slice(1, 3)).of(["b"]).command, [[6.0], [12.0]])
+    with pytest.raises(InputError, match=r"command has shape \(2, 2\), not \(3, 2\)"):
+        replace(log, command=np.zeros((2, 2)))
 
 
 def test_columns_are_found_by_name_in_any_order_and_extra_ones_are_named(written):

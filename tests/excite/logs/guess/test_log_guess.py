@@ -45,6 +45,7 @@ def test_rtde_recordings_need_no_mapping_but_gains_of_currents(tmp_path: Path, m
         log = excite.read_log(write_rtde(tmp_path / "r", moved, mark))
         assert log.joints == ("1", "2", "3")
         assert_read(log, moved)
+        np.testing.assert_array_equal(log.command, moved.q + 0.01)
         assert "read as Universal Robots RTDE recording" in log.left_out[-1]
     path = write_rtde(tmp_path / "r", moved, torque="target_moment")
     (question,) = excite.guess_mapping(path).questions
@@ -206,6 +207,14 @@ def test_joints_of_a_robot_are_taken_by_name(tmp_path: Path) -> None:
     other = write_plotjuggler(tmp_path / "other", six, list("abcdef"), every=1)
     with pytest.raises(InputError, match=r"Are the joints a, b, c, d, e, f .* shoulder_pan_joint"):
         excite.read_log(other, robot=robot)
+
+
+def test_actions_beside_states_are_commands_in_the_same_unit(tmp_path: Path, moved: Motion) -> None:
+    names = [f"{what}.{joint}.pos" for what in ("observation.state", "action") for joint in ("pan", "lift", "elbow")]
+    rows = np.column_stack([moved.time, np.degrees(moved.q), np.degrees(moved.q) + 1.0])
+    mapping = excite.guess_mapping(write_table(tmp_path / "set", ["timestamp", *names], rows.tolist())).mapping
+    assert (mapping.position.columns, mapping.command.columns) == (names[:3], names[3:])
+    assert mapping.position.unit == mapping.command.unit == ["deg"]
 
 
 def test_the_rate_of_a_jittering_clock_is_its_mean_outside_gaps(tmp_path: Path) -> None:

@@ -91,7 +91,8 @@ def use(patch: pytest.MonkeyPatch, recorded: Recorded) -> Recorded:
 POSITION = {"columns": ["/js/a/position", "/js/b/position"], "unit": "rad"}
 EFFORT = {"columns": ["/motor/a/effort", "/motor/b/effort"], "unit": "Nm"}
 CLOCK = {"column": "/js/header/stamp", "unit": "ns"}
-MAPPING = LogMapping.model_validate({"joints": ["a", "b"], "time": CLOCK, "position": POSITION, "effort": EFFORT})
+BASE = {"joints": ["a", "b"], "time": CLOCK, "position": POSITION}
+MAPPING = LogMapping.model_validate({**BASE, "effort": EFFORT})
 
 
 def test_streams_are_aligned_without_losing_digits(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -136,6 +137,19 @@ def test_gaps_of_the_slower_stream_are_not_bridged(bag: Path, monkeypatch: pytes
     log = excite.read_log(bag, mapping=MAPPING)
     assert not np.any((log.time > 1.9763) & (log.time < 3.0013))
     assert log.removed[-1].numbers.size == 103
+
+
+def test_commands_of_another_stream_hold_over_its_gaps_and_after_it(bag, monkeypatch: pytest.MonkeyPatch) -> None:
+    commands = 3.0 * np.arange(196.0)
+    commands[80:120] = np.nan
+    use(monkeypatch, joint_states(motor__a__effort=commands))
+    told = {**EFFORT, "unit": "rad"}
+    log = excite.read_log(bag, mapping=LogMapping.model_validate({**BASE, "command": told}))
+    np.testing.assert_array_equal(log.row_numbers, np.arange(2, 501))
+    given = np.flatnonzero(np.isfinite(commands))
+    last = given[np.searchsorted(0.0013 + 0.025 * given, log.time + 1e-9) - 1]
+    np.testing.assert_array_equal(log.command[:, 0], 3.0 * last)
+    assert any("40 Hz) held onto the rows" in note and "12 rows after the last one" in note for note in log.left_out)
 
 
 def test_messages_without_some_joints_are_filled_in_time(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:

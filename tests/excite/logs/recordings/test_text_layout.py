@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import json
+import re
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
+import pytest
+from foreign_logs import motion
 from hypothesis import HealthCheck, given, settings, strategies as st
+from recordings import so101_folder
 
 import excite
 from excite.logs.recordings.recording import ColumnName, is_clock, parsed_name
@@ -112,3 +118,123 @@ def test_a_line_that_was_not_written_to_its_end_is_left_out(tmp_path: Path) -> N
     recording = excite.read_recording(path)
     assert recording.streams["table"].rows == 20
     assert recording.notes == ("1 row cut off at the end",)
+
+
+# --- folders of commands and states of servos -------------------------------------------------------------------------
+
+
+def write_servos(folder: Path, time: Sequence[float], **lists: Sequence[Sequence[float]]) -> Path:
+    """A folder as sage writes it: lists of one number for each joint, quoted."""
+    folder.mkdir(exist_ok=True)
+    for name, kind, titles in (
+        ("control", "CONTROL", ["positions"]),
+        ("state_motor", "STATE_MOTOR", ["positions", "velocities", "torques"]),
+    ):
+        columns = [lists[title if name == "state_motor" else "command"] for title in titles]
+        rows = [
+            ",".join([kind, repr(t), *(f'"{json.dumps(list(cell))}"' for cell in row)])
+            for t, *row in zip(time, *columns, strict=True)
+        ]
+        (folder / f"{name}.csv").write_text("\n".join([",".join(["type", "timestamp", *titles]), *rows]) + "\n")
+    return folder
+
+
+NUMBER = st.floats(-1e6, 1e6, allow_subnormal=False)
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data(), joints=st.integers(1, 4), rows=st.integers(4, 9))
+def test_servo_folders_read_back_to_the_same_numbers(tmp_path: Path, data: st.DataObject, joints: int, rows: int):
+    time = np.cumsum(data.draw(st.lists(st.floats(1e3, 1e5), min_size=rows, max_size=rows)))
+    table = st.lists(st.lists(NUMBER, min_size=joints, max_size=joints), min_size=rows, max_size=rows)
+    command, q, tau = (data.draw(table) for _ in range(3))
+    dq = np.gradient(np.array(q), time * 1e-6, axis=0).tolist()
+    folder = write_servos(tmp_path / "s", time.tolist(), command=command, positions=q, velocities=dq, torques=tau)
+    log = excite.read_log(folder)
+    assert log.joints == tuple(f"{k}" for k in range(1, joints + 1))
+    np.testing.assert_array_equal(log.time, time * 1e-6)
+    np.testing.assert_array_equal(log.q, q)
+    np.testing.assert_array_equal(log.command, command)
+    magnitudes = np.min(tau) >= 0
+    assert magnitudes == any("efforts are magnitudes, never negative: not used" in note for note in log.left_out)
+    assert (log.effort is None) if magnitudes else np.array_equal(log.effort, tau)
+    disagree = any("Velocities that disagree" in note for note in log.left_out)
+    assert (log.dq is None) if disagree else np.array_equal(log.dq, dq)
+
+
+def servos(folder: Path, joints: int = 3) -> Path:
+    m = motion(joints)
+    return write_servos(
+        folder, (1e6 * m.time).tolist(), command=m.q + 0.1, positions=m.q, velocities=m.dq, torques=m.tau
+    )
+
+
+def test_joints_of_servo_folders_are_those_of_the_robot_from_the_base_on(tmp_path: Path) -> None:
+    robot = excite.load_robot("panda")
+    log = excite.read_log(servos(tmp_path / "s", 7), robot=robot)
+    assert log.joints == robot.joint_names
+    np.testing.assert_array_equal(log.dq, motion(7).dq)
+    shorter = excite.load_robot("ur10e")
+    log = excite.read_log(servos(tmp_path / "s", 7), robot=shorter)
+    assert log.joints == shorter.joint_names
+    np.testing.assert_array_equal(log.command, motion(7).q[:, :6] + 0.1)
+    assert "Positions of 1 further joint are not those of the robot" in log.left_out[-1]
+    with pytest.raises(InputError, match=r"Which of the 7 joints of panda .* are the 3 of the recording \(1, 2, 3\)\?"):
+        excite.read_log(servos(tmp_path / "s", 3), robot=robot)
+
+
+SPOILT_SERVOS = {  # file, its last lines, what is said, the kind to drop
+    "torn": (
+        "state_motor",
+        'STATE_MOTOR,6e6,"[1, 2, 3]","[0,',
+        r"state_motor\.csv, line 602: a row cut off",
+        "truncated",
+    ),
+    "torn type": (
+        "control",
+        "CONTR",
+        r"control\.csv, line 602: a row cut off at the end; 1 row like this",
+        "truncated",
+    ),
+    "NaN": ("control", 'CONTROL,6e6,"[NaN, 1, 2]"', r"control\.csv, line 602: a row with numbers that are NaN", "nan"),
+    "null": ("control", 'CONTROL,6e6,"[null, 1, 2]"', "line 602: a row with numbers that are NaN", "nan"),
+    "other length": ("control", 'CONTROL,6e6,"[1, 2]"', "line 602: a row without a list of 3 numbers in", "garbage"),
+    "no list": ("control", 'CONTROL,6e6,"7"\nCONTROL,7e6,"[1, 2, 3]"', "line 602: a row without a list", "garbage"),
+    "repeated": ("control", 'CONTROL,5990000.0,"[1, 2, 3]"', "control: time .* is repeated at row 601", "repeated"),
+}
+
+
+@pytest.mark.parametrize("name", SPOILT_SERVOS)
+def test_faulty_rows_of_servo_folders_are_named_and_may_be_dropped(tmp_path: Path, name: str) -> None:
+    file, lines, message, kind = SPOILT_SERVOS[name]
+    path = servos(tmp_path / "s") / f"{file}.csv"
+    path.write_text(path.read_text() + lines)
+    with pytest.raises(InputError, match=message):
+        excite.read_log(path.parent)
+    log = excite.read_log(path.parent, drop=[kind])
+    np.testing.assert_array_equal(log.q, motion(3).q)
+    np.testing.assert_array_equal(log.command, motion(3).q + 0.1)
+
+
+def test_servo_folders_without_rows_or_with_unlike_lists_are_refused(tmp_path: Path) -> None:
+    path = servos(tmp_path / "s") / "control.csv"
+    good = path.read_text()
+    path.write_text(good + 'OTHER,6e6,"[1, 2, 3]"\n')
+    assert "1 row of control.csv of another type left out" in excite.read_log(path.parent).left_out
+    for content, message in (
+        (good.replace("CONTROL", "STATE"), r"control\.csv holds no row of the type CONTROL"),
+        (re.sub(r", [^,]*\]", "]", good), "lists of 2 numbers in control.csv and 3 numbers in state_motor.csv"),
+        (re.sub(r"\[.*\]", "[]", good), r"control\.csv holds lists of 0 numbers"),
+        ("type,timestamp,positions\n", r"control\.csv holds no row of the type CONTROL"),
+    ):
+        path.write_text(content)
+        with pytest.raises(InputError, match=message):
+            excite.read_log(path.parent)
+
+
+def test_recorded_servos_are_read_without_a_mapping(tmp_path: Path) -> None:
+    log = excite.read_log(so101_folder("multisine", tmp_path))
+    assert (log.count, log.q.shape, log.effort, log.dq) == (6000, (6000, 6), None, None)
+    np.testing.assert_allclose(log.q[0, :2], [0.03451456772742693, 0.05062136600022616], rtol=0)
+    np.testing.assert_allclose(log.command[0, :2], [0.039468, 0.039468], rtol=0)
+    assert "efforts are magnitudes, never negative: not used" in log.left_out

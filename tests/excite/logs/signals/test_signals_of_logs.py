@@ -35,8 +35,10 @@ def test_jitter_is_taken_out():
     random = np.random.default_rng(1)
     time = 7.0 + np.cumsum(random.uniform(0.008, 0.012, 1000))
     q, dq, ddq = sines(time)
-    made = resample(log_of(time, q, dq, ddq, wrench=np.tile(time[:, None], 6), temperature=q))
+    made = resample(log_of(time, q, dq, ddq, wrench=np.tile(time[:, None], 6), temperature=q, command=np.round(q)))
     log = made.log
+    held = np.searchsorted(time, log.time, side="right") - 1
+    np.testing.assert_array_equal(log.command, np.round(q)[held])
     assert spacing(log.time, "test", 2) == pytest.approx((time[-1] - time[0]) / 999)
     assert (log.time[0], log.count) == (time[0], 1000)
     assert log.time[-1] == pytest.approx(time[-1], abs=1e-12)
