@@ -26,6 +26,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "load": "regressors.models.load:LoadModel",
         "load-integral": "regressors.models.load:LoadIntegralModel",
         "payload": "regressors.models.load:PayloadModel",
+        "servo": "regressors.models.servo:ServoModel",
         "springs": "regressors.models.differential:SpringModel",
     },
     "trajectory": {

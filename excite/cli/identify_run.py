@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import excite
 from excite.cli.main import NOT_HELD
@@ -28,16 +28,20 @@ from excite.identification.result_json import (
     check_free,
     result_content,
 )
+from excite.identification.servo_result import SERVOS
+from excite.identification.servos import identify_servos
 from excite.logs.mapping import read_mapping
 from excite.registry import CHOSEN, is_addressed, is_own
 from excite.storage.records import check_replaceable, json_of
-from excite.storage.result_folder import figure_names, result_folder
+from excite.storage.result_folder import check_not_taken, figure_names, result_folder
 from excite.study.repetitions import Repetitions, repetitions
 from excite.tasks.installation import Installation
 from excite.tasks.model_choice import ModelChoice
 from excite.verification.tolerances import Tolerances
 from excite.verification.verification import KIND
+from excite.verification.verify_servos import KIND as SERVO_KIND, verify_servos
 from excite.views.identification_view import identification_view, repetitions_view
+from excite.views.servo_view import servo_verification_view, servos_view
 from excite.views.verification_view import verification_view, verifications_view
 from excite.views.view import View
 from regressors.errors import InputError
@@ -51,12 +55,15 @@ _GIVEN = (
     "base_link", "tip", "snap_angles", "xacro", "friction_curves", "mapping", "drop", "loaded", "known_mass", "gains",
     "each", "seed",
 )  # fmt: skip
+_SERVO = "servo"
 _NOT_REPEATED = ("estimator", "standstill", "signals")
 
 
 def identify_and_write(robot: str, logs: Sequence[Path], out: Path, **given: Any) -> None:
     """Identify from logs and write a result's folder."""
     of_recipe = {name: value for name, value in typed_options(Recipe).items() if value is not None}
+    if typed_options(ModelChoice).get("model") == _SERVO:
+        identify_servos_and_write(robot, logs, out, of_recipe, given)
     if given["repeat"]:
         Recipe(**of_recipe).check_repeatable(given["repeat"])
     else:
@@ -87,6 +94,26 @@ def identify_and_write(robot: str, logs: Sequence[Path], out: Path, **given: Any
 
     show(identification_view(result), files, content=content, next_steps=steps, all_in="result.json")
     sys.exit(status)
+
+
+def identify_servos_and_write(
+    robot: str, logs: Sequence[Path], out: Path, of_recipe: Mapping[str, Any], given: Mapping[str, Any]
+) -> NoReturn:
+    """Identify servos from commanded and measured positions, and write them into a folder."""
+    of_torques = [*of_recipe, *(set(typed_options(ModelChoice)) - {"model"})]
+    of_torques += [name for name in ("friction_curves", "loaded", "design_folder", "repeat") if given[name]]
+    if of_torques:
+        raise InputError(f"{', '.join(f'`{name}`' for name in of_torques)}: the model servo has no such setting")
+    with result_folder(out), one_interrupt():
+        check_not_taken(out, SERVOS, "servos", replace=given["force"])
+        names = ("base_link", "tip", "snap_angles", "xacro", "mapping", "drop")
+        read = {name: given[name] for name in names if given[name] is not None}
+        installation = Installation(**typed_options(Installation))
+        result = identify_servos(robot, list(logs), installation=installation, progress=tell, **read)
+        files = result.save(out, replace=given["force"])
+    steps = [f"excite verify {out} OTHER, with a log that was not used here"]
+    show(servos_view(result), files, content=lambda: json_of(result), next_steps=steps, all_in=SERVOS)
+    sys.exit(NOT_HELD if result.doubts else 0)
 
 
 def _identified(
@@ -191,6 +218,8 @@ def verify_and_write(
     **options: Any,
 ) -> None:
     """Judge a result on logs, and write each verdict."""
+    if (folder / SERVOS).exists():
+        verify_servos_and_write(folder, logs, out, figures, options)
     tolerances = Tolerances(torque, motion)
     result = excite.load_result(folder, parts)
     target, stems = out or result.folder or folder, _stems(logs)
@@ -227,6 +256,36 @@ def verify_and_write(
         details=details if len(judged) > 1 else None,
     )
     sys.exit(0 if view.holds else NOT_HELD)
+
+
+def verify_servos_and_write(
+    folder: Path, logs: Sequence[Path], out: Path | None, figures: FigureChoice, options: Mapping[str, Any]
+) -> NoReturn:
+    """Judge servos on logs, and write each verdict."""
+    target, stems = out or folder, _stems(logs)
+    chosen = {name: options[name] for name in ("mapping", "drop", "training_too")}
+    judged, files = [], []
+    with result_folder(target):
+        for stem in stems:
+            check_replaceable(target, SERVO_KIND, stem)
+        for log, stem in zip(logs, stems, strict=True):
+            tell(f"judging {folder} on {log}")
+            judged.append(verification := verify_servos(folder, log, **chosen))
+            files += verification.save(target, name=stem)
+            if figures:
+                files += figures.write_view(servo_verification_view(verification, stem), target)
+    for verification, stem in zip(judged[:-1], stems, strict=False):
+        print_verdict(view := servo_verification_view(verification, stem))
+        print_view(view)
+    steps = [] if all(v.holds for v in judged) else ["identify from more logs, of the kinds of motion that matter"]
+    show(
+        servo_verification_view(judged[-1], stems[-1]),
+        files,
+        content=lambda: list(map(json_of, judged)),
+        next_steps=steps,
+        all_in="verification-*.json",
+    )
+    sys.exit(0 if all(v.holds for v in judged) else NOT_HELD)
 
 
 def _stems(logs: Sequence[Path]) -> list[str]:

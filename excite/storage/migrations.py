@@ -421,6 +421,8 @@ _MIGRATIONS: dict[str, tuple[Migration, ...]] = {
     "posterior": (_posterior_2,),
     "precision": (_precision_2,),
     "result": (_result_2,),
+    "servo-verification": (),
+    "servos": (),
     "study": (_study_2,),
     "verification": (_verification_2,),
 }

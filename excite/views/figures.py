@@ -40,6 +40,7 @@ _VIEWS = {
     "excite.study.time_study.TimeStudy": "experiment_views.study_view",
     "excite.design.sweeps.sweep_table.SweepTable": "campaign_view.cells_view",
     "excite.verification.verification.Verification": "verification_view.verification_view",
+    "excite.verification.verify_servos.ServoVerification": "servo_view.servo_verification_view",
 }
 
 

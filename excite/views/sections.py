@@ -22,6 +22,7 @@ from excite.friction.friction_fit import FrictionFit
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.result_json import CURVES, KIND
+from excite.identification.servo_result import ServoResult
 from excite.optimality.design_bound import DesignBound
 from excite.payload.payload_result import PayloadResult
 from excite.simulation.simulation import SimulatedLog
@@ -30,6 +31,7 @@ from excite.study.time_study import TimeStudy
 from excite.tasks.stored_files import StoredRobot
 from excite.tasks.task import Task
 from excite.verification.verification import Verification
+from excite.verification.verify_servos import ServoVerification
 from excite.views.campaign_view import campaign_view, cells_view
 from excite.views.comparison_view import bound_view, comparison_view
 from excite.views.design_view import design_view
@@ -39,6 +41,7 @@ from excite.views.identification_view import TITLES, identification_view
 from excite.views.page_text import PageFigure, PageSection, drawn, pictures
 from excite.views.player_data import player_motion
 from excite.views.player_log import Appearance, LoggedMotion, looked_at, motion_of_plan, played, source_of
+from excite.views.servo_view import servo_verification_view, servos_view
 from excite.views.subjects import Filed, Subject
 from excite.views.verification_view import TITLES as OF_VERIFICATION, simulation_view, verification_view
 from excite.views.view import View
@@ -47,6 +50,8 @@ from regressors.errors import ExciteError
 _ALONE: dict[type, Callable[[Any], View]] = {  # what has neither a motion nor commands that repeat it
     SweepTable: cells_view,
     PayloadResult: payload_view,
+    ServoResult: servos_view,
+    ServoVerification: servo_verification_view,
     AccuracyPrediction: accuracy_view,
     SimulatedLog: simulation_view,
     DesignBound: bound_view,

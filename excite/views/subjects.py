@@ -17,6 +17,7 @@ from excite.friction.friction_fit import FIT, KIND as FRICTION_FIT, FrictionFit,
 from excite.identification import result_json
 from excite.identification.identification import Identification
 from excite.identification.result_json import load_result
+from excite.identification.servo_result import KIND as SERVOS_KIND, SERVOS, ServoResult, load_servos
 from excite.logs.log_reading import KIND as LOG
 from excite.optimality.design_bound import KIND as BOUND, DesignBound
 from excite.payload.payload_result import KIND as PAYLOAD_KIND, PAYLOAD, PayloadResult, load_payload
@@ -31,10 +32,15 @@ from excite.study.posterior_samples import load_posterior
 from excite.study.predict_accuracy import KIND as ACCURACY, AccuracyPrediction, load_accuracy
 from excite.study.time_study import KIND as STUDY, TimeStudy, load_time_study
 from excite.verification.verification import KIND as VERIFICATION, Verification, load_verification
+from excite.verification.verify_servos import (
+    KIND as SERVO_VERIFICATION,
+    ServoVerification,
+    load_servo_verification,
+)
 from regressors.arguments import checked, fit, rule_of
 from regressors.errors import InputError, about
 
-Experiment = TimeStudy | FrictionPlan | FrictionFit | PayloadResult | SimulatedLog
+Experiment = TimeStudy | FrictionPlan | FrictionFit | PayloadResult | SimulatedLog | ServoResult | ServoVerification
 Record = Experiment | Verification | SweepTable | AccuracyPrediction | DesignBound
 
 
@@ -49,7 +55,7 @@ class Filed:
 Subject = Design | Identification | Filed | Campaign | Record
 _KINDS = get_args(Subject)
 _LOADERS: dict[str, Callable[..., Subject]] = {design_folder.DESIGN: load_design, result_json.RESULT: load_result}
-_RECORDS = (PLAN, CAMPAIGN_TABLE, FIT, "study.json", PAYLOAD, "verification*.json")
+_RECORDS = (PLAN, CAMPAIGN_TABLE, FIT, "study.json", PAYLOAD, SERVOS, "verification*.json")
 
 
 @checked
@@ -101,11 +107,13 @@ _READERS: dict[str, Callable[[Path], Record]] = {
     CAMPAIGN: load_sweep,
     FRICTION_FIT: load_friction_fit,
     PAYLOAD_KIND: load_payload,
+    SERVOS_KIND: load_servos,
+    SERVO_VERIFICATION: load_servo_verification,
     ACCURACY: load_accuracy,
     LOG: load_simulated_log,
     BOUND: lambda file: read_record(file, DesignBound, BOUND),
 }
-_WHOLE = (*_LOADERS, PLAN, FIT, "study.json", CAMPAIGN_TABLE, PAYLOAD)
+_WHOLE = (*_LOADERS, PLAN, FIT, "study.json", CAMPAIGN_TABLE, PAYLOAD, SERVOS)
 
 
 def subjects_of(given: Iterable[object], part: Collection[str] = ()) -> list[Subject]:

@@ -14,6 +14,7 @@ from matplotlib.patches import Patch
 
 from excite.simulation.replay import Replay
 from excite.verification.verification import Verification
+from excite.verification.verify_servos import ServoVerification
 from excite.views.identification_plots import MEASURED, PREDICTED, error_text, fit_figure, relative_error
 from excite.views.panels import (
     BINS,
@@ -84,6 +85,27 @@ def simulated_motion_figure(verification: Verification) -> Figure:
             rms, travel, relative = (significant(x, 3) for x in (e.error, e.travel, 100 * e.relative))
             head(beside, "", f"rms {rms} {unit} of {travel} {unit} travelled: {relative} %")
     legend_below(figure, _motion_legend(replay))
+    return figure
+
+
+def servo_motion_figure(verification: ServoVerification) -> Figure:
+    """Draw commanded, measured and predicted positions of every servo, and the difference of the last two."""
+    v = verification
+    title = f"{ends(PurePath(v.log.file).name, _NAME_LENGTH)}: motion predicted from the commands alone"
+    figure, rows = panels(len(v.fits), Panel((6.8, 3.8), 1.4 if len(v.fits) > 1 else 3.0, left=0.95), title)
+    whole, command = ((0, v.time.size),), {"color": SKY, "linewidth": 0.9}
+    for j, (fit, (over, beside)) in enumerate(zip(v.fits, rows, strict=True)):
+        bottom = j == len(rows) - 1
+        for values, style in ((v.command, command), (v.measured, MEASURED), (v.predicted, PREDICTED)):
+            _draw(over, v.time, values[:, j], whole, bottom, **style)
+        beside.axhline(0.0, color=DARK, linewidth=0.6)
+        _draw(beside, v.time, v.predicted[:, j] - v.measured[:, j], whole, bottom, color=VERMILLION, linewidth=0.9)
+        value_axis(over, f"position [{fit.unit}]")
+        value_axis(beside, f"difference [{fit.unit}]")
+        head(over, fit.joint)
+        head(beside, "", f"{1e3 * fit.position_error:.2g} m{fit.unit}, rms")
+    named = (("commanded", command), ("measured", MEASURED), ("predicted", PREDICTED))
+    legend_below(figure, [Line2D([], [], label=label, **style) for label, style in named])
     return figure
 
 

@@ -1,0 +1,95 @@
+"""Position-controlled servos in MuJoCo: logs of commands and measured positions, with a known truth."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from excite.logs.log import Log
+from regressors.samples import Array
+
+STEP = 0.00025  # of the simulation [s]
+RATE = 50.0  # of the log [Hz]
+ENCODER = 2 * np.pi / 4096  # its step [rad]
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Parameters of each servo, shape (n,)."""
+
+    K: Array  # kp [Nm/rad]
+    D: Array  # kv [Nm s/rad]
+    J: Array  # armature [kg m^2]
+    Fc: Array  # frictionloss [Nm]
+    L: Array  # forcerange [Nm]
+    b: Array  # of the encoder's zero [rad]
+    d: float  # delay of the commands [s]
+
+
+def random_truth(rng: np.random.Generator, n: int) -> Truth:
+    """Servos as desktop arms have them."""
+
+    def spread(middle: float) -> Array:
+        return np.asarray(middle * np.exp(rng.uniform(-0.4, 0.4, n)))
+
+    K = spread(15.0)
+    offset = rng.uniform(-0.01, 0.01, n)
+    return Truth(K, K * spread(0.04), spread(0.01), spread(0.1), spread(2.0), offset, float(rng.uniform(0.005, 0.04)))
+
+
+def plant(urdf: Path, joints: tuple[str, ...], truth: Truth) -> mujoco.MjModel:
+    """The arm of a URDF with these servos, without contacts."""
+    text = re.sub(r"<(visual|collision)>.*?</\1>", "", urdf.read_text(), flags=re.S)
+    spec = mujoco.MjSpec.from_string(text)
+    spec.option.timestep = STEP
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    for k, name in enumerate(joints):
+        joint = spec.joint(name)
+        joint.limited, joint.actfrclimited = 0, 0
+        actuator = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        actuator.set_to_position(kp=truth.K[k], kv=truth.D[k])
+        actuator.forcelimited, actuator.forcerange = 1, [-truth.L[k], truth.L[k]]
+    model = spec.compile()
+    place = [model.joint(name).dofadr[0] for name in joints]
+    model.dof_armature[place], model.dof_frictionloss[place], model.dof_damping[place] = truth.J, truth.Fc, 0.0
+    model.dof_solref[place] = [2 * STEP, 1.0]  # friction as stiff as the step allows, so that it hardly creeps
+    model.dof_solimp[place, :2] = 0.9999
+    return model
+
+
+def play(model: mujoco.MjModel, joints: tuple[str, ...], truth: Truth, command: Array, source: str) -> Log:
+    """What is measured while commands (N, n) are played at `RATE`, each held until the next."""
+    data = mujoco.MjData(model)
+    place = [model.joint(name).qposadr[0] for name in joints]
+    each, late = round(1 / RATE / STEP), round(truth.d / STEP)
+    data.qpos[place] = command[0]
+    rows = np.empty_like(command)
+    for k in range(-100 * each, len(command) * each):  # at rest before the log begins
+        if k >= 0 and k % each == 0:
+            rows[k // each] = data.qpos[place]
+        data.ctrl[:] = command[max(0, (k - late) // each)]
+        mujoco.mj_step(model, data)
+    measured = ENCODER * np.round((rows + truth.b) / ENCODER)
+    return Log(source, "", joints, np.arange(len(command)) / RATE, measured, command=command)
+
+
+def motion(rng: np.random.Generator, n: int, duration: float, middle: Array) -> Array:
+    """Commands: sums of sines, then transitions of 0.3 to 0.8 s between poses that are held, shape (N, n) [rad]."""
+    time = np.arange(round(duration * RATE)) / RATE
+    half = time.size // 2
+    frequency = rng.uniform(0.1, 1.2, (4, n))
+    phase, size = rng.uniform(0, 2 * np.pi, (4, n)), rng.dirichlet(np.ones(4), n).T * 0.6
+    waves = (size[:, None] * np.sin(2 * np.pi * frequency[:, None] * time[:half, None] + phase[:, None])).sum(axis=0)
+    pose, rows = waves[-1], [waves]
+    while sum(map(len, rows)) < time.size:
+        count, held = round(rng.uniform(0.3, 0.8) * RATE), round(rng.uniform(0.3, 1.5) * RATE)
+        share = np.linspace(0.0, 1.0, count + 1)[1:, None]
+        goal = rng.uniform(-0.6, 0.6, n)
+        rows.append(pose + (goal - pose) * (10 * share**3 - 15 * share**4 + 6 * share**5))
+        rows.append(np.repeat(goal[None], held, axis=0))
+        pose = goal
+    return middle + np.concatenate(rows)[: time.size]

@@ -1,0 +1,168 @@
+"""Identified servos: the record, and how well a predicted motion fits beside what the bare command says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from excite.identification.servo_response import QUANTITIES, SYMBOLS
+from excite.logs.log import Log, LogReference
+from excite.storage.records import read_record, write_record
+from excite.storage.result_folder import check_not_taken, result_folder
+from regressors.robot.robot import Robot
+from regressors.samples import Array
+
+KIND, SERVOS = "servos", "servos.json"
+_KNOWN = 0.5  # half of an interval over the value, up to which it is called known
+_DELAYS = np.arange(0.0, 0.3, 0.005)  # of a command [s]
+_LEAST_MOTION = 5.0  # encoder's steps
+
+
+@dataclass(frozen=True)
+class MotionFit:
+    """Errors of a joint's predicted motion, root mean square, beside those of the command [rad or m]."""
+
+    joint: str
+    unit: str
+    position_error: float  # of the simulated response
+    command_error: float  # of the command itself
+    delayed_error: float  # of the command with the best delay in hindsight
+    delay: float  # that delay [s]
+    step: float  # of the encoder
+    travel: float  # largest less smallest measured position
+
+    @property
+    def moves(self) -> bool:
+        """Whether the joint moves enough to judge its servo."""
+        return self.travel > _LEAST_MOTION * self.step
+
+    @property
+    def better(self) -> bool:
+        """Whether the servo predicts better than its command with the best delay, or as well as the encoder can say."""
+        return self.position_error <= max(self.delayed_error, self.step)
+
+
+def motion_fits(predicted: Sequence[tuple[Log, Array]], units: Sequence[str]) -> tuple[MotionFit, ...]:
+    """Errors of every joint over the rows of logs for which a position is predicted; NaN where none is."""
+    behind, left, q = [], [], []
+    for log, path in predicted:
+        assert log.command is not None
+        rows = np.flatnonzero(np.isfinite(path).all(axis=1))
+        late = np.searchsorted(log.time, log.time[rows, None] - _DELAYS, side="right") - 1
+        behind.append(log.command[np.maximum(late, 0)] - log.q[rows, None])
+        left.append(path[rows] - log.q[rows])
+        q.append(log.q[rows])
+    of_command, error = (np.sqrt(np.mean(np.concatenate(each) ** 2, axis=0)) for each in (behind, left))
+    fits = []
+    for j, joint in enumerate(predicted[0][0].joints):
+        best, measured = int(np.argmin(of_command[:, j])), np.concatenate(q)[:, j]
+        steps = np.diff(np.unique(measured))
+        alone, delayed = float(of_command[0, j]), float(of_command[best, j])
+        step = float(np.median(steps)) if steps.size else 0.0
+        travel = float(np.ptp(measured))
+        fits.append(MotionFit(joint, units[j], float(error[j]), alone, delayed, float(_DELAYS[best]), step, travel))
+    return tuple(fits)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ServoResult:
+    """Identified servos; the same when it is loaded.
+
+    Parameters
+    ----------
+    robot : Robot
+        The described arm, whose masses set the scale.
+    values : ndarray, shape (n, p)
+        Of each joint's servo, the quantities of `excite.identification.servo_response.QUANTITIES` [SI].
+    half_width : ndarray, shape (n, p)
+        Half of their 99 % intervals, from the scatter between windows.
+    fits : tuple of MotionFit
+        How well the windows are predicted that the servos were identified from.
+    logs : tuple of LogReference
+    windows : int
+        How many there were of each joint.
+    notes, doubts : tuple of str
+        What was assumed and found; why the result cannot be right.
+    provenance : mapping
+    """
+
+    listed: ClassVar[bool] = True
+    beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"servos": lambda result: result.stated}
+
+    robot: Robot
+    values: Array
+    half_width: Array
+    fits: tuple[MotionFit, ...]
+    logs: tuple[LogReference, ...]
+    windows: int
+    notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def known(self) -> Any:
+        """Which values the logs show: an interval of at most half the value to each side, shape (n, p)."""
+        return self.half_width <= _KNOWN * np.abs(self.values)
+
+    @property
+    def training(self) -> frozenset[str]:
+        """Hashes of the logs that the servos were identified from."""
+        return frozenset(log.sha256 for log in self.logs)
+
+    @property
+    def stated(self) -> dict[str, Any]:
+        """Every quantity by joint and name, with its unit and the half of its interval."""
+        return {
+            joint.name: {
+                q.name: {"value": value, "half_width": half, "unit": unit_of(q, joint.kind), "symbol": q.symbol}
+                for q, value, half in zip(QUANTITIES, values.tolist(), halves.tolist(), strict=True)
+            }
+            for joint, values, halves in zip(self.robot.joints, self.values, self.half_width, strict=True)
+        }
+
+    def of(self, symbol: str) -> Array:
+        """One quantity of all servos, shape (n,)."""
+        return np.asarray(self.values[:, SYMBOLS.index(symbol)])
+
+    def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
+        """Write ``servos.json`` into a folder, made if it does not exist.
+
+        Parameters
+        ----------
+        folder : path
+        replace : bool
+            Replace servos that are already there.
+
+        Returns
+        -------
+        list of Path
+            Files that were written.
+
+        Raises
+        ------
+        InputError
+            The folder holds servos, is being written by another process, or cannot be written to.
+        """
+        place = Path(folder)
+        with result_folder(place):
+            check_not_taken(place, SERVOS, "servos", replace=replace)
+            return write_record(self, KIND, place, KIND)
+
+    def __repr__(self) -> str:
+        """One line."""
+        return f"<ServoResult of {self.robot.name}: {len(self.values)} servos from {len(self.logs)} logs>"
+
+
+def unit_of(quantity: Any, kind: str) -> str:
+    """Unit of a quantity of a joint of some kind."""
+    return str(quantity.linear_unit if kind == "prismatic" else quantity.unit)
+
+
+def load_servos(path: str | Path) -> ServoResult:
+    """Load a ``servos.json``, or that of a folder."""
+    place = Path(path)
+    return read_record(place / SERVOS if place.is_dir() else place, ServoResult, KIND)

@@ -1,0 +1,436 @@
+"""Servos identified from what was commanded and what was measured: known masses take the place of torques.
+
+The linear form of `regressors.models.servo` gives values to start from; then the response of each servo, simulated
+over windows that begin as measured, is fitted to the measured positions. Residuals that stand out, such as those of an
+arm that touched something, count less. Intervals are from the scatter between windows.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import scipy.optimize
+import scipy.signal
+import scipy.special
+from threadpoolctl import threadpool_limits
+
+from excite.identification.estimator import CONFIDENCE
+from excite.identification.procedure import LogLike, read_logs
+from excite.identification.result import provenance_of
+from excite.identification.servo_response import LONGEST_DELAY, QUANTITIES, SYMBOLS, Windows, arm_torques, response
+from excite.identification.servo_result import ServoResult, motion_fits
+from excite.logs.log import Log
+from excite.logs.mapping import LogMapping
+from excite.tasks.installation import Installation
+from excite.tasks.robot_of_task import robot_and_task
+from regressors.arguments import checked
+from regressors.errors import InputError, listed_names
+from regressors.models.servo import UNKNOWNS, ServoModel
+from regressors.numerical import numerical_work
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Index, Samples
+
+
+@checked
+@numerical_work(
+    "the identification of the servos",
+    "commands and positions of very different sizes are the likely cause: check the units of the logs",
+)
+def identify_servos(
+    robot: Robot | str,
+    logs: LogLike | Sequence[LogLike],
+    /,
+    *,
+    mapping: LogMapping | str | Path | None = None,
+    drop: Iterable[str] = (),
+    base_link: str | None = None,
+    tip: str | None = None,
+    snap_angles: bool = True,
+    xacro: bool = False,
+    installation: Installation | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> ServoResult:
+    """Identify position-controlled servos from commanded and measured positions.
+
+    Parameters
+    ----------
+    robot : Robot or str
+        The arm, whose masses are known: they set the scale of all torques.
+    logs : Log, path, or a sequence of them
+        With commanded positions.
+    mapping : LogMapping or path, optional
+        How foreign files are laid out.
+    drop : iterable of str
+        Faulty rows of files to leave out, see `excite.logs.log_reading.read_log`.
+    base_link, tip, snap_angles, xacro, installation
+        See `excite.identify`.
+    progress : callable
+        Called with a description of each step.
+
+    Returns
+    -------
+    ServoResult
+
+    Raises
+    ------
+    InputError
+        Logs without commands, or too short; a robot whose masses are not known, or whose drives are coupled.
+    """
+    began, cpu = time.monotonic(), time.process_time()
+    whole, _ = robot_and_task(robot, base_link, tip, installation, snap_angles, xacro)
+    with threadpool_limits(1):
+        motions = [servo_motion(log, whole) for log in read_logs(logs, whole, mapping, tuple(drop), progress)]
+        start, estimates = start_values(motions, whole), []
+        places = windows_in(motions)
+        windows = [windows_of(motions, places, j) for j in range(whole.n)]
+        for name, each, first in zip(whole.joint_names, windows, start, strict=True):
+            progress(f"fitting the servo of {name}")
+            estimates.append(fit_servo(each, first))
+        for _ in range(_REPEATS):
+            progress("fitting all servos together")
+            windows = along_response(windows, estimates, whole)
+            pairs = zip(windows, estimates, start, strict=True)
+            estimates = [fitted(each, estimate.values, first, _AGAIN) for each, estimate, first in pairs]
+    values, deviation = (np.array([getattr(e, name) for e in estimates]) for name in ("values", "deviation"))
+    quantile = scipy.special.stdtrit(len(places.first) - len(QUANTITIES), 0.5 + CONFIDENCE / 2)
+    units = [unit for _, unit in ServoModel(whole).row_labels]
+    paths = [np.full_like(motion.log.q, np.nan) for motion in motions]
+    left = np.stack([estimate.residuals for estimate in estimates], axis=-1)
+    for path, rows, each in zip((paths[k] for k in places.log), places.rows, left, strict=True):
+        path[rows] = each
+    predicted = [(motion.log, motion.log.q + path) for motion, path in zip(motions, paths, strict=True)]
+    spent = time.monotonic() - began, time.process_time() - cpu
+    result = ServoResult(
+        whole,
+        values,
+        quantile * deviation,
+        motion_fits(predicted, units),
+        tuple(motion.log.reference for motion in motions),
+        len(places.first),
+        provenance=provenance_of(spent, mapping, tuple(drop), 0),
+    )
+    return replace(result, notes=_notes(result), doubts=_doubts(result))
+
+
+def _notes(result: ServoResult) -> tuple[str, ...]:
+    """What the logs do not show, and what is not in the model."""
+    notes = []
+    only = [
+        name
+        for name, known in zip(result.robot.joint_names, result.known, strict=True)
+        if not known[SYMBOLS.index("K")]
+    ]
+    if only:
+        notes.append(
+            f"{listed_names(only)}: the known masses hardly load the joint, so that of stiffness, damping, friction "
+            "and inertia only the ratios are shown; hold a known mass in further logs, at several poses"
+        )
+    return tuple(notes)
+
+
+def _doubts(result: ServoResult) -> tuple[str, ...]:
+    """Joints whose command with a delay predicts better."""
+    worse = [fit for fit in result.fits if fit.moves and not fit.better]
+    return tuple(
+        f"{fit.joint}: the servo predicts the logs that it is identified from within {fit.position_error:.3g} "
+        f"{fit.unit}, the command alone, {fit.delay:.3g} s late, within {fit.delayed_error:.3g} {fit.unit}"
+        for fit in worse
+    )
+
+
+_WINDOW = 2.0  # [s]
+_MOST_WINDOWS = 150
+_SMOOTHED = 0.12  # over which positions are fitted by cubics for their derivatives [s]
+_GAP = 1.5  # median steps
+
+
+@dataclass(frozen=True, eq=False)
+class ServoMotion:
+    """A log, with what the described arm needs along the measured motion."""
+
+    log: Log
+    samples: Samples  # measured, with smoothed derivatives
+    load: Array  # (N, n) torque that gravity and the other joints need [Nm or N]
+    inertia: Array  # (N, n) own inertia of the arm at the joint
+
+    @property
+    def command(self) -> Array:
+        """Commanded positions, shape (N, n)."""
+        assert self.log.command is not None
+        return self.log.command
+
+
+def servo_motion(log: Log, robot: Robot) -> ServoMotion:
+    """Motion of a log that has commands."""
+    log = log.of(robot.joint_names)
+    if log.command is None:
+        raise InputError(
+            f"{log.source} has no commanded positions, which the model servo needs: columns NAME.command, or "
+            "`command:` in the mapping"
+        )
+    step = log.duration / (log.count - 1)
+    q, dq, ddq = derivatives(log.q, step)
+    samples = Samples(log.time, log.q, dq, ddq, np.zeros_like(q))
+    return ServoMotion(log, samples, *arm_torques(robot)(q, dq, ddq))
+
+
+def derivatives(q: Array, step: float) -> tuple[Array, Array, Array]:
+    """Positions, velocities and accelerations of cubics through the rows about each."""
+    rows = max(5, 2 * round(_SMOOTHED / step / 2) + 1)
+    if len(q) < rows:
+        raise InputError(f"{len(q)} rows without a gap are too few; a servo needs {rows} or more")
+    q, dq, ddq = (scipy.signal.savgol_filter(q, rows, 3, order, step, axis=0) for order in range(3))
+    return q, dq, ddq
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where windows are: of as many rows each."""
+
+    log: Index  # (w,) number of the log
+    first: Index  # (w,) first row
+    count: int  # rows of each
+    lead: int  # rows before, of commands
+
+    @property
+    def rows(self) -> Index:
+        """Rows of every window, shape (w, T)."""
+        return self.first[:, None] + np.arange(self.count)
+
+
+def windows_in(motions: Sequence[ServoMotion]) -> Places:
+    """Windows without a gap, of all logs; of many, some that are spread evenly."""
+    steps = [float(np.median(np.diff(motion.log.time))) for motion in motions]
+    rows, lead = max(3, round(_WINDOW / min(steps))), int(np.ceil(LONGEST_DELAY / min(steps))) + 1
+    places = []
+    for number, (motion, step) in enumerate(zip(motions, steps, strict=True)):
+        gaps = np.diff(motion.log.time) > _GAP * step
+        starts = range(lead, motion.log.count - rows + 1, rows)
+        places += [(number, first) for first in starts if not gaps[first - lead : first + rows - 1].any()]
+    if len(places) <= len(QUANTITIES):
+        names = ", ".join(motion.log.source for motion in motions)
+        raise InputError(
+            f"{names}: {len(places)} windows of {_WINDOW:g} s without a gap are too few for the {len(QUANTITIES)} "
+            "unknowns of each servo; give longer logs"
+        )
+    chosen = np.unique(np.linspace(0, len(places) - 1, min(_MOST_WINDOWS, len(places))).round().astype(int))
+    log, first = np.array(places)[chosen].T
+    return Places(log, first, rows, lead)
+
+
+def windows_of(motions: Sequence[ServoMotion], places: Places, joint: int) -> Windows:
+    """The windows of one joint."""
+
+    def cut(values: Callable[[ServoMotion], Array], before: int = 0) -> Array:
+        pairs = zip(places.log, places.first, strict=True)
+        return np.array([values(motions[k])[first - before : first + places.count, joint] for k, first in pairs])
+
+    ends = [motions[k].log.time[rows[[0, -1]]] for k, rows in zip(places.log, places.rows, strict=True)]
+    return Windows(
+        np.diff(ends, axis=1)[:, 0] / (places.count - 1),
+        cut(lambda m: m.command, places.lead),
+        cut(lambda m: m.load),
+        cut(lambda m: m.inertia),
+        cut(lambda m: m.log.q),
+        cut(lambda m: m.samples.dq)[:, 0],
+    )
+
+
+def along_response(windows: Sequence[Windows], estimates: Sequence[ServoEstimate], robot: Robot) -> list[Windows]:
+    """The windows with what the arm needs along the motion of the fitted servos, whose derivatives have no noise."""
+    q = np.stack([w.measured + e.residuals for w, e in zip(windows, estimates, strict=True)], axis=-1)  # (w, T, n)
+    step = windows[0].step[:, None, None]
+    dq = np.gradient(q, axis=1) / step
+    ddq = np.gradient(dq, axis=1) / step
+    needed = arm_torques(robot)(*(each.reshape(-1, robot.n) for each in (q, dq, ddq)))
+    load, inertia = (each.reshape(q.shape) for each in needed)
+    return [replace(w, load=load[..., j], inertia=inertia[..., j]) for j, w in enumerate(windows)]
+
+
+_DELAYS = np.arange(0.0, 0.11, 0.01)  # [s]
+_MOVES = 0.2  # of the typical speed, from which on friction has its direction
+
+
+def start_values(motions: Sequence[ServoMotion], robot: Robot) -> Array:
+    """Values from the linear form, by the delay that explains the rows of moving joints best, shape (n, p)."""
+    model = ServoModel(robot)
+    W = np.concatenate([model.instants(m.samples).reshape(-1, robot.n, UNKNOWNS * robot.n) for m in motions])
+    behind = [np.concatenate([_delayed(m, delay) - m.samples.q for m in motions]) for delay in _DELAYS]
+    linear, late = np.empty((robot.n, UNKNOWNS)), np.empty(robot.n)
+    told = np.zeros(robot.n, dtype=bool)
+    for j in range(robot.n):
+        block = W[:, j, UNKNOWNS * j : UNKNOWNS * (j + 1)]
+        moves = np.abs(block[:, 1]) > _MOVES * np.sqrt(np.mean(block[:, 1] ** 2))
+        fits = [
+            scipy.optimize.lsq_linear(block[moves], each[moves, j], ([0.0] * 4 + [-np.inf], np.inf)) for each in behind
+        ]
+        best = int(np.argmin([fit.cost for fit in fits]))
+        linear[j], late[j] = fits[best].x, _DELAYS[best]
+        told[j] = linear[j, 0] * np.ptp(block[moves, 0]) > _TELLS * np.std(behind[best][moves, j])
+    stiffness = 1.0 / np.maximum(linear[:, 0], 1e-9)
+    usual = float(np.median(stiffness[told])) if told.any() else _USUAL
+    largest = np.abs(behind[0]).max(axis=0)
+    return np.array(
+        [
+            _of_linear(float(np.clip(K if tells else usual, *_STIFFNESS)), *each)
+            for K, tells, *each in zip(stiffness, told, linear, late, largest, strict=True)
+        ]
+    )
+
+
+def _delayed(motion: ServoMotion, delay: float) -> Array:
+    """Commands that were given some time before each row."""
+    time = motion.log.time
+    return motion.command[np.maximum(np.searchsorted(time, time - delay, side="right") - 1, 0)]
+
+
+_STIFFNESS = (1.0, 1e4)  # to start from [Nm/rad]
+_USUAL = 20.0  # where no joint's load tells it
+_TELLS = 0.5  # of how far the joint stays behind, from which on its load's part tells the stiffness
+
+
+def _of_linear(K: float, x: Array, delay: float, largest: float) -> Array:
+    """Values of all quantities from a stiffness and those of the linear form."""
+    given = {"K": K, "D": K * x[1], "J": K * x[2], "Fc": K * x[3], "b": x[4], "d": delay, "L": 2.0 * K * largest}
+    return np.array([np.clip(given.get(q.symbol, 0.1 * q.size), q.least, q.most) for q in QUANTITIES])
+
+
+@dataclass(frozen=True, eq=False)
+class ServoEstimate:
+    """Unknowns of one servo."""
+
+    values: Array  # (p,)
+    deviation: Array  # (p,)
+    residuals: Array  # (w, T) simulated less measured [rad or m]
+
+
+_GUESSES, _SPREAD = 192, 1.0  # values to start from, and the deviation of their logarithms
+_LIMITED = (0.05, 2.0)  # of the largest torque of the motor: torque limits to start from
+_TRIED, _TAKEN = 3, 12  # of the guesses, and iterations
+_CONTINUED, _REPEATS, _AGAIN = 40, 2, 15  # iterations, and those with the motion of the fitted servos
+_LIMITS = tuple(np.array([getattr(q, end) for q in QUANTITIES]) for end in ("least", "most"))
+_K, _L = SYMBOLS.index("K"), SYMBOLS.index("L")
+_LATER = [SYMBOLS.index(symbol) for symbol in ("Fs", "mu", "delta")]  # what is small, and fitted after the rest
+
+
+def fit_servo(windows: Windows, start: Array) -> ServoEstimate:
+    """Fit the simulated response to the measured positions by robust least squares.
+
+    Values to start from are the best of many about those of the linear form, seeded. Where no load tells the scale of
+    torques, the stiffness stays about that of the start, within a factor of e.
+    """
+    rng = np.random.default_rng(0)
+    factors = np.exp(_SPREAD * rng.standard_normal((_GUESSES, start.size)))
+    factors[:, _L] = factors[:, _K] * np.exp(rng.uniform(*np.log(_LIMITED), _GUESSES)) / _LIMITED[1]
+    factors[:, _LATER] = 1.0
+    factors[0] = 1.0
+    guesses = np.clip(start * factors, *_LIMITS)
+    errors = np.concatenate([np.abs(_residuals(windows, few)).mean(axis=(1, 2)) for few in np.split(guesses, 4)])
+    best = guesses[np.argsort(errors, kind="stable")[:_TRIED]]
+    tried = np.array([_descend(windows, each, start[_K], _TAKEN, _LATER)[0] for each in best])
+    x = tried[np.argmin(np.abs(_residuals(windows, tried)).mean(axis=(1, 2)))]
+    return fitted(windows, x, start, _CONTINUED)
+
+
+def fitted(windows: Windows, x: Array, start: Array, iterations: int) -> ServoEstimate:
+    """The fit that some iterations from given values lead to."""
+    x, J, left, scale = _descend(windows, x, start[_K], iterations)
+    return ServoEstimate(x, np.sqrt(_variance(left, J, scale)), left)
+
+
+_STEPS = 5e-3  # of the size of each quantity, for differences
+_STANDS_OUT = 2.0  # deviations from which on a residual counts less
+_DAMPINGS = np.array([0.0, 1e-6, 1e-4, 1e-2, 1.0, 100.0])  # of Levenberg and Marquardt, tried at once
+_PROGRESS = 1e-6  # of the cost, from which on it goes on
+
+
+def _descend(
+    windows: Windows, x: Array, about: float, iterations: int, fixed: Sequence[int] = ()
+) -> tuple[Array, Array, Array, float]:
+    """Values, derivatives and residuals there, and the residual that stands out, after some steps.
+
+    Of each step the best of several lengths is taken. Values at a limit stay there while the cost falls beyond it.
+    """
+    least, most = _LIMITS
+    x = np.clip(x, least, most)
+    left, scale, stalled = _residuals(windows, x[None])[0], 0.0, False
+    for _ in range(iterations):
+        J, scale = _slopes(windows, x, left), _STANDS_OUT * _noise(left)
+        weight = 1.0 / np.sqrt(1.0 + (left.ravel() / scale) ** 2)
+        gradient, H = J.T @ (weight * left.ravel()) / scale**2, J.T @ (weight[:, None] * J) / scale**2
+        shown = np.diag(H) > 0
+        gradient[_K] += np.log(x[_K] / about) / x[_K]
+        H[_K, _K] += 1.0 / x[_K] ** 2
+        held = ((x <= least) & (gradient > 0)) | ((x >= most) & (gradient < 0)) | ~shown
+        held[list(fixed)] = True
+        free = np.flatnonzero(~held)
+        trials = np.repeat(x[None], len(_DAMPINGS), axis=0)
+        size = np.sqrt(np.diag(H)[free])
+        value, vector = np.linalg.eigh(H[np.ix_(free, free)] / np.outer(size, size))
+        along = vector.T @ (gradient[free] / size)
+        for trial, damping in zip(trials, _DAMPINGS, strict=True):
+            trial[free] -= vector @ (along / np.maximum(value + damping, _FLAT * value[-1])) / size
+        trials = np.clip(trials, least, most)
+        paths = _residuals(windows, trials)
+        costs = _cost(paths, scale) + np.log(trials[:, _K] / about) ** 2 / 2
+        best, before = int(np.argmin(costs)), float(_cost(left[None], scale)[0] + np.log(x[_K] / about) ** 2 / 2)
+        if costs[best] < before:
+            x, left = trials[best], paths[best]
+        if costs[best] > (1.0 - _PROGRESS) * before:
+            if stalled:
+                break
+            stalled = True
+    return x, _slopes(windows, x, left), left, scale
+
+
+def _cost(left: Array, scale: float) -> Array:
+    """``sum(sqrt(1 + (r / s)^2) - 1)`` of each variant, shape (B,)."""  # left (B, w, T)
+    return np.asarray((np.sqrt(1.0 + (left / scale) ** 2) - 1.0).sum(axis=(1, 2)))
+
+
+def _residuals(windows: Windows, values: Array) -> Array:
+    """Simulated less measured positions of B variants, shape (B, w, T)."""  # values (B, p)
+    return np.asarray(response(values[:, None], windows) - windows.measured)
+
+
+def _slopes(windows: Windows, x: Array, left: Array) -> Array:
+    """Derivatives of all residuals, shape (w T, p), by differences away from the nearer limit."""
+    least, most = _LIMITS
+    size = np.array([q.size * (x[0] / QUANTITIES[0].size if q.scales else 1.0) for q in QUANTITIES])
+    steps = _STEPS * size * np.where(x - least < most - x, 1.0, -1.0)
+    paths = _residuals(windows, x + np.diag(steps))
+    return np.asarray(((paths - left).reshape(x.size, -1) / steps[:, None]).T)
+
+
+_LEAST_NOISE = 1e-6  # [rad or m]
+
+
+def _noise(residuals: Array) -> float:
+    """Deviation of residuals, of which a few may stand out."""
+    return max(_LEAST_NOISE, 1.4826 * float(np.median(np.abs(residuals))))
+
+
+_FLAT = 1e-12  # of the steepest direction, below which a direction counts as not shown at all
+
+
+def _variance(left: Array, J: Array, scale: float) -> Array:
+    """Variances of a robust fit whose residuals are alike within a window, shape (p,).
+
+    Of ``H^-1 (sum_w g_w g_w') H^-1``; and of ``s^2 H^-1``, which is larger where a direction is hardly shown.
+    """
+    # left (w, T); J (w T, p)
+    z = 1.0 + (left.ravel() / scale) ** 2
+    influence, slope = left.ravel() / np.sqrt(z), z**-1.5
+    size = np.sqrt((J**2).sum(axis=0))
+    size[size == 0.0] = 1.0
+    J = J / size
+    value, vector = np.linalg.eigh(J.T @ (slope[:, None] * J))
+    inverse = (vector / np.maximum(value, _FLAT * value[-1])) @ vector.T
+    g = (J * influence[:, None]).reshape(len(left), -1, J.shape[1]).sum(axis=1)
+    count, p = len(left), J.shape[1]
+    between = np.diag(inverse @ (g.T @ g) @ inverse) * count / max(1, count - p)
+    return np.asarray(np.maximum(between, np.mean(influence**2) * np.diag(inverse)) / size**2)

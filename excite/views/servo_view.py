@@ -1,0 +1,77 @@
+"""What is shown of servos: their quantities with intervals, and the errors of the motion that they predict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import PurePath
+
+from excite.identification.servo_response import QUANTITIES
+from excite.identification.servo_result import MotionFit, ServoResult, unit_of
+from excite.verification.verify_servos import ServoVerification
+from excite.views.view import Drawing, View, ViewTable, headed
+from regressors.errors import listed_names
+
+_MOTION = Drawing("Predicted and measured motion", "motion", "verification_plots.servo_motion_figure")
+_QUANTITIES, _MOTIONS = "Servos with their 99 % intervals", "Predicted motion, and what the bare command predicts"
+
+
+def servos_view(result: ServoResult) -> View:
+    """View of identified servos."""
+    count, known = result.known.size, int(result.known.sum())
+    return View(
+        kind="servos",
+        title=f"servos of {result.robot.name}",
+        verdict=f"Identified {len(result.values)} servos of {result.robot.name}: the logs show {known} of {count} "
+        "quantities",
+        holds=not result.doubts,
+        against=tuple(f"doubt: {doubt}" for doubt in result.doubts),
+        summary=(f"from {result.windows} windows of {listed_names([log.file for log in result.logs])}",),
+        remarks=(*result.notes, *(f"{log.file}: {text}" for log in result.logs for text in log.left_out)),
+        tables=(_errors(result.fits), _quantities(result)),
+        facts={"robot": result.robot.name, "robot_sha256": result.robot.sha256()},
+    )
+
+
+def _quantities(result: ServoResult) -> ViewTable:
+    rows = tuple(
+        (joint.name, q.name, q.symbol, value, half, unit_of(q, joint.kind), "yes" if known else "no")
+        for joint, *numbers in zip(result.robot.joints, result.values, result.half_width, result.known, strict=True)
+        for q, value, half, known in zip(QUANTITIES, *(each.tolist() for each in numbers), strict=True)
+    )
+    columns = headed("*joint:text, *quantity:text, symbol:text, *value:4, *+-:2, *unit:unit, *shown:text")
+    return ViewTable("quantities", _QUANTITIES, columns, rows, most=12)
+
+
+def _errors(fits: Sequence[MotionFit]) -> ViewTable:
+    rows = tuple(
+        (f.joint, f.position_error, f.delayed_error, f.delay, f.command_error, f.unit, _judged(f)) for f in fits
+    )
+    columns = headed(
+        "*joint:text, *error:3, *of the delayed command:3, *delay [s]:2, *of the command:3, *unit:unit, *this log:text"
+    )
+    return ViewTable("motions", _MOTIONS, columns, rows, most=12)
+
+
+def _judged(fit: MotionFit) -> str:
+    if not fit.moves:
+        return "cannot judge"
+    return "confirms" if fit.better else "contradicts"
+
+
+def servo_verification_view(verification: ServoVerification, name: str = "") -> View:
+    """View of a verification of servos, whose files begin with a name."""
+    v = verification
+    name = name or f"verification-{PurePath(v.log.file).stem}"
+    return View(
+        kind="verification",
+        title=f"verification on {v.log.file}",
+        verdict=v.verdict,
+        holds=v.holds,
+        summary=("errors are root mean squares of the motion that follows from the commands alone",),
+        remarks=v.log.left_out,
+        tables=(_errors(v.fits),),
+        figures=(_MOTION.of(v),) if len(v.time) else (),
+        filed=name,
+        stem=f"{name}_",
+        facts={"robot": v.robot.name, "robot_sha256": v.robot.sha256(), "log": v.log.file, "log_sha256": v.log.sha256},
+    )
