@@ -178,7 +178,7 @@ def test_joints_of_servo_folders_are_those_of_the_robot_from_the_base_on(tmp_pat
     log = excite.read_log(servos(tmp_path / "s", 7), robot=shorter)
     assert log.joints == shorter.joint_names
     np.testing.assert_array_equal(log.command, motion(7).q[:, :6] + 0.1)
-    assert "Positions of 1 further joint are not those of the robot" in log.left_out[-1]
+    assert "1 further number in each list is of no joint of the robot" in log.left_out[-1]
     with pytest.raises(InputError, match=r"Which of the 7 joints of panda .* are the 3 of the recording \(1, 2, 3\)\?"):
         excite.read_log(servos(tmp_path / "s", 3), robot=robot)
 
