@@ -191,8 +191,8 @@ class _Guessing:
         else:
             units, unlike = self._units(chosen, robot)
             speed = chosen.get("velocity")
-            if speed is not None and speed.why == SAGE and (unlike or units["velocity"].level == UNKNOWN):
-                why = unlike or units["velocity"].why  # positions of servos may be scaled, and their velocities not
+            if speed is not None and speed.why == SAGE and (unlike or units["position"].level == UNKNOWN):
+                why = unlike or units["position"].why  # positions of servos may be scaled, and their velocities not
                 self.tell("velocity", f"velocities that disagree with the positions are not used: {why}.")
                 del chosen["velocity"]
                 units, unlike = self._units(chosen, robot)
