@@ -223,7 +223,7 @@ def test_servo_folders_without_rows_or_with_unlike_lists_are_refused(tmp_path: P
     assert "1 row of control.csv of another type left out" in excite.read_log(path.parent).left_out
     for content, message in (
         (good.replace("CONTROL", "STATE"), r"control\.csv: expected rows of the type CONTROL, with lists"),
-        (re.sub(r", [^,]*\]", "]", good), "control and state_motor have lists of different lengths"),
+        (re.sub(r", [^,]*\]", "]", good), "state_motor.csv have lists of different lengths"),
         (re.sub(r"\[.*\]", "[]", good), r"control\.csv: expected rows of the type CONTROL, with lists"),
         ("type,timestamp,positions\n", r"control\.csv: expected rows of the type CONTROL, with lists"),
     ):
