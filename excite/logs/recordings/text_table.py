@@ -298,9 +298,8 @@ def _servos(path: Path, drop: Collection[str] = _FAULTS) -> tuple[Contents, dict
         streams.append(StreamContents(stem, (clock, *meanings), time.size, (clock,), meanings, {clock: "us"}))
         joints.add(last)
     if len(joints) > 1:
-        raise InputError(
-            f"{path}: {' and '.join(_SERVO_FILES)} have lists of different lengths, of one number per joint"
-        )
+        what = "control.csv and state_motor.csv have lists of different lengths"
+        raise InputError(f"{path}: {what}; expected one number for each joint in both")
     form = "folder of sage: commands and states of servos"
     return Contents(str(path), form, tuple(streams), tuple(notes)), columns
 
