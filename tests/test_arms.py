@@ -65,6 +65,7 @@ ARMS = (
     PublicArm("panda", "panda"),
     PublicArm("ur10e", "ur10e"),
     PublicArm("iiwa7", "iiwa7", reason="inertia"),
+    PublicArm("so101", "so101"),
     PublicArm("panda with hand", "panda_description/urdf/panda.urdf"),
     PublicArm("ur3", "ur_description/urdf/ur3_robot.urdf"),
     PublicArm("ur5", "ur_description/urdf/ur5_robot.urdf"),

@@ -188,7 +188,8 @@ def recorded_log(
         notes.append(f"{counted(outside, 'row')} before or after what other streams recorded not used")
     rows = keep[inside]
     time, numbers = base.time[rows], base.rows[rows]
-    values = _aligned(time, others, base, rows)
+    there = replace(base, time=base.time[keep], values=base.values[keep])
+    values = _aligned(time, [there if one is base else one for one in others])
     notes += _rates(base, others)
     bridged = _bridged(time, [one for one in others if not np.array_equal(one.time, base.time)])
     own = recording_sha256(path)
@@ -251,28 +252,17 @@ def _inside(source: str, time: Array, others: Sequence[Sampled]) -> NDArray[np.b
                 f"{one.time[-1]:.6g} s, the positions from {time[0]:.6g} to {time[-1]:.6g} s; one clock should have "
                 "stamped both"
             )
-        inside &= (time >= one.time[0]) & (time <= _last(one))
+        inside &= (time >= one.time[0]) & (within | (one.channel == _HELD))
     return inside
 
 
-def _aligned(time: Array, others: Sequence[Sampled], base: Sampled, rows: Index) -> dict[str, Any]:
-    """Values of each channel at the instants of the positions."""
+def _aligned(time: Array, others: Sequence[Sampled]) -> dict[str, Any]:
+    """Values of each channel at the instants of the positions: commands hold, the rest is interpolated linearly."""
     values = {name: np.empty((time.size, n)) for name, n in Counter(one.channel for one in others).items()}
     for one in others:
-        alike = one.time is base.time or (one.stream == base.stream and np.array_equal(one.rows, base.rows))
-        column = one.values[rows] if alike and one.time.size == base.time.size else None
-        values[one.channel][:, one.place] = _onto(time, one) if column is None else column
+        at = held_values(one.time, one.values, time) if one.channel == _HELD else np.interp(time, one.time, one.values)
+        values[one.channel][:, one.place] = at
     return values
-
-
-def _onto(time: Array, one: Sampled) -> Array:
-    """Values at other instants: those of commands hold, all others are interpolated linearly."""
-    return held_values(one.time, one.values, time) if one.channel == _HELD else np.interp(time, one.time, one.values)
-
-
-def _last(one: Sampled) -> float:
-    """Instant after which values are unknown: a command holds on."""
-    return np.inf if one.channel == _HELD else float(one.time[-1])
 
 
 def _rates(base: Sampled, others: Sequence[Sampled]) -> list[str]:
@@ -281,8 +271,7 @@ def _rates(base: Sampled, others: Sequence[Sampled]) -> list[str]:
     for one in others:
         if not np.array_equal(one.time, base.time):
             own, rate = (1.0 / np.median(np.diff(each.time)) for each in (one, base))
-            delay = "a constant delay between them is estimated by identification"
-            how, more = "interpolated linearly", f"; {delay}"
+            how, more = "interpolated linearly", "; a constant delay between them is estimated by identification"
             if one.channel == _HELD:
                 after = int(np.count_nonzero(base.time > one.time[-1]))
                 how, more = "held", f"; {counted(after, 'row')} after the last one" * bool(after)
@@ -302,21 +291,11 @@ def with_further_files(log: Log, path: Path, mapping: LogMapping, drop: frozense
 
 def _with_file(log: Log, path: Path, file: str, mapping: LogMapping, drop: frozenset[str], zero: float) -> Log:
     others, notes, _ = _of_file(path, file, mapping, drop, zero)
-    first, last = max(one.time[0] for one in others), min(one.time[-1] for one in others)
-    inside = (log.time >= first) & (log.time <= min(_last(one) for one in others))
-    if np.count_nonzero(inside & (log.time <= last)) < 2:
-        raise InputError(
-            f"{path} is from {first:.6g} to {last:.6g} s, {log.source} from {log.time[0]:.6g} to "
-            f"{log.time[-1]:.6g} s; one clock should have stamped both"
-        )
-    new = log.time[inside]
-    columns: dict[str, list[Array]] = {}
-    for one in others:
-        columns.setdefault(one.channel, []).append(_onto(new, one))
-    channels: dict[str, Any] = {name: np.column_stack(each) for name, each in columns.items()}
+    inside = _inside(str(path), log.time, others)
+    channels = _aligned(log.time[inside], others)
     outside = int(np.count_nonzero(~inside))
     rows = max(one.time.size for one in others)
-    how = "held" if columns.keys() == {_HELD} else "interpolated linearly"
+    how = "held" if channels.keys() == {_HELD} else "interpolated linearly"
     note = f"{path.name}: {rows} rows, {how} onto the {np.count_nonzero(inside)} of the positions"
     note += f"; {outside} of these are before or after it and are not used" * bool(outside)
     both = sha256(f"{log.sha256} {recording_sha256(path)}".encode()).hexdigest()

@@ -15,11 +15,12 @@ from hypothesis import given, settings, strategies as st
 from public_arms import ARMS, Arm
 
 from constraints.geometry import Box, HalfSpace, Obstacle, Part, enclosing_capsule, enclosing_cylinder
-from constraints.shapes import MeshError, collada_triangles, mesh_corners, urdf_shape
+from constraints.shapes import MeshError, collada_triangles, mesh_corners, urdf_meshes, urdf_shape
 from constraints.world_file import read_world, world_of
 from excite.cli.main import cli
 from excite.design.task_file import read_task_file, task_from_options
 from regressors.errors import InputError
+from regressors.readers.library import built_in
 from regressors.readers.urdf import read_urdf
 from regressors.robot.shapes import Capsule
 
@@ -322,3 +323,20 @@ def test_nodes_that_stand_for_too_many_are_refused(tmp_path: Path, monkeypatch: 
     (tmp_path / "m.dae").write_text(text.replace(geometry, node.format(39)))
     with pytest.raises(MeshError, match=r"m\.dae: its nodes stand for more than 10000 nodes"):
         collada_triangles(tmp_path / "m.dae")
+
+
+def test_so101_capsules_contain_its_meshes() -> None:
+    arm = next(arm for arm in ARMS if arm.id == "so101")
+    robot, points = built_in("so101"), dict[str, list[np.ndarray]]()
+    for mesh in urdf_meshes(arm.path, read_urdf(arm.path, tip=arm.tip)).meshes:
+        points.setdefault(mesh.link, []).append(mesh.triangles.reshape(-1, 3))
+    assert len(points) == 7
+    for link, meshes in points.items():
+        corners = np.unique(np.vstack(meshes), axis=0)
+        outside = np.full(len(corners), np.inf)
+        for part in (part for part in robot.shapes if part.link == link):
+            start, along = np.array(part.capsule.start), np.subtract(part.capsule.end, part.capsule.start)
+            share = np.clip((corners - start) @ along / (along @ along), 0.0, 1.0)
+            distance = np.linalg.norm(corners - start - share[:, None] * along, axis=1)
+            outside = np.minimum(outside, distance - part.capsule.radius)
+        assert outside.max() <= 0.0

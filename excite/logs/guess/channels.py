@@ -304,7 +304,7 @@ def _joint_names(group: ChannelGroup, robot: Robot | None, ask: Ask) -> tuple[st
     listed, names = first_names(group.joints), ", ".join(robot.joint_names)
     if len(group.joints) < robot.n:
         which = f"Which of the {robot.n} joints of {robot.name} ({names}) are the {len(group.joints)} of the recording"
-        ask("", f"{which} ({listed})? Name them in this order (`joints` in a mapping)")
+        ask("", f"{which} ({listed})? Name them in this order (joints: [...])")
     elif len(group.joints) > robot.n:
         ask(
             "",

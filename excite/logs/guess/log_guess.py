@@ -29,6 +29,7 @@ from excite.logs.guess.units import (
     time_units,
     velocity_ratios,
 )
+from excite.logs.log import counted
 from excite.logs.mapping import SECONDS, LogMapping
 from excite.logs.recorded_log import seconds_of
 from excite.logs.recordings.formats import preloaded, recording_format
@@ -190,8 +191,8 @@ class _Guessing:
         else:
             units, unlike = self._units(chosen, robot)
             speed = chosen.get("velocity")
-            if speed is not None and speed.why == SAGE and (unlike or units["velocity"].level == UNKNOWN):
-                why = unlike or units["velocity"].why  # positions of servos may be scaled, and their velocities not
+            if speed is not None and speed.why == SAGE and (unlike or units["position"].level == UNKNOWN):
+                why = unlike or units["position"].why  # positions of servos may be scaled, and their velocities not
                 self.tell("velocity", f"velocities that disagree with the positions are not used: {why}.")
                 del chosen["velocity"]
                 units, unlike = self._units(chosen, robot)
@@ -270,9 +271,10 @@ class _Guessing:
             self.tell(quantity, f"{what}, {f'as {group.why} defines' if group.why else group.how}.")
             if quantity == "effort" and group.why == JOINT_STATE:
                 self.tell(quantity, _CURRENTS)
-            defined = [one.quantity for stream in self.contents.streams for one in stream.meanings.values()]
-            if group.why == SAGE and (more := defined.count(quantity) - len(group.columns)):
-                self.tell(quantity, f"{plural} of {more} further joint{'s' * (more > 1)} are not those of the robot.")
+            if group.why == SAGE and quantity == "position":
+                lists = [one for stream in self.contents.streams for one in stream.meanings.values()]
+                if more := sum(one.quantity == quantity for one in lists) - len(group.columns):
+                    self.tell(quantity, f"{counted(more, 'further number')} in each list is of no joint of the robot.")
             if group.guessed and quantity == "position":
                 self.ask(quantity, f"Are the positions of all joints {group.span}?")
             if found.level != STATED:

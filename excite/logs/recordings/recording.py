@@ -133,7 +133,7 @@ class RecordingFormat:
     # fields of `excite.logs.mapping.LogMapping` that say how such a file is laid out; none for most formats
     mapping_fields: Callable[[Path], Mapping[str, object]] = lambda _: {}
     # refuses faulty rows of a file, all of which `read` leaves out, but for the kinds that are to be dropped
-    check: Callable[[Path, frozenset[str]], None] = lambda *_: None
+    check: Callable[[Path, frozenset[str]], object] = lambda *_: None
 
 
 def check_table(source: Path, rows: float, columns: float, copies: float = _COPIES) -> None:

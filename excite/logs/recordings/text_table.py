@@ -21,7 +21,7 @@ import csv
 import json
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -262,7 +262,6 @@ def maker_of(titles: Sequence[str]) -> TextMaker | None:
 TEXT = RecordingFormat("text", _is_text, _contents, _read, partial(_read, most=_GLANCED), _mapping_fields)
 
 _SERVO_FILES = {"control": "CONTROL", "state_motor": "STATE_MOTOR"}  # types of the rows by the names of the files
-_SERVO_HEAD = "type,timestamp,positions"
 _SERVO_LISTS = {
     "control/positions": "command", "state_motor/positions": "position", "state_motor/velocities": "velocity",
     "state_motor/torques": "effort",
@@ -275,116 +274,85 @@ _FAULTS = {  # by the kinds of rows to drop
 }
 
 
-@dataclass(frozen=True, eq=False)
-class _ServoFile:
-    """Rows of lists of numbers, one number for each joint."""
-
-    path: Path
-    joints: int
-    columns: dict[str, Numbers]
-    faults: tuple[tuple[str, int], ...]  # kinds and lines of rows that are left out
-    others: int  # rows of another type
-
-    def notes(self) -> Iterator[str]:
-        """What is left out, with its count."""
-        if self.others:
-            yield f"{counted(self.others, 'row')} of {self.path.name} of another type left out"
-        for kind, count in Counter(kind for kind, _ in self.faults).items():
-            yield f"{counted(count, 'row')} of {self.path.name} {_FAULTS[kind].format(self.joints)} left out"
-
-
-def _servo_file(path: Path, kind: str) -> _ServoFile:
-    rows: dict[int, list[list[float]]] = {}
-    faults: list[tuple[str, int]] = []
-    with text_of(path) as text:
-        count, names = len(text.lines) - 1, cells(text.lines[0], ",")[1:]
-        check_table(path, count, max(line.count(",") for line in islice(text.lines, 2)), _LIST_COPIES)
-        for k, line in enumerate(text.lines[1:]):
-            if f"{kind},".startswith(line[: len(kind) + 1]):
-                try:
-                    rows[k] = _lists(line)
-                except (ValueError, TypeError, OverflowError, RecursionError, csv.Error):
-                    faults.append(("truncated" if k == count - 1 else "garbage", k + 2))
-    if not rows:
-        raise InputError(f"{path} holds no row of the type {kind}")
-    joints = Counter(len(lists[1]) for lists in rows.values()).most_common(1)[0][0]
-    if not 0 < joints <= LARGEST_ARRAY:
-        raise InputError(f"{path} holds lists of {joints} numbers; expected one number for each joint")
-    shape = [1, *(joints for _ in names[1:])]
-    values = list[list[float]]()
-    for k, lists in rows.items():
-        row = [x for each in lists for x in each]
-        if (whole := [len(each) for each in lists] == shape) and np.isfinite(row).all():
-            values.append(row)
-        else:
-            faults.append(("nan" if whole else "garbage", k + 2))
-    titles = [f"{path.stem}/{names[0]}", *(f"{path.stem}/{name}[{k}]" for name in names[1:] for k in range(joints))]
-    others = count - len({line for _, line in faults} | {k + 2 for k in rows})
-    columns = dict(zip(titles, np.array(values).reshape(-1, len(titles)).T.copy(), strict=True))
-    return _ServoFile(path, joints, columns, tuple(sorted(faults, key=lambda fault: fault[1])), others)
-
-
-def _lists(line: str) -> list[list[float]]:
-    """Time stamp and lists of a row."""
-    _, stamp, first, *others = next(csv.reader([line]))
-    lists = ([float("nan") if x is None else float(x) for x in json.loads(each)] for each in (first, *others))
-    return [[float(stamp)], *lists]
-
-
 def _is_servo_folder(head: bytes, path: Path) -> bool:
     """Whether it holds a file of commands and one of what was measured."""
     files = [path / f"{name}.csv" for name in _SERVO_FILES]
-    return path.is_dir() and all(file.is_file() and head_of(file).startswith(_SERVO_HEAD.encode()) for file in files)
+    return path.is_dir() and all(each.is_file() and head_of(each).startswith(b"type,timestamp,pos") for each in files)
 
 
-def _servo_files(path: Path) -> list[_ServoFile]:
-    files = [_servo_file(path / f"{name}.csv", kind) for name, kind in _SERVO_FILES.items()]
-    if len({file.joints for file in files}) > 1:
-        each = " and ".join(f"{file.joints} numbers in {file.path.name}" for file in files)
-        raise InputError(f"{path} has lists of {each}; expected one number for each joint in both")
-    return files
-
-
-def _check_servos(path: Path, drop: frozenset[str]) -> None:
-    for file in _servo_files(path):
-        if some := [(kind, line) for kind, line in file.faults if kind not in drop]:
-            kind, line = some[0]
-            count = sum(each == kind for each, _ in some)
-            raise InputError(
-                f"{file.path}, line {line}: a row {_FAULTS[kind].format(file.joints)}; {counted(count, 'row')} like "
-                f"this (`drop='{kind}'` leaves them out)"
-            )
-
-
-def _servo_contents(path: Path) -> Contents:
-    return _contents_of(path, _servo_files(path))
-
-
-def _contents_of(path: Path, files: Sequence[_ServoFile]) -> Contents:
-    streams, notes = [], list[str]()
-    for file in files:
-        clock, *others = file.columns
-        meanings = {}
-        for name in others:
-            title, _, k = name.removesuffix("]").rpartition("[")
+def _servos(path: Path, drop: Collection[str] = _FAULTS) -> tuple[Contents, dict[str, Numbers]]:
+    """Contents and columns of a folder; faulty rows that are not to be dropped are refused."""
+    columns, streams, notes, joints = dict[str, Numbers](), list[StreamContents](), list[str](), set[str]()
+    for stem, kind in _SERVO_FILES.items():
+        (clock, time), *lists = _servo_columns(path / f"{stem}.csv", kind, drop, notes).items()
+        meanings, last = {}, ""
+        for name, _ in lists:
+            title, _, last = name.removesuffix("]").rpartition("[")
             if (quantity := _SERVO_LISTS.get(title)) is not None:
-                meanings[name] = Meaning(quantity, f"{int(k) + 1}", SI_UNITS[quantity], SAGE)
+                meanings[name] = Meaning(quantity, f"{int(last) + 1}", SI_UNITS[quantity], SAGE)
         efforts = [name for name, meaning in meanings.items() if meaning.quantity == "effort"]
-        if efforts and all(np.all(file.columns[name] >= 0) for name in efforts):
+        if efforts and all(np.all(values >= 0) for name, values in lists if name in efforts):
             notes.append("efforts are magnitudes, never negative: not used")
             meanings = {name: meaning for name, meaning in meanings.items() if name not in efforts}
-        notes += file.notes()
-        rows = file.columns[clock].size
-        streams.append(StreamContents(file.path.stem, (clock, *meanings), rows, (clock,), meanings, {clock: "us"}))
-    return Contents(str(path), "folder of sage: commands and states of servos", tuple(streams), tuple(notes))
+        columns |= {clock: time, **dict(lists)}
+        streams.append(StreamContents(stem, (clock, *meanings), time.size, (clock,), meanings, {clock: "us"}))
+        joints.add(last)
+    if len(joints) > 1:
+        what = "control.csv and state_motor.csv have lists of different lengths"
+        raise InputError(f"{path}: {what}; expected one number for each joint in both")
+    form = "folder of sage: commands and states of servos"
+    return Contents(str(path), form, tuple(streams), tuple(notes)), columns
+
+
+def _servo_columns(path: Path, kind: str, drop: Collection[str], notes: list[str]) -> dict[str, Numbers]:
+    """Time stamps, and a column for each joint of each list."""
+    names, rows, faults, others = _servo_rows(path, kind)
+    lengths = Counter(len(lists[1]) for lists in rows.values())
+    joints = max(lengths, key=lambda length: lengths[length], default=0)
+    if not 0 < joints <= LARGEST_ARRAY:
+        raise InputError(f"{path}: expected rows of the type {kind}, with lists of a number for each joint")
+    shape, values = [1, *(joints for _ in names[1:])], list[list[float]]()
+    for line, lists in rows.items():
+        row = [x for each in lists for x in each]
+        if (whole := list(map(len, lists)) == shape) and np.isfinite(row).all():
+            values.append(row)
+        else:
+            faults[line] = "nan" if whole else "garbage"
+    counts = Counter(faults.values())
+    for line, fault in sorted(faults.items()):
+        if fault not in drop:
+            like = f"{counted(counts[fault], 'row')} like this (`drop='{fault}'` leaves them out)"
+            raise InputError(f"{path}, line {line}: a row {_FAULTS[fault].format(joints)}; {like}")
+    notes += [f"{counted(n, 'row')} of {path.name} {_FAULTS[f].format(joints)} left out" for f, n in counts.items()]
+    notes += [f"{counted(others, 'row')} of {path.name} of another type left out"] * bool(others)
+    titles = [f"{path.stem}/{names[0]}", *(f"{path.stem}/{name}[{k}]" for name in names[1:] for k in range(joints))]
+    return dict(zip(titles, np.array(values).reshape(-1, len(titles)).T.copy(), strict=True))
+
+
+def _servo_rows(path: Path, kind: str) -> tuple[list[str], dict[int, list[list[float]]], dict[int, str], int]:
+    """Names of the lists, lists and faults by their lines, and how many rows are of another type."""
+    rows, faults, others = dict[int, list[list[float]]](), dict[int, str](), 0
+    with text_of(path) as text:
+        names = cells(text.lines[0], ",")[1:]
+        check_table(path, len(text.lines), max(line.count(",") for line in islice(text.lines, 2)), _LIST_COPIES)
+        for line, row in enumerate(text.lines[1:], 2):
+            if not f"{kind},".startswith(row[: len(kind) + 1]):  # a row that was cut off may have a part of it
+                others += 1
+                continue
+            try:
+                _, stamp, first, *further = next(csv.reader([row]))
+                lists = (json.loads(cell) for cell in (first, *further))
+                rows[line] = [[float(stamp)], *([float("nan" if x is None else x) for x in each] for each in lists)]
+            except (ValueError, TypeError, OverflowError, RecursionError, csv.Error):
+                faults[line] = "truncated" if line == len(text.lines) else "garbage"
+    return names, rows, faults, others
 
 
 def _read_servos(path: Path, wanted: Wanted) -> Recording:
-    contents = _contents_of(path, files := _servo_files(path))
+    contents, columns = _servos(path)
     check_wanted(path, wanted, {stream.name: stream.columns for stream in contents.streams})
-    columns = {name: values for file in files for name, values in file.columns.items()}
     streams = {stream: Stream(stream, {name: columns[name] for name in names}) for stream, names in wanted.items()}
     return Recording(str(path), contents.format, streams, contents.notes)
 
 
-SERVOS = RecordingFormat("folder of sage", _is_servo_folder, _servo_contents, _read_servos, check=_check_servos)
+SERVOS = RecordingFormat("folder of sage", _is_servo_folder, lambda path: _servos(path)[0], _read_servos, check=_servos)

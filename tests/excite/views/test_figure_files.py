@@ -289,7 +289,7 @@ def test_lines_hold_every_term_once_and_in_order(first: str, others: list[tuple[
 
 def test_expressions_of_built_in_arms_are_whole_and_units_look_the_same_on_each() -> None:
     looks: dict[str, set[Any]] = {}
-    for robot in ("irp6", "panda", "iiwa7", "ur10e"):
+    for robot in ("irp6", "panda", "iiwa7", "ur10e", "so101"):
         base = target_of(load_robot(robot), Task(robot)).base
         for name, expression in zip(base.names, base.expressions, strict=True):
             text = parameter_label(name, expression, 42, "design.json").replace("\n", " ")

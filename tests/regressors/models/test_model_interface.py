@@ -40,7 +40,7 @@ from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot, Structure
 from regressors.samples import Array, Samples
 
-ROBOTS = ("irp6", "irp6-full", "panda", "ur10e", "iiwa7")
+ROBOTS = ("irp6", "irp6-full", "panda", "ur10e", "iiwa7", "so101")
 SENSOR = Sensor(translation=np.array([0.0, 0.01, 0.1]), equations=("fx", "nz"))
 PERIOD = 2.0
 

@@ -14,11 +14,14 @@ from refused import refusal
 
 import excite
 from regressors.errors import LONGEST_LINE, LONGEST_NAME, InputError, UnknownName
+from regressors.models.differential import DifferentialModel
 from regressors.readers.library import built_in, load_robot
+from regressors.robot.columns import Terms
 from regressors.robot.inertia import pseudo_inertia, skew, transport
 from regressors.robot.robot import Robot
+from regressors.samples import Samples
 
-NAMES = ("iiwa7", "irp6", "irp6-full", "panda", "ur10e")
+NAMES = ("iiwa7", "irp6", "irp6-full", "panda", "so101", "ur10e")
 EXAMPLE_ROBOTS = Path("cmeel.prefix", "share", "example-robot-data", "robots")
 
 
@@ -215,6 +218,48 @@ def test_iiwa7_axes_are_those_of_its_urdf(q: np.ndarray) -> None:
     assert np.allclose(link_poses(robot, q)[6][:3, 3], flange, atol=1e-12)
 
 
+# so101 ---------------------------------------------------------------------------------------------------------------
+
+SO101_TIP = "moving_jaw_so101_v1_link"
+
+
+@pytest.fixture(scope="module")
+def so101_urdf() -> Path:
+    return example_urdf("so_arm_description", "urdf", "so101.urdf")
+
+
+def test_so101_has_the_numbers_of_its_urdf(so101_urdf: Path) -> None:
+    robot, read = built_in("so101"), load_robot(str(so101_urdf), tip=SO101_TIP)
+    assert robot.joint_names == read.joint_names
+    for ours, theirs in zip(robot.joints, read.joints, strict=True):
+        np.testing.assert_array_equal(ours.translation, theirs.translation)
+        np.testing.assert_allclose(ours.rotation, theirs.rotation, atol=1e-15)
+        np.testing.assert_array_equal(ours.axis, theirs.axis)
+    for ours, theirs in zip(robot.links, read.links, strict=True):
+        dummy = 1e-9 if ours.name == "gripper_link" else 0.0  # [kg], of a link that is fixed to it
+        np.testing.assert_allclose(ours.theta, theirs.theta, rtol=1e-15, atol=1e-22 + dummy)
+    np.testing.assert_array_equal([robot.limits.lower, robot.limits.upper], [read.limits.lower, read.limits.upper])
+    np.testing.assert_allclose(robot.limits.velocity, 45 * 2 * np.pi / 60)
+    np.testing.assert_allclose(robot.limits.torque, 0.3 * 9.81, rtol=2e-3)
+
+
+def test_so101_torques_are_those_of_its_urdf(so101_urdf: Path) -> None:
+    text = so101_urdf.read_text(encoding="utf-8")
+    for printed, meant in (("1.5708", repr(np.pi / 2)), ("3.14159", repr(np.pi)), ("-5.24284e-08", "0"), ("1e-9", "0")):
+        text = text.replace(printed, meant)
+    robot, model = built_in("so101"), pin.buildModelFromXML(text)
+    assert tuple(model.names)[1:] == robot.joint_names
+    rng, theta = np.random.default_rng(4), np.concatenate([link.theta for link in robot.links])
+    q = np.vstack([np.zeros(6), rng.uniform(robot.limits.lower, robot.limits.upper, (50, 6))])
+    dq, ddq = rng.uniform(-4.7, 4.7, q.shape), rng.uniform(-50, 50, q.shape)
+    bodies = DifferentialModel(robot, Terms.inertial_only())
+    ours = bodies.assemble(Samples(np.arange(51.0), q, dq, ddq, 0 * ddq)) @ theta
+    data = model.createData()
+    np.testing.assert_allclose(
+        ours.reshape(51, 6), [pin.rnea(model, data, *state).copy() for state in zip(q, dq, ddq, strict=True)], atol=1e-9
+    )
+
+
 # library -------------------------------------------------------------------------------------------------------------
 
 MINIMAL = "name: one\njoints:\n  - {name: a, mdh: {d: 1.0}}\n"
@@ -244,7 +289,7 @@ def test_built_in_name_wins_over_a_file(tmp_path: Path, monkeypatch: pytest.Monk
 @pytest.mark.parametrize(
     ("spec", "base", "message"),
     [
-        ("kr6", None, "no robot 'kr6': built-in robots are iiwa7, irp6, irp6-full, panda, ur10e, and a file of that n"),
+        ("kr6", None, "no robot 'kr6': built-in robots are iiwa7, irp6, irp6-full, panda, so101, ur10e, and a file"),
         ("robot.txt", None, "'robot.txt': a robot's file ends in .yaml, .yml, .urdf, .xml, .xacro, .mjcf, .csv"),
         ("folder.yaml", None, "cannot read 'folder.yaml'"),
         ("nul\0.yaml", None, "spec: expected text or a path that a file can have, given"),

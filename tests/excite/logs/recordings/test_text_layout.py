@@ -178,7 +178,7 @@ def test_joints_of_servo_folders_are_those_of_the_robot_from_the_base_on(tmp_pat
     log = excite.read_log(servos(tmp_path / "s", 7), robot=shorter)
     assert log.joints == shorter.joint_names
     np.testing.assert_array_equal(log.command, motion(7).q[:, :6] + 0.1)
-    assert "Positions of 1 further joint are not those of the robot" in log.left_out[-1]
+    assert "1 further number in each list is of no joint of the robot" in log.left_out[-1]
     with pytest.raises(InputError, match=r"Which of the 7 joints of panda .* are the 3 of the recording \(1, 2, 3\)\?"):
         excite.read_log(servos(tmp_path / "s", 3), robot=robot)
 
@@ -222,10 +222,10 @@ def test_servo_folders_without_rows_or_with_unlike_lists_are_refused(tmp_path: P
     path.write_text(good + 'OTHER,6e6,"[1, 2, 3]"\n')
     assert "1 row of control.csv of another type left out" in excite.read_log(path.parent).left_out
     for content, message in (
-        (good.replace("CONTROL", "STATE"), r"control\.csv holds no row of the type CONTROL"),
-        (re.sub(r", [^,]*\]", "]", good), "lists of 2 numbers in control.csv and 3 numbers in state_motor.csv"),
-        (re.sub(r"\[.*\]", "[]", good), r"control\.csv holds lists of 0 numbers"),
-        ("type,timestamp,positions\n", r"control\.csv holds no row of the type CONTROL"),
+        (good.replace("CONTROL", "STATE"), r"control\.csv: expected rows of the type CONTROL, with lists"),
+        (re.sub(r", [^,]*\]", "]", good), "state_motor.csv have lists of different lengths"),
+        (re.sub(r"\[.*\]", "[]", good), r"control\.csv: expected rows of the type CONTROL, with lists"),
+        ("type,timestamp,positions\n", r"control\.csv: expected rows of the type CONTROL, with lists"),
     ):
         path.write_text(content)
         with pytest.raises(InputError, match=message):
