@@ -82,54 +82,79 @@ def identify_servos(
     """
     began, cpu = time.monotonic(), time.process_time()
     whole, _ = robot_and_task(robot, base_link, tip, installation, snap_angles, xacro)
+    motions = [servo_motion(log, whole) for log in read_logs(logs, whole, mapping, tuple(drop), progress)]
+    places = windows_in(motions)
     with threadpool_limits(1):
-        motions = [servo_motion(log, whole) for log in read_logs(logs, whole, mapping, tuple(drop), progress)]
-        start, estimates = start_values(motions, whole), []
-        places = windows_in(motions)
-        windows = [windows_of(motions, places, j) for j in range(whole.n)]
-        for name, each, first in zip(whole.joint_names, windows, start, strict=True):
-            progress(f"fitting the servo of {name}")
-            estimates.append(fit_servo(each, first))
-        for _ in range(_REPEATS):
-            progress("fitting all servos together")
-            windows = along_response(windows, estimates, whole)
-            pairs = zip(windows, estimates, start, strict=True)
-            estimates = [fitted(each, estimate.values, first, _AGAIN) for each, estimate, first in pairs]
+        windows, estimates = _fit_all(motions, places, whole, progress)
     values, deviation = (np.array([getattr(e, name) for e in estimates]) for name in ("values", "deviation"))
     quantile = scipy.special.stdtrit(len(places.first) - len(QUANTITIES), 0.5 + CONFIDENCE / 2)
+    unloaded = [_is_unloaded(each, estimate) for each, estimate in zip(windows, estimates, strict=True)]
+    deviation[np.outer(unloaded, [q.scales for q in QUANTITIES])] = np.inf
     units = [unit for _, unit in ServoModel(whole).row_labels]
-    paths = [np.full_like(motion.log.q, np.nan) for motion in motions]
-    left = np.stack([estimate.residuals for estimate in estimates], axis=-1)
-    for path, rows, each in zip((paths[k] for k in places.log), places.rows, left, strict=True):
-        path[rows] = each
-    predicted = [(motion.log, motion.log.q + path) for motion, path in zip(motions, paths, strict=True)]
     spent = time.monotonic() - began, time.process_time() - cpu
     result = ServoResult(
         whole,
         values,
         quantile * deviation,
-        motion_fits(predicted, units),
+        motion_fits(_predicted(motions, places, estimates), units),
         tuple(motion.log.reference for motion in motions),
         len(places.first),
         provenance=provenance_of(spent, mapping, tuple(drop), 0),
     )
-    return replace(result, notes=_notes(result), doubts=_doubts(result))
+    return replace(
+        result, notes=_notes([whole.joint_names[k] for k in np.flatnonzero(unloaded)]), doubts=_doubts(result)
+    )
 
 
-def _notes(result: ServoResult) -> tuple[str, ...]:
-    """What the logs do not show, and what is not in the model."""
-    notes = []
-    only = [
-        name
-        for name, known in zip(result.robot.joint_names, result.known, strict=True)
-        if not known[SYMBOLS.index("K")]
-    ]
-    if only:
-        notes.append(
-            f"{listed_names(only)}: the known masses hardly load the joint, so that of stiffness, damping, friction "
-            "and inertia only the ratios are shown; hold a known mass in further logs, at several poses"
-        )
-    return tuple(notes)
+def _fit_all(
+    motions: Sequence[ServoMotion], places: Places, robot: Robot, progress: Callable[[str], None]
+) -> tuple[list[Windows], list[ServoEstimate]]:
+    """Windows and estimates of every joint: first along the measured motion, then along that of the fitted servos."""
+    start, estimates = start_values(motions, robot), []
+    windows = [windows_of(motions, places, j) for j in range(robot.n)]
+    for name, each, first in zip(robot.joint_names, windows, start, strict=True):
+        progress(f"fitting the servo of {name}")
+        estimates.append(fit_servo(each, first))
+    for _ in range(_REPEATS):
+        progress("fitting all servos together")
+        windows = along_response(windows, estimates, robot)
+        pairs = zip(windows, estimates, start, strict=True)
+        estimates = [fitted(each, estimate.values, first, _AGAIN) for each, estimate, first in pairs]
+    return windows, estimates
+
+
+def _predicted(
+    motions: Sequence[ServoMotion], places: Places, estimates: Sequence[ServoEstimate]
+) -> list[tuple[Log, Array]]:
+    """Each log with the positions that the servos have in the windows; NaN elsewhere."""
+    paths = [np.full_like(motion.log.q, np.nan) for motion in motions]
+    left = np.stack([estimate.residuals for estimate in estimates], axis=-1)
+    for k, rows, each in zip(places.log, places.rows, left, strict=True):
+        paths[k][rows] = motions[k].log.q[rows] + each
+    return [(motion.log, path) for motion, path in zip(motions, paths, strict=True)]
+
+
+_LOADED = 0.03  # of the motor's torque, from which on the known arm tells its scale
+
+
+def _is_unloaded(windows: Windows, estimate: ServoEstimate) -> bool:
+    """Whether what the described arm needs is lost in the torque of the motor."""
+    path = windows.measured + estimate.residuals
+    ddq = np.gradient(np.gradient(path, axis=1), axis=1) / windows.step[:, None] ** 2
+    needed = windows.load + windows.inertia * ddq
+    values = dict(zip(SYMBOLS, estimate.values, strict=True))
+    own = np.hypot(values["J"] * np.std(ddq), values["Fc"])
+    return bool(np.std(needed) + np.abs(needed.mean()) < _LOADED * own)
+
+
+def _notes(unloaded: Sequence[str]) -> tuple[str, ...]:
+    """Which servos' torques have no scale."""
+    if not unloaded:
+        return ()
+    return (
+        f"{listed_names(unloaded)}: the described arm hardly loads the joint, so that of stiffness, damping, inertia, "
+        "friction and torque limit only the ratios are shown; hold a known mass in further logs",
+    )
 
 
 def _doubts(result: ServoResult) -> tuple[str, ...]:
@@ -309,7 +334,7 @@ class ServoEstimate:
 
 
 _GUESSES, _SPREAD = 192, 1.0  # values to start from, and the deviation of their logarithms
-_LIMITED = (0.05, 2.0)  # of the largest torque of the motor: torque limits to start from
+_LIMITED = 0.025  # of twice the largest torque of the motor: the least torque limit to start from
 _TRIED, _TAKEN = 3, 12  # of the guesses, and iterations
 _CONTINUED, _REPEATS, _AGAIN = 40, 2, 15  # iterations, and those with the motion of the fitted servos
 _LIMITS = tuple(np.array([getattr(q, end) for q in QUANTITIES]) for end in ("least", "most"))
@@ -325,7 +350,7 @@ def fit_servo(windows: Windows, start: Array) -> ServoEstimate:
     """
     rng = np.random.default_rng(0)
     factors = np.exp(_SPREAD * rng.standard_normal((_GUESSES, start.size)))
-    factors[:, _L] = factors[:, _K] * np.exp(rng.uniform(*np.log(_LIMITED), _GUESSES)) / _LIMITED[1]
+    factors[:, _L] = factors[:, _K] * _LIMITED ** rng.uniform(0.0, 1.0, _GUESSES)
     factors[:, _LATER] = 1.0
     factors[0] = 1.0
     guesses = np.clip(start * factors, *_LIMITS)
@@ -339,9 +364,16 @@ def fit_servo(windows: Windows, start: Array) -> ServoEstimate:
 def fitted(windows: Windows, x: Array, start: Array, iterations: int) -> ServoEstimate:
     """The fit that some iterations from given values lead to."""
     x, J, left, scale = _descend(windows, x, start[_K], iterations)
-    return ServoEstimate(x, np.sqrt(_variance(left, J, scale)), left)
+    deviation = _WIDER * np.sqrt(_variance(left, J, scale))
+    unlimited = np.where(np.arange(x.size) == _L, _LIMITS[1], x)
+    with_limit, without = _cost(np.stack([left, _residuals(windows, unlimited[None])[0]]), scale)
+    if without < _REACHED * with_limit:
+        x, deviation[_L] = unlimited, np.inf
+    return ServoEstimate(x, deviation, left)
 
 
+_REACHED = 1.002  # times the cost, by which no torque limit at all must be worse for one to count
+_WIDER = 1.0
 _STEPS = 5e-3  # of the size of each quantity, for differences
 _STANDS_OUT = 2.0  # deviations from which on a residual counts less
 _DAMPINGS = np.array([0.0, 1e-6, 1e-4, 1e-2, 1.0, 100.0])  # of Levenberg and Marquardt, tried at once
@@ -414,13 +446,15 @@ def _noise(residuals: Array) -> float:
     return max(_LEAST_NOISE, 1.4826 * float(np.median(np.abs(residuals))))
 
 
+_ALIKE = 0.05  # of the residuals, by which the model may be off everywhere
 _FLAT = 1e-12  # of the steepest direction, below which a direction counts as not shown at all
 
 
 def _variance(left: Array, J: Array, scale: float) -> Array:
     """Variances of a robust fit whose residuals are alike within a window, shape (p,).
 
-    Of ``H^-1 (sum_w g_w g_w') H^-1``; and of ``s^2 H^-1``, which is larger where a direction is hardly shown.
+    The larger of ``H^-1 (sum_w g_w g_w') H^-1``, and of what residuals that are alike in no window and a model that is
+    off everywhere by a small share of them, in the worst way, would make, ``s^2 (1 + N a^2) H^-1``.
     """
     # left (w, T); J (w T, p)
     z = 1.0 + (left.ravel() / scale) ** 2
@@ -433,4 +467,5 @@ def _variance(left: Array, J: Array, scale: float) -> Array:
     g = (J * influence[:, None]).reshape(len(left), -1, J.shape[1]).sum(axis=1)
     count, p = len(left), J.shape[1]
     between = np.diag(inverse @ (g.T @ g) @ inverse) * count / max(1, count - p)
-    return np.asarray(np.maximum(between, np.mean(influence**2) * np.diag(inverse)) / size**2)
+    alike = (1.0 + left.size * _ALIKE**2) * np.mean(influence**2) * np.diag(inverse)
+    return np.asarray(np.maximum(between, alike) / size**2)
