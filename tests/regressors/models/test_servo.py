@@ -14,7 +14,6 @@ from regressors.robot.gears import ConstantRatio
 from regressors.robot.robot import Link, Robot
 from regressors.samples import Samples
 
-
 ROBOTS = {"so101": built_in("so101"), "chain": random_chain("rpr", np.random.default_rng(5))}
 
 

@@ -1,0 +1,82 @@
+"""``excite identify --model servo`` and ``verify`` of its servos: exit status, files, words, and a real desktop arm."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import Here
+from recordings import so101_folder
+from servo_arm import URDF, servo_log
+
+from excite.logs.log_reading import write_log
+
+
+def with_files(here: Here) -> Here:
+    """A folder with the small arm and two logs of its servos."""
+    (here.cwd / "small.urdf").write_text(URDF, encoding="utf-8")
+    write_log(here.cwd / "run.csv", servo_log(0, 30.0))
+    write_log(here.cwd / "other.csv", servo_log(1, 12.0))
+    return here
+
+
+@pytest.mark.slow
+def test_servos_are_identified_and_verified_end_to_end(here: Here) -> None:
+    ended = with_files(here).run("identify", "small.urdf", "run.csv", "--model", "servo", "--out", "servos")
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stdout.startswith("Identified 3 servos of small: the logs show ")
+    assert "roll: the described arm hardly loads the joint" in " ".join(ended.stdout.split())
+    stated = json.loads((here.cwd / "servos" / "servos.json").read_text(encoding="utf-8"))["servos"]
+    assert stated["lift"]["stiffness"]["value"] == pytest.approx(15.0, rel=0.1)
+    assert "already holds servos" in here.refused(
+        "identify", "small.urdf", "run.csv", "--model", "servo", "--out", "servos"
+    )
+
+    ended = here.run("verify", "servos", "other.csv")
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stdout.startswith("The servos of lift, elbow, roll predict this motion")
+    errors = json.loads((here.cwd / "servos" / "verification-other.json").read_text(encoding="utf-8"))["position_error"]
+    assert errors.keys() == {"lift", "elbow", "roll"}
+    assert max(errors.values()) < 1.6e-3
+    assert (here.cwd / "servos" / "verification-other_motion.png").exists()
+    refused = here.refused("verify", "servos", "run.csv")
+    assert "is a log that the servos were identified from" in refused
+    assert "--training-too" in refused
+
+
+def test_settings_of_torques_are_refused_in_words(here: Here) -> None:
+    words = "the model servo has no such setting"
+    (here.cwd / "small.urdf").write_text(URDF, encoding="utf-8")
+    for option, named in (
+        (("--cutoff", "5"), "--cutoff"),
+        (("--repeat", "3"), "--repeat"),
+        (("--offset",), "--offset"),
+    ):
+        refused = here.refused("identify", "small.urdf", "run.csv", "--model", "servo", *option, "--out", "servos")
+        assert refused == f"excite: {named}: {words}\n"
+
+
+def test_logs_without_commands_and_irp6_are_refused_in_words(here: Here) -> None:
+    time = np.arange(500) / 50
+    rows = "\n".join(f"{t:.3f},0.1,0.2,0.3" for t in time)
+    (here.cwd / "run.csv").write_text(f"time,lift.position,elbow.position,roll.position\n{rows}\n", encoding="utf-8")
+    (here.cwd / "small.urdf").write_text(URDF, encoding="utf-8")
+    refused = here.refused("identify", "small.urdf", "run.csv", "--model", "servo", "--out", "servos")
+    assert "run.csv has no commanded positions, which the model servo needs: columns NAME.command" in refused
+
+
+@pytest.mark.slow
+def test_servos_of_a_real_desktop_arm_hold_its_pose_and_follow_unseen_commands(here: Here, tmp_path: Path) -> None:
+    for name in ("chirp_sweep", "friction_gravity", "hold_under_gravity"):
+        so101_folder(name, here.cwd)
+    logs = ("chirp_sweep", "friction_gravity")
+    ended = here.run("identify", "so101", *logs, "--model", "servo", "--out", "servos")
+    assert ended.returncode == 0, ended.stderr
+    here.run("verify", "servos", "hold_under_gravity")
+    path = here.cwd / "servos" / "verification-hold_under_gravity.json"
+    errors = json.loads(path.read_text(encoding="utf-8"))["position_error"]
+    assert errors.pop("gripper") < 0.01
+    assert len(errors) == 5
+    assert np.mean(list(errors.values())) < 0.025

@@ -1,0 +1,149 @@
+"""Servos identified from commands and positions alone: what MuJoCo was told, what is refused, and the file."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from servo_arm import JOINTS, identified_servos, servo_log, small_arm, true_servos, truth
+
+import excite
+from excite.identification.servo_response import QUANTITIES, SYMBOLS
+from excite.identification.servo_result import MotionFit, ServoResult, load_servos, motion_fits
+from excite.identification.servos import identify_servos, servo_motion, windows_in
+from excite.logs.log import Log, LogReference
+from regressors.errors import InputError
+from regressors.readers.library import built_in
+
+LOADED, ROLL = slice(0, 2), 2
+
+
+@pytest.mark.slow
+def test_servos_of_loaded_joints_are_what_mujoco_was_told() -> None:
+    result, told = identified_servos(), truth()
+    for symbol in ("K", "D", "J", "Fc"):
+        np.testing.assert_allclose(result.of(symbol)[LOADED], getattr(told, symbol)[LOADED], rtol=0.1, err_msg=symbol)
+    np.testing.assert_allclose(result.of("d"), told.d, atol=3e-3)
+    np.testing.assert_allclose(result.of("b"), -told.b, atol=2e-3)  # the drive adds it to what the encoder measures
+    assert not result.doubts
+    for fit in result.fits:
+        assert fit.position_error < fit.step < fit.delayed_error / 3
+
+
+@pytest.mark.slow
+def test_a_joint_that_no_mass_loads_shows_only_ratios_and_is_said_to() -> None:
+    result, told = identified_servos(), truth()
+    scales = np.array([q.scales for q in QUANTITIES])
+    assert np.isinf(result.half_width[ROLL, scales]).all()
+    assert not result.known[ROLL, scales].any()
+    assert np.isfinite(result.half_width[LOADED, : SYMBOLS.index("L")]).all()
+    assert [note for note in result.notes if note.startswith("roll: ") and "only the ratios are shown" in note]
+    assert not any(name in note for note in result.notes for name in JOINTS[:ROLL])
+    for symbol in ("D", "J", "Fc"):
+        ratio, true_ratio = (of(symbol)[ROLL] / of("K")[ROLL] for of in (result.of, lambda s: getattr(told, s)))
+        assert ratio == pytest.approx(true_ratio, rel=0.15), symbol
+
+
+@pytest.mark.slow
+def test_a_torque_limit_that_no_motion_reaches_is_not_claimed() -> None:
+    limit = SYMBOLS.index("L")
+    assert np.isinf(identified_servos().half_width[:, limit]).all()
+    assert all(not each["torque limit"]["half_width"] < np.inf for each in identified_servos().stated.values())
+
+
+@pytest.mark.slow
+def test_identified_again_it_is_the_same_whatever_the_order_of_columns() -> None:
+    log, result = servo_log(0), identified_servos()
+    turned = replace(log, joints=log.joints[::-1], q=log.q[:, ::-1], command=log.command[:, ::-1])
+    np.testing.assert_array_equal(identify_servos(small_arm(), turned).values, result.values)
+
+
+# --- what is refused -------------------------------------------------------------------------------------------------
+
+
+def short_log(rows: int = 1500, joints: tuple[str, ...] = JOINTS) -> Log:
+    q = np.zeros((rows, len(joints)))
+    return Log("LOG", "", joints, np.arange(rows) / 50, q, command=q)
+
+
+@pytest.mark.parametrize(
+    ("log", "words"),
+    [
+        (replace(short_log(), command=None), r"LOG has no commanded positions, .* columns NAME\.command"),
+        (short_log(500), r"LOG: 4 windows of 2 s without a gap are too few for the 10 unknowns of each servo; give"),
+        (short_log(4), "4 rows without a gap are too few; a servo needs 7 or more"),
+        (short_log(joints=("lift", "elbow", "wrist")), r"LOG.*roll"),
+    ],
+    ids=["no commands", "too short", "a few rows", "no such joint"],
+)  # fmt: skip
+def test_logs_that_show_no_servo_are_refused(log: Log, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        identify_servos(small_arm(), log)
+
+
+def test_the_same_log_twice_and_coupled_drives_are_refused() -> None:
+    with pytest.raises(InputError, match="has the same content as LOG; give each log once"):
+        identify_servos(small_arm(), [short_log(), short_log()])
+    irp6 = built_in("irp6")
+    with pytest.raises(InputError, match="irp6"):
+        identify_servos(irp6, short_log(joints=irp6.joint_names))
+
+
+def test_windows_keep_clear_of_gaps() -> None:
+    log = short_log(3000)
+    late = replace(log, time=log.time + 0.5 * (np.arange(3000) >= 1234))
+    places = windows_in([servo_motion(late, small_arm())])
+    first, last = places.first - places.lead, places.first + places.count - 1
+    assert not ((first < 1234) & (last >= 1234)).any()
+    assert len(places.first) > 20
+
+
+# --- errors beside those of the command, and the file ----------------------------------------------------------------
+
+
+def test_the_command_with_the_best_delay_is_what_a_servo_is_measured_by() -> None:
+    time = np.arange(400) / 50
+    command = np.column_stack([np.sin(3 * time), 0 * time])
+    q = np.column_stack([np.sin(3 * np.maximum(time - 0.1, 0.0)), 0 * time])
+    log = Log("LOG", "", ("a", "b"), time, q, command=command)
+    path = q + np.array([0.01, 0.0])
+    path[:50] = np.nan
+    moving, still = motion_fits([(log, path)], ("rad", "m"))
+    assert (moving.joint, moving.unit, still.unit) == ("a", "rad", "m")
+    assert moving.position_error == pytest.approx(0.01)
+    assert 0.08 < moving.delay <= 0.1  # a command holds until the next one
+    assert moving.delayed_error == pytest.approx(0.0, abs=1e-12)
+    assert moving.command_error == pytest.approx(np.sqrt(np.mean((command[50:, 0] - q[50:, 0]) ** 2)))
+    assert moving.moves
+    assert not moving.better
+    assert not still.moves
+
+
+def test_a_file_holds_the_same_record_bit_for_bit(tmp_path: Path) -> None:
+    half = np.random.default_rng(0).uniform(0.0, 1.0, (3, len(QUANTITIES)))
+    half[1, 2:5] = np.inf
+    fit = MotionFit("lift", "rad", 1 / 3, 0.1, 0.07, 0.065, 2 * np.pi / 4096, 1.1)
+    logs = (LogReference("log.csv", "ab" * 32, ("3 rows with NaN",)),)
+    given = {"half_width": half, "fits": (fit,), "logs": logs, "windows": 28, "notes": ("a note",), "doubts": ("one",)}
+    result = replace(true_servos(), values=true_servos().values / 3, provenance={"seed": 0}, **given)
+    (path,) = result.save(tmp_path / "servos")
+    assert path.name == "servos.json"
+    for loaded in (load_servos(tmp_path / "servos"), load_servos(path), excite.load(path)):
+        assert isinstance(loaded, ServoResult)
+        for field in fields(result):
+            ours, theirs = getattr(result, field.name), getattr(loaded, field.name)
+            if field.name in ("values", "half_width"):
+                assert ours.tobytes() == np.asarray(theirs).tobytes()
+            elif field.name == "robot":
+                assert ours.sha256() == theirs.sha256()
+            else:
+                assert ours == theirs, field.name
+    stated = json.loads(path.read_text(encoding="utf-8"))["servos"]
+    assert stated["lift"]["stiffness"]["value"] == 5.0
+    assert stated["elbow"]["delay"] == {"value": 0.022 / 3, "half_width": half[1, 7], "unit": "s", "symbol": "d"}
+    with pytest.raises(InputError, match="servos"):
+        result.save(tmp_path / "servos")
+    result.save(tmp_path / "servos", replace=True)
