@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,8 +16,8 @@ from excite.logs.log_reading import write_log
 def with_files(here: Here) -> Here:
     """A folder with the small arm and two logs of its servos."""
     (here.cwd / "small.urdf").write_text(URDF, encoding="utf-8")
-    write_log(here.cwd / "run.csv", servo_log(0, 30.0))
-    write_log(here.cwd / "other.csv", servo_log(1, 12.0))
+    write_log(servo_log(0, 30.0), here.cwd / "run.csv")
+    write_log(servo_log(1, 12.0), here.cwd / "other.csv")
     return here
 
 
@@ -58,7 +57,7 @@ def test_settings_of_torques_are_refused_in_words(here: Here) -> None:
         assert refused == f"excite: {named}: {words}\n"
 
 
-def test_logs_without_commands_and_irp6_are_refused_in_words(here: Here) -> None:
+def test_logs_without_commands_are_refused_in_words(here: Here) -> None:
     time = np.arange(500) / 50
     rows = "\n".join(f"{t:.3f},0.1,0.2,0.3" for t in time)
     (here.cwd / "run.csv").write_text(f"time,lift.position,elbow.position,roll.position\n{rows}\n", encoding="utf-8")
@@ -68,7 +67,7 @@ def test_logs_without_commands_and_irp6_are_refused_in_words(here: Here) -> None
 
 
 @pytest.mark.slow
-def test_servos_of_a_real_desktop_arm_hold_its_pose_and_follow_unseen_commands(here: Here, tmp_path: Path) -> None:
+def test_servos_of_a_real_desktop_arm_follow_unseen_commands(here: Here) -> None:
     for name in ("chirp_sweep", "friction_gravity", "hold_under_gravity"):
         so101_folder(name, here.cwd)
     logs = ("chirp_sweep", "friction_gravity")
