@@ -11,6 +11,7 @@ import argparse
 import os
 import sys
 import time
+from importlib.metadata import distribution
 from pathlib import Path
 
 os.environ |= {"OPENBLAS_NUM_THREADS": "1"}
@@ -18,7 +19,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 import record
-from example_robot_data import getModelPath
 from plant import Truth, motion, plant, play, random_truth
 
 from excite.identification.servo_response import QUANTITIES, SYMBOLS
@@ -27,7 +27,7 @@ from excite.verification.verify_servos import verify_servos
 from regressors.readers.library import load_robot
 from regressors.samples import Array
 
-URDF = "so_arm_description/urdf/so101.urdf"
+URDF = "cmeel.prefix/share/example-robot-data/robots/so_arm_description/urdf/so101.urdf"
 MIDDLE = np.array([0.0, -0.3, 0.3, 0.3, 0.0, 0.3])  # about which the joints move [rad]
 DURATION, UNSEEN = 120.0, 30.0  # [s]
 
@@ -43,7 +43,8 @@ def run(seed: int) -> dict[str, object]:
     """Intervals of one log, and the error of the motion of another."""
     robot, rng = load_robot("so101"), np.random.default_rng(seed)
     truth = random_truth(rng, robot.n)
-    model = plant(Path(getModelPath(URDF)) / URDF, robot.joint_names, truth)
+    urdf = Path(str(distribution("example-robot-data").locate_file(URDF)))
+    model = plant(urdf, robot.joint_names, truth)
     log, other = (
         play(model, robot.joint_names, truth, motion(rng, robot.n, duration, MIDDLE), f"{seed} {duration:g} s")
         for duration in (DURATION, UNSEEN)
@@ -89,16 +90,15 @@ def main() -> None:
                 f"{off:.2g}",
             ]
         )
-    text = "\n\n".join(
-        [
-            f"{100 * inside.mean():.1f} % of {inside.size} intervals of 99 % hold the truth, in {len(runs)} logs of "
-            f"{DURATION:g} s; {sum(bool(each['holds']) for each in runs)} of {len(runs)} results hold on another log, whose "
-            f"motion they predict within {1e3 * np.median([each['unseen'] for each in runs]):.2g} mrad (median of all "
-            f"joints); {np.median([each['cpu'] for each in runs]):.1f} CPU s each (median).",
-            record.table(["quantity", "inside [%]", *names, "has an interval [%]", "half width", "error"], rows),
-            "Half widths and errors are medians, relative to the truth; of quantities that the plant does not have, in SI.",
-        ]
+    unseen, cpu = (np.median([each[name] for each in runs]) for name in ("unseen", "cpu"))
+    first_sentence = (
+        f"{100 * inside.mean():.1f} % of {inside.size} intervals of 99 % hold the truth, in {len(runs)} logs of "
+        f"{DURATION:g} s. {sum(bool(each['holds']) for each in runs)} of {len(runs)} results hold on another log, whose "
+        f"motion they predict within {1e3 * unseen:.2g} mrad (median of all joints). {cpu:.1f} CPU s each (median)."
     )
+    table = record.table(["quantity", "inside [%]", *names, "has an interval [%]", "half width", "error"], rows)
+    units = "Half widths and errors are medians, relative to the truth; of what the plant does not have, in SI."
+    text = "\n\n".join([first_sentence, table, units])
     record.save(
         "servo_coverage",
         before,
