@@ -94,8 +94,8 @@ def main() -> None:
     unseen, cpu = (np.median([each[name] for each in runs]) for name in ("unseen", "cpu"))
     first_sentence = (
         f"{100 * inside.mean():.1f} % of {inside.size} intervals of 99 % hold the truth, in {len(runs)} logs of "
-        f"{DURATION:g} s. {sum(bool(each['holds']) for each in runs)} of {len(runs)} results hold on another log, whose "
-        f"motion they predict within {1e3 * unseen:.2g} mrad (median). {cpu:.1f} CPU s each (median)."
+        f"{DURATION:g} s. {sum(bool(each['holds']) for each in runs)} of {len(runs)} results hold on another log, "
+        f"whose motion they predict within {1e3 * unseen:.2g} mrad (median). {cpu:.1f} CPU s each (median)."
     )
     table = record.table(["quantity", "inside [%]", *names, "has an interval [%]", "half width", "error"], rows)
     units = "Half widths and errors are medians, relative to the truth; of what the plant does not have, in SI."
