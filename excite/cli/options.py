@@ -245,7 +245,9 @@ class FigureChoice:
         return excite.write_figures(result, folder, **vars(self))
 
     def write_view(self, view: View, folder: Path) -> list[Path]:
-        """Draw the figures of a view, and write them."""
+        """Draw the figures of a view, and write them, where figures are asked for."""
+        if not self.formats:
+            return []
         from excite.views.figures import write_view_figures
 
         return write_view_figures(view, folder, **vars(self))
