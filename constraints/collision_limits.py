@@ -12,7 +12,7 @@ import numpy as np
 
 from constraints.clearance import Frames, Gap, gaps
 from constraints.geometry import Obstacle, Shape, World
-from constraints.nonlinear import Limit, NonlinearConstraint
+from constraints.nonlinear import Limit, NonlinearConstraint, motion_symbols
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
@@ -59,9 +59,13 @@ class Clearance(NonlinearConstraint):
     between surfaces are reported.
     """
 
-    def __init__(self, robot: Robot, motion: PartialMotion, pairs: Sequence[Pair], world: World) -> None:
+    def __init__(
+        self, robot: Robot, motion: PartialMotion, pairs: Sequence[Pair], world: World, frames: Frames | None = None
+    ) -> None:
         self.robot, self.motion, self.pairs, self.world = robot, motion, tuple(pairs), world
         self.joints = motion.matrix.shape[1]
+        if frames is not None:  # of the symbols, which several limits share
+            self._own = list(self._gaps(frames))
         gaps = self._own
         reach = np.array([gap.reach for _, gap in gaps])
         squared = np.array([gap.squared for _, gap in gaps])
@@ -79,10 +83,9 @@ class Clearance(NonlinearConstraint):
     @cached_property
     def _own(self) -> list[tuple[Pair, Gap]]:
         """The gaps at the symbols of this limit, which values and slopes share."""
-        return list(self._gaps(self._symbols[0]))
+        return list(self._gaps(_frames(self.robot, self.motion, self._symbols[0])))
 
-    def _gaps(self, s: ca.SX) -> Iterator[tuple[Pair, Gap]]:
-        frames = Frames(self.robot, ca.mtimes(sparse(self.motion.matrix), s) + ca.DM(self.motion.offset))
+    def _gaps(self, frames: Frames) -> Iterator[tuple[Pair, Gap]]:
         for pair in self.pairs:
             common = frames.common(pair.link, pair.carrier)
             pose, other = frames.pose(pair.link, common), frames.pose(pair.carrier, common)
@@ -93,7 +96,7 @@ class Clearance(NonlinearConstraint):
 
     def _expression(self, s: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """The functions, the same with symbols for held values, the symbols, and their expressions."""
-        gaps = self._own if s is self._symbols[0] else list(self._gaps(s))
+        gaps = self._own if s is self._symbols[0] else list(self._gaps(_frames(self.robot, self.motion, s)))
         open_form = ca.vertcat(*(_value(gap, pair.clearance) for pair, gap in gaps))
         held = [pair for _, gap in gaps for pair in gap.held]
         symbols, meaning = (ca.vertcat(ca.SX(0, 1), *(pair[k] for pair in held)) for k in (0, 1))
@@ -113,6 +116,10 @@ class Clearance(NonlinearConstraint):
         q, dq, ddq, dddq = self._symbols
         _, g, held, meaning = self._expression(q)
         return interval_function([q, dq, ddq, dddq], ca.substitute(ca.jtimes(g, q, dq), held, meaning))
+
+
+def _frames(robot: Robot, motion: PartialMotion, s: ca.SX) -> Frames:
+    return Frames(robot, ca.mtimes(sparse(motion.matrix), s) + ca.DM(motion.offset))
 
 
 def _value(gap: Gap, clearance: float) -> ca.SX:
@@ -154,12 +161,12 @@ def _limits(
 ) -> list[NonlinearConstraint]:
     clearances: list[Clearance] = []
     notes: list[str] = []
-    poses = _poses(robot, motion)
+    poses, frames = _poses(robot, motion), _frames(robot, motion, motion_symbols(motion.matrix.shape[1])[0])
     for pairs in (pairs for pairs in groups if pairs):
-        limit = Clearance(robot, motion, pairs, world)
+        limit = Clearance(robot, motion, pairs, world, frames)
         kept = _kept(limit, poses, notes)
         if kept:
-            clearances.append(limit if kept == list(pairs) else Clearance(robot, motion, kept, world))
+            clearances.append(limit if kept == list(pairs) else Clearance(robot, motion, kept, world, frames))
     if clearances:
         clearances[0].notes = tuple(notes)
     return list(clearances)

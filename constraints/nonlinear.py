@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import casadi as ca
@@ -121,10 +121,9 @@ class NonlinearConstraint(Constraint):
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update({**state, "shown": cloudpickle.loads(state["shown"])})
 
-    @cached_property
+    @property
     def _symbols(self) -> list[ca.SX]:
-        """Position, velocity, acceleration and jerk."""
-        return [ca.SX.sym("d" * order + "q", self.joints) for order in range(4)]
+        return list(motion_symbols(self.joints))
 
     @cached_property
     def function(self) -> VectorisedFunction:
@@ -210,6 +209,12 @@ class NonlinearConstraint(Constraint):
     def slopes(self, samples: Samples) -> Array:
         """``dg / d(q, dq, ddq)`` at every instant, shape (N, k, 3 n)."""
         return evaluate_samples(self.jacobian, samples)
+
+
+@cache
+def motion_symbols(joints: int) -> tuple[ca.SX, ...]:
+    """Position, velocity, acceleration and jerk, which all limits of so many joints share."""
+    return tuple(ca.SX.sym("d" * order + "q", joints) for order in range(4))
 
 
 class StackedConstraint(NonlinearConstraint):
