@@ -59,13 +59,9 @@ class Clearance(NonlinearConstraint):
     between surfaces are reported.
     """
 
-    def __init__(
-        self, robot: Robot, motion: PartialMotion, pairs: Sequence[Pair], world: World, frames: Frames | None = None
-    ) -> None:
+    def __init__(self, robot: Robot, motion: PartialMotion, pairs: Sequence[Pair], world: World) -> None:
         self.robot, self.motion, self.pairs, self.world = robot, motion, tuple(pairs), world
         self.joints = motion.matrix.shape[1]
-        if frames is not None:  # of the symbols, which several limits share
-            self._own = list(self._gaps(frames))
         gaps = self._own
         reach = np.array([gap.reach for _, gap in gaps])
         squared = np.array([gap.squared for _, gap in gaps])
@@ -83,7 +79,7 @@ class Clearance(NonlinearConstraint):
     @cached_property
     def _own(self) -> list[tuple[Pair, Gap]]:
         """The gaps at the symbols of this limit, which values and slopes share."""
-        return list(self._gaps(_frames(self.robot, self.motion, self._symbols[0])))
+        return list(self._gaps(_frames(self.robot, self.motion)))
 
     def _gaps(self, frames: Frames) -> Iterator[tuple[Pair, Gap]]:
         for pair in self.pairs:
@@ -96,7 +92,7 @@ class Clearance(NonlinearConstraint):
 
     def _expression(self, s: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """The functions, the same with symbols for held values, the symbols, and their expressions."""
-        gaps = self._own if s is self._symbols[0] else list(self._gaps(_frames(self.robot, self.motion, s)))
+        gaps = self._own if s is self._symbols[0] else list(self._gaps(_frames_at(self.robot, self.motion, s)))
         open_form = ca.vertcat(*(_value(gap, pair.clearance) for pair, gap in gaps))
         held = [pair for _, gap in gaps for pair in gap.held]
         symbols, meaning = (ca.vertcat(ca.SX(0, 1), *(pair[k] for pair in held)) for k in (0, 1))
@@ -118,7 +114,12 @@ class Clearance(NonlinearConstraint):
         return interval_function([q, dq, ddq, dddq], ca.substitute(ca.jtimes(g, q, dq), held, meaning))
 
 
-def _frames(robot: Robot, motion: PartialMotion, s: ca.SX) -> Frames:
+@lru_cache(maxsize=1)  # shared by all limits of a motion
+def _frames(robot: Robot, motion: PartialMotion) -> Frames:
+    return _frames_at(robot, motion, motion_symbols(motion.matrix.shape[1])[0])
+
+
+def _frames_at(robot: Robot, motion: PartialMotion, s: ca.SX) -> Frames:
     return Frames(robot, ca.mtimes(sparse(motion.matrix), s) + ca.DM(motion.offset))
 
 
@@ -161,12 +162,12 @@ def _limits(
 ) -> list[NonlinearConstraint]:
     clearances: list[Clearance] = []
     notes: list[str] = []
-    poses, frames = _poses(robot, motion), _frames(robot, motion, motion_symbols(motion.matrix.shape[1])[0])
+    poses = _poses(robot, motion)
     for pairs in (pairs for pairs in groups if pairs):
-        limit = Clearance(robot, motion, pairs, world, frames)
+        limit = Clearance(robot, motion, pairs, world)
         kept = _kept(limit, poses, notes)
         if kept:
-            clearances.append(limit if kept == list(pairs) else Clearance(robot, motion, kept, world, frames))
+            clearances.append(limit if kept == list(pairs) else Clearance(robot, motion, kept, world))
     if clearances:
         clearances[0].notes = tuple(notes)
     return list(clearances)

@@ -123,7 +123,7 @@ class NonlinearConstraint(Constraint):
 
     @property
     def _symbols(self) -> list[ca.SX]:
-        return list(motion_symbols(self.joints))
+        return motion_symbols(self.joints)
 
     @cached_property
     def function(self) -> VectorisedFunction:
@@ -212,9 +212,9 @@ class NonlinearConstraint(Constraint):
 
 
 @cache
-def motion_symbols(joints: int) -> tuple[ca.SX, ...]:
+def motion_symbols(joints: int) -> list[ca.SX]:
     """Position, velocity, acceleration and jerk, which all limits of so many joints share."""
-    return tuple(ca.SX.sym("d" * order + "q", joints) for order in range(4))
+    return [ca.SX.sym("d" * order + "q", joints) for order in range(4)]
 
 
 class StackedConstraint(NonlinearConstraint):

@@ -166,7 +166,7 @@ def repeat_and_write(result: Identification, out: Path, given: Mapping[str, Any]
     except LostWorkersError as error:
         saved = f"the result in {out} is saved, without repetitions"
         raise LostWorkersError(*error.args, saved + _continued(out)) from error
-    given["figures"].write_view(repetitions_view(result, repeated_runs), out)
+    given["figures"].write(repetitions_view(result, repeated_runs), out)
     if repeated_runs.interrupted:
         done = f"with {repeated_runs.count} of {count} repetitions"
         say(f"excite: interrupted; the result is saved, {in_options(done + _continued(out))}")
@@ -212,10 +212,8 @@ def verify_and_write(
         steps = [] if view.holds else ["'excite verify ... --verbose' shows what limits each joint"]
 
         def drawn() -> list[Path]:
-            if figures:
-                tell("drawing")
             both = zip(views, written, strict=True)
-            return [file for each, files in both for file in (*figures.write_view(each, target), *files)]
+            return [file for each, files in both for file in (*figures.write(each, target), *files)]
 
         def details() -> None:
             for each in views:

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import IO, Any
 from xml.etree import ElementTree
 
-import matplotlib
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
@@ -98,17 +97,16 @@ def write_figures(
         Another format or width, or nothing that has figures; or the folder is being written by another process, or
         cannot be written to.
     """
-    return write_view_figures(_view_of(design), folder, formats=formats, width=width)
-
-
-def write_view_figures(view: View, folder: str | Path, **how: Any) -> list[Path]:
-    """Write the figures of a view; formats and width as in `write_figures`."""
+    view = _view_of(design)
     return write_figure_files(
-        lambda: {f"{view.stem}{each.ending}": each.draw() for each in view.figures}, folder, view.filed, **how
-    )
+        lambda: {f"{view.stem}{each.ending}": each.draw() for each in view.figures}, folder, view.filed,
+        formats=formats, width=width,
+    )  # fmt: skip
 
 
 def _view_of(result: Any) -> View:
+    if isinstance(result, View):
+        return result
     names = [f"{kind.__module__}.{kind.__qualname__}" for kind in type(result).__mro__]
     known = next(filter(None, map(_VIEWS.get, names)), None)
     if known is None:
