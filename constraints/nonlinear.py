@@ -113,7 +113,7 @@ class NonlinearConstraint(Constraint):
     def __getstate__(self) -> dict[str, Any]:
         """The state with the instructions of g, whose expression pickle could not name."""
         compiled = {name for name in vars(self) if isinstance(getattr(type(self), name, None), cached_property)}
-        symbols = self._symbols[:3]
+        symbols = motion_symbols(self.joints)[:3]
         g = ca.Function("g", symbols, [self.expression(*symbols)])
         kept = {name: value for name, value in vars(self).items() if name not in compiled}
         return {**kept, "expression": g, "shown": cloudpickle.dumps(self.shown)}
@@ -121,26 +121,22 @@ class NonlinearConstraint(Constraint):
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update({**state, "shown": cloudpickle.loads(state["shown"])})
 
-    @property
-    def _symbols(self) -> list[ca.SX]:
-        return motion_symbols(self.joints)
-
     @cached_property
     def function(self) -> VectorisedFunction:
         """Values of g for many instants at once."""
-        symbols = self._symbols[:3]
+        symbols = motion_symbols(self.joints)[:3]
         return VectorisedFunction(symbols, self.expression(*symbols))
 
     @cached_property
     def jacobian(self) -> VectorisedFunction:
         """``dg / d(q, dq, ddq)``, shape (k, 3 n), for many instants at once."""
-        symbols = self._symbols[:3]
+        symbols = motion_symbols(self.joints)[:3]
         return VectorisedFunction(symbols, ca.jacobian(self.expression(*symbols), ca.vertcat(*symbols)))
 
     @cached_property
     def rate(self) -> OverBoxes:
         """``dg/dt`` of (q, dq, ddq, dddq), enclosed over boxes."""
-        q, dq, ddq, dddq = self._symbols
+        q, dq, ddq, dddq = motion_symbols(self.joints)
         g = self.expression(q, dq, ddq)
         return interval_function([q, dq, ddq, dddq], ca.jtimes(g, ca.vertcat(q, dq, ddq), ca.vertcat(dq, ddq, dddq)))
 

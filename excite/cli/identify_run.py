@@ -57,11 +57,11 @@ _NOT_REPEATED = ("estimator", "standstill", "signals")
 def identify_and_write(robot: str, logs: Sequence[Path], out: Path, **given: Any) -> None:
     """Identify from logs and write a result's folder."""
     of_recipe = {name: value for name, value in typed_options(Recipe).items() if value is not None}
+    recipe = Recipe(**of_recipe)
     if given["repeat"]:
-        Recipe(**of_recipe).check_repeatable(given["repeat"])
+        recipe.check_repeatable(given["repeat"])
     else:
         check_not_typed(("executor", "workers"), "is for repetitions: give their number, --repeat N")
-        Recipe(**of_recipe)
     tell("reading the logs")
     with result_folder(out):
         figures: FigureChoice = given["figures"]
@@ -221,14 +221,9 @@ def verify_and_write(
                 print_view(each)
             print_view(View(view.title, view.verdict), drawn())
 
-        show(
-            view,
-            drawn,
-            content=lambda: list(map(json_of, judged)),
-            next_steps=steps,
-            all_in="verification-*.json",
-            details=details if len(judged) > 1 else None,
-        )
+        whole = details if len(judged) > 1 else None
+        content: list[Any] = list(map(json_of, judged))
+        show(view, drawn, content=lambda: content, next_steps=steps, all_in="verification-*.json", details=whole)
     sys.exit(0 if view.holds else NOT_HELD)
 
 
@@ -236,6 +231,4 @@ def _stems(logs: Sequence[Path]) -> list[str]:
     """Name of each log's files; logs of the same name in different folders are numbered."""
     names = [path.stem for path in logs]
     counts = [names[: k + 1].count(name) for k, name in enumerate(names)]
-    return [
-        f"verification-{name}" + (f"-{count}" if count > 1 else "") for name, count in zip(names, counts, strict=True)
-    ]
+    return [f"verification-{name}" + f"-{count}" * (count > 1) for name, count in zip(names, counts, strict=True)]

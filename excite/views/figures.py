@@ -65,8 +65,7 @@ def draw(result: Any, *, width: str = "screen") -> dict[str, Any]:
     InputError
         Another width, or nothing that has figures.
     """
-    figures = _view_of(result).figures
-    return drawn_figures(lambda: {each.ending: each.draw() for each in figures}, width)
+    return drawn_figures(lambda: {each.ending: each.draw() for each in _view_of(result).figures}, width)
 
 
 @checked
@@ -98,10 +97,7 @@ def write_figures(
         cannot be written to.
     """
     view = _view_of(design)
-    return write_figure_files(
-        lambda: {f"{view.stem}{each.ending}": each.draw() for each in view.figures}, folder, view.filed,
-        formats=formats, width=width,
-    )  # fmt: skip
+    return write_figure_files(view.drawn, folder, view.filed, formats=formats, width=width)
 
 
 def _view_of(result: Any) -> View:

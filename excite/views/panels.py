@@ -106,9 +106,7 @@ def fit_panels(rows: int, title: str) -> tuple[Figure, list[tuple[Axes, Axes]]]:
     """Create a panel over the whole width for each of so many equations, and a lower one below each."""
     height, text = 1.3 if rows > 1 else 3.0, _ABOVE + (rows - 1) * Panel.between + Panel.below
     figure = figure_of(_WIDE + Panel.left + _RIGHT, rows * (height + _LOWER) + text, title, text)
-    axes = figure.subplots(2 * rows, 1, height_ratios=(height, _LOWER) * rows)
-    for ax in axes:
-        tidy(ax)
+    axes = list(map(tidy, figure.subplots(2 * rows, 1, height_ratios=(height, _LOWER) * rows)))
     return figure, list(zip(axes[::2], axes[1::2], strict=True))
 
 

@@ -204,8 +204,8 @@ class VectorisedFunction:
         buffers, evaluate = self._function.map(_AT_ONCE).buffer()  # CasADi keeps the map
         for first in range(0, instants, _AT_ONCE):
             for k, x in enumerate(given):
-                buffers.set_arg(k, memoryview(x[first : first + _AT_ONCE]))
-            buffers.set_res(0, memoryview(values[first : first + _AT_ONCE]))
+                buffers.set_arg(k, x[first : first + _AT_ONCE].data)
+            buffers.set_res(0, values[first : first + _AT_ONCE].data)
             evaluate()
         return np.ascontiguousarray(values[:instants].T)
 
