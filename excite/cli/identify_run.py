@@ -206,24 +206,25 @@ def verify_and_write(
         for log in logs:
             tell(f"judging {folder} on {log}")
             judged.append(excite.verify(result, log, tolerances=tolerances, **options))
-        views = [verification_view(verification, stem) for verification, stem in zip(judged, stems, strict=True)]
-        written = [verification.save(target, name=stem) for verification, stem in zip(judged, stems, strict=True)]
+        stemmed = zip(judged, stems, strict=True)
+        written = [(verification_view(each, stem), each.save(target, name=stem)) for each, stem in stemmed]
         view = verifications_view(judged)
         steps = [] if view.holds else ["'excite verify ... --verbose' shows what limits each joint"]
 
         def drawn() -> list[Path]:
-            both = zip(views, written, strict=True)
-            return [file for each, files in both for file in (*figures.write(each, target), *files)]
+            return [file for each, files in written for file in (*figures.write(each, target), *files)]
 
         def details() -> None:
-            for each in views:
+            for each, _ in written:
                 print_verdict(each)
                 print_view(each)
             print_view(View(view.title, view.verdict), drawn())
 
+        def content() -> list[Any]:
+            return list(map(json_of, judged))
+
         whole = details if len(judged) > 1 else None
-        content: list[Any] = list(map(json_of, judged))
-        show(view, drawn, content=lambda: content, next_steps=steps, all_in="verification-*.json", details=whole)
+        show(view, drawn, content=content, next_steps=steps, all_in="verification-*.json", details=whole)
     sys.exit(0 if view.holds else NOT_HELD)
 
 
