@@ -107,7 +107,7 @@ def design_from_options(
             times = "once" if runs == 1 else f"{runs} times in one recording"
             show(
                 design_view(design),
-                lambda: [*(excite.write_figures(design, out, **vars(figures)) if figures else ()), *files],
+                lambda: [*figures.write(design, out), *files],
                 content=lambda: {"out": str(out), **shown_content(design)},
                 next_steps=[_NEXT if runs is None else _NEXT_RUNS.format(times)],
                 all_in="design.json",

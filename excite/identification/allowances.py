@@ -26,8 +26,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
-import scipy.linalg
-import scipy.special
+import scipy
 
 from excite.identification.covariance import METHODS, divisors, robust_covariance, with_covariance
 from excite.identification.equations import (

@@ -33,8 +33,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy.linalg
-import scipy.special
+import scipy
 from numpy.typing import NDArray
 
 from excite.identification.covariance import METHODS, divisors, group_scale, with_covariance

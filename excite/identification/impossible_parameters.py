@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
-import scipy.special
+import scipy
 from numpy.typing import NDArray
 
 from excite.identification.estimator import CONFIDENCE, Estimate

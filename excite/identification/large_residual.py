@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 import scipy
-import scipy.ndimage
 
 from excite.identification.observations import Observations, rows_of_groups
 from excite.identification.preparation import prepare

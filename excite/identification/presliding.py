@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import scipy.optimize
+import scipy
 
 from excite.identification.choices.left_out import least_squares_of_products
 from excite.identification.equations import (

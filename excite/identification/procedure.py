@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-import scipy.special
+import scipy
 
 from excite.identification.allowances import (
     PRESLIDING,

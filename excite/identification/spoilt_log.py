@@ -16,8 +16,7 @@ from functools import cache, cached_property, partial
 from itertools import product
 
 import numpy as np
-import scipy.linalg
-import scipy.optimize
+import scipy
 
 from excite.identification.choices.timing import LONGEST
 from excite.identification.impossible_parameters import described_coefficients, inertial_columns, signs_of_bodies

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
-import scipy.sparse
+import scipy
 
 from regressors.errors import InputError
 from regressors.models.drives import drive_rows

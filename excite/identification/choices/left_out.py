@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
-import scipy.special
+import scipy
 
 from regressors.errors import InputError, percent
 from regressors.robot.symbolic.vectorised import SparseRow

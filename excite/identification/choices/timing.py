@@ -7,8 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
-import scipy.optimize
-import scipy.special
+import scipy
 
 from excite.identification.choices.left_out import NEGLIGIBLE, Choice, LeftOut, best_of, candidates_of
 from excite.identification.choices.scoring import Delays, Scoring

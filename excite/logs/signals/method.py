@@ -9,7 +9,7 @@ from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from excite.logs.event import LONGEST, Gap, gaps
 from excite.logs.log import Log, channels_of, held_values
@@ -184,7 +184,7 @@ def _own_rate(log: Log) -> float:
 def _smooth(time: Array, x: Array, intervals: tuple[Gap, ...], new: Array) -> Array:
     if intervals:
         time, x = bridged(time, x, intervals, float(np.median(np.diff(time))))
-    return np.asarray(CubicSpline(time, x, axis=0)(new))
+    return np.asarray(scipy.interpolate.CubicSpline(time, x, axis=0)(new))
 
 
 def _linear(time: Array, x: Array, new: Array) -> Array:
@@ -252,10 +252,10 @@ class DelayedMotion:
         self.samples = samples
 
     @cached_property
-    def _splines(self) -> list[CubicSpline | None]:
+    def _splines(self) -> list[scipy.interpolate.CubicSpline | None]:
         """Of the quantities that are known."""
         values = (getattr(self.samples, name) for name in _QUANTITIES)
-        return [CubicSpline(self.samples.time, x) if np.all(np.isfinite(x)) else None for x in values]
+        return [scipy.interpolate.CubicSpline(self.samples.time, x) if np.all(np.isfinite(x)) else None for x in values]
 
     def by(self, delay: float) -> Samples:
         """The motion as it was some time before [s]; see `delayed`."""
