@@ -142,6 +142,8 @@ def identify(
         task = _as_designed(model, task, design)
         recipe = _with_period(recipe, design)
     task = task.changed(**options)
+    if task.model.channel == "command":
+        raise InputError("servos are identified by `excite.identification.servos.identify_servos`")
     as_designed = _friction_as_designed(model, task, options)
     curves, file = _known_friction(friction_curves, design if as_designed else None, task, robot)
     commanded = None if design is None else design.trajectory
