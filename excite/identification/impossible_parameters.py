@@ -14,7 +14,8 @@ from excite.identification.large_residual import Doubt
 from excite.information.target import IdentificationTarget
 from regressors.models.base import Base
 from regressors.models.nominal import parameter_values, standard_values
-from regressors.robot.columns import BODY_KINDS, COULOMB, ROTOR, VISCOUS
+from regressors.robot.columns import BODY_KINDS, COULOMB, DIRECTED_KINDS, ROTOR, VISCOUS
+from regressors.robot.friction.load_and_temperature import drives_with_friction, friction_rows, moving_drive_numbers
 from regressors.robot.inertia import pseudo_inertia
 from regressors.robot.plausibility import implausible_inertias
 from regressors.robot.robot import Robot
@@ -132,6 +133,18 @@ def beyond_plausible(
     plausible = np.fmax(plausible, np.abs(described))
     half = estimate.half_width
     return np.asarray(np.isfinite(half) & (half > np.abs(estimate.values)) & (half > _BEYOND * plausible))
+
+
+_STILL = 1e-3  # of the way of the drive that goes farthest: below, noise alone gives a velocity its sign
+
+
+def friction_at_rest(target: IdentificationTarget, motion: Samples) -> NDArray[np.bool_]:
+    """Parameters of the friction of drives that hold still, whose equations say nothing of them, shape (b,)."""
+    way, numbers = np.ptp(motion.q @ friction_rows(target.robot).T, axis=0), moving_drive_numbers(target.robot)
+    drives = zip(drives_with_friction(target.robot), way, strict=True)
+    still = {numbers[name] for (name, _), one in drives if one < _STILL * way.max()}
+    columns = (target.base.columns[j] for j in target.base.index)
+    return np.array([one.kind in (*DIRECTED_KINDS, VISCOUS) and one.owner in still for one in columns])
 
 
 def _as_fast_as_the_fastest(x: Array, units: NDArray[np.str_]) -> Array:

@@ -6,9 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.optimize
+import scipy.special
 from numpy.typing import NDArray
 
-from excite.identification.equations import drive_directions, predicted_rows
+from excite.identification.equations import drive_directions, measured_rows, predicted_rows
+from excite.identification.estimator import CONFIDENCE, Estimate
 from excite.identification.preparation import HELD, PreparedLog, measured_channel
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, target_of
@@ -200,3 +203,50 @@ def _at(time: Array, known: Array, values: Array) -> Array:
     if np.array_equal(time, known):
         return values
     return np.column_stack([np.interp(time, known, column) for column in values.T])
+
+
+_INSTANTS = 3000
+_LEAST, _MOST = -16.0, 8.0  # log10 of a multiplier over the mean diagonal of W'W
+
+
+def best_within_region(
+    estimate: Estimate, target: IdentificationTarget, part: PreparedLog, recipe: Recipe, predicted: LogPrediction
+) -> tuple[Array, Array]:
+    """Coefficients of an estimate's 99 % region that predict a log best, shape (b,), and what their changes d move.
+
+    ``min |W d - e|^2`` with ``d' C^-1 d <= k F(k, f)`` for the k parameters that are identifiable; the others are free.
+    Every equation has the weight of its size. The second is the root mean square of each ``W_i d_i``, shape (b, r).
+    """
+    every = part.samples.time
+    some = np.unique(np.linspace(0, every.size - 1, _INSTANTS).astype(int))
+    source = measured_rows(target, part.samples, recipe.breakaway, recipe.sign_width)
+    rows = source.at(some).part(slice(None))  # (N, r, b)
+    size = np.sqrt(np.mean(predicted.measured**2, axis=0))
+    size = np.where(size > 0, size, 1.0)[:, None]
+    e = _at(every[some], predicted.time, predicted.measured - predicted.predicted)
+    region, seen = _region(estimate, np.linalg.norm(rows / size, axis=(0, 1)))
+    A = (rows / size @ region).reshape(-1, len(region))
+    gram, moment, k = A.T @ A, A.T @ (e[..., None] / size).ravel(), float(seen.sum())
+    most = k * scipy.special.fdtri(k, max(estimate.degrees_of_freedom, 1), CONFIDENCE) if k else 0.0
+
+    def at(exponent: float) -> Array:
+        multiplier = 10.0**exponent * np.trace(gram) / len(gram)
+        return np.asarray(np.linalg.lstsq(gram + multiplier * np.diag(seen), moment, rcond=None)[0])
+
+    def beyond(exponent: float) -> float:
+        return float(np.sum(at(exponent)[seen] ** 2)) - most
+
+    inside = beyond(_LEAST) <= 0 or beyond(_MOST) > 0
+    change = region @ at(_LEAST if inside else scipy.optimize.brentq(beyond, _LEAST, _MOST, xtol=1e-3))
+    return estimate.coefficients + change, np.sqrt(np.mean((rows * change) ** 2, axis=0)).T
+
+
+def _region(estimate: Estimate, sizes: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Directions of the parameters with deviation one, shape (b, b), and which are of identifiable ones."""
+    # sizes (b,) of the columns
+    seen = np.isfinite(np.diag(estimate.covariance))
+    free = np.divide(1.0, sizes, out=np.ones_like(sizes), where=sizes > 0)
+    values, vectors = np.linalg.eigh(estimate.covariance[np.ix_(seen, seen)])
+    region = np.diag(np.where(seen, 0.0, free))
+    region[np.ix_(seen, seen)] = vectors * np.sqrt(np.maximum(values, 0.0))
+    return region, seen

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -12,7 +12,7 @@ import scipy
 from excite.logs.signals.periods import MeasurementNoise
 from excite.verification.simulated_motion import MotionError
 from excite.verification.tolerances import Tolerances
-from regressors.errors import percent
+from regressors.errors import listed_names, percent
 from regressors.samples import Array
 
 MORE_THAN_TRAINING = 2.0
@@ -29,6 +29,7 @@ class Verdict:
     confirmed: tuple[str, ...] = ()
     contradicted: tuple[str, ...] = ()
     undecided: tuple[str, ...] = ()
+    unknown: tuple[str, ...] = ()  # equations that the log contradicts only as far as the result's uncertainty reaches
     # a sentence each: whether the torques of the log are predicted, whether a possible robot has the parameters, and
     # which of them are known
     answers: tuple[str, ...] = ()
@@ -43,7 +44,9 @@ class Verdict:
         """One or two sentences."""
         confirmed = ", ".join(self.confirmed)
         if not self.holds:
-            only = f" Predictions of {confirmed} hold." if self.contradicted and self.confirmed else ""
+            only = (
+                f" Predictions of {confirmed} hold." if (self.contradicted or self.unknown) and self.confirmed else ""
+            )
             return f"Do not rely on the result: {'; '.join(self.against)}.{only}"
         if self.undecided:
             return (
@@ -51,6 +54,24 @@ class Verdict:
                 f"The log cannot judge {', '.join(self.undecided)}, where its noise hides what it could tell."
             )
         return "The result predicts this log: you can rely on it for motions of this kind."
+
+    def within_region(self, best: Verdict, parameters: Sequence[str]) -> Verdict:
+        """The verdict beside that on the best prediction within the 99 % region of the parameters.
+
+        What the log then no longer contradicts, the result does not know.
+        """
+        unknown = tuple(name for name in self.contradicted if name not in best.contradicted)
+        if not unknown:
+            return self
+        reason = (
+            f"it does not know the torques of {', '.join(unknown)}: they agree with this log within the 99 % intervals "
+            f"of {listed_names(parameters, _NAMED)}, which the logs of the identification do not show well enough; "
+            "identify from this log too"
+        )
+        return replace(self, against=(*best.against, reason), contradicted=best.contradicted, unknown=unknown)
+
+
+_NAMED = 6  # parameters in a verdict
 
 
 def verdict(

@@ -17,6 +17,7 @@ from excite.identification.large_residual import with_external_forces
 from excite.identification.log_faults import load_that_explains
 from excite.identification.prediction import (
     LogPrediction,
+    best_within_region,
     known_temperatures,
     mean_friction,
     prediction,
@@ -45,6 +46,7 @@ from excite.verification.simulated_motion import (
 from excite.verification.tolerances import Tolerances
 from excite.verification.verdict import (
     CorrectedError,
+    TorqueError,
     Verdict,
     corrected_errors,
     corrected_total,
@@ -56,6 +58,7 @@ from regressors.arguments import checked
 from regressors.errors import InputError, cut, percent
 from regressors.numerical import numerical_work
 from regressors.quantities import check
+from regressors.samples import Array
 
 HORIZON = 0.5
 
@@ -129,17 +132,20 @@ def verify(
     predicted = prediction(target, part, recipe, result.coefficients, result.friction)
     tolerances = tolerances if tolerances is not None else Tolerances()
     replay, length = _replayed(target, result, part, horizon)
-    measured, torques = predicted.measured, predicted.predicted
-    errors = torque_errors(predicted.time, measured, torques, predicted.speed, target.model.row_labels)
     above = motion_ends(part.samples.q, mean_rate(part.samples.time))
-    noise = measurement_noise(measured, measured - torques, mean_rate(predicted.time), above)
-    corrected, whole = corrected_errors(measured, torques, noise), corrected_total(measured, torques, noise)
+    compared = errors, corrected, total, whole = _errors(target, predicted, above)
     free = ~predicted.left_out  # rows about which nothing happened
-    total, event_free = relative_error(measured, torques), relative_error(measured[free], torques[free])
+    event_free = relative_error(predicted.measured[free], predicted.predicted[free])
     units = {j.name: j.unit for j in target.robot.joints}
     motions = motion_errors(replay, part.samples, units) if replay is not None and replay.ok else None
-    doubted = _doubted(result, replay)
-    judged = verdict(errors, corrected, total, whole, result.training_error, motions or (), doubted, tolerances)
+    further = result.training_error, motions or (), _doubted(result, replay), tolerances
+    judged = verdict(*compared, *further)
+    explained = all(doubt.about == "bodies" for doubt in result.doubts)  # else nothing is known of its uncertainty
+    if judged.contradicted and explained:
+        best, moved = best_within_region(result.estimate, target, part, recipe, predicted)
+        allowed = prediction(target, part, recipe, best, result.friction)
+        within = verdict(*_errors(target, allowed, above), *further)
+        judged = judged.within_region(within, _decisive(result, moved, judged, within))
     remarks = (
         *judged.remarks,
         *motion_remarks(replay, length, horizon),
@@ -152,8 +158,8 @@ def verify(
         log=VerifiedLog.of(part),
         tolerances=tolerances,
         time=predicted.time,
-        measured=measured,
-        predicted=torques,
+        measured=predicted.measured,
+        predicted=predicted.predicted,
         motion=MeasuredMotion(tuple(part.log.joints), part.samples.time, part.samples.q),
         torques=errors,
         relative_error=total,
@@ -173,6 +179,31 @@ def verify(
     )
 
 
+def _errors(
+    target: IdentificationTarget, predicted: LogPrediction, above: float
+) -> tuple[tuple[TorqueError, ...], tuple[CorrectedError, ...], float, CorrectedError]:
+    """Errors of every equation, without noise too, and the same two over all equations."""
+    measured, torques = predicted.measured, predicted.predicted
+    noise = measurement_noise(measured, measured - torques, mean_rate(predicted.time), above)
+    return (
+        torque_errors(predicted.time, measured, torques, predicted.speed, target.model.row_labels),
+        corrected_errors(measured, torques, noise),
+        relative_error(measured, torques),
+        corrected_total(measured, torques, noise),
+    )
+
+
+_DECISIVE = 0.2  # of what the most decisive parameter moves
+
+
+def _decisive(result: Identification, moved: Array, judged: Verdict, within: Verdict) -> list[str]:
+    """Parameters that decide on the torques that the result does not know, the most decisive first."""  # moved (b, r)
+    names = [name for name, _ in result.target_of_instants.model.row_labels]
+    unknown = [name in judged.contradicted and name not in within.contradicted for name in names]
+    size = np.max(moved[:, unknown], axis=1, initial=0.0)
+    return [result.names[k] for k in np.argsort(-size) if size[k] > _DECISIVE * size.max()]
+
+
 def _doubted(result: Identification, replay: Replay | None) -> tuple[str, ...]:
     """What its identification doubts of a result, and a mass matrix that no robot has in a pose of the log."""
     doubted = tuple(f"{doubt.what}: {doubt.cause}" for doubt in result.doubts)
@@ -185,7 +216,7 @@ def _other_load(
     target: IdentificationTarget, part: PreparedLog, predicted: LogPrediction, judged: Verdict
 ) -> tuple[str, ...]:
     """The load that the log has and the result lacks, or the reverse, where that explains what contradicts."""
-    if judged.holds:
+    if judged.holds or (judged.unknown and not judged.contradicted):
         return ()
     time, motion = predicted.time, part.samples
     measured, torques = (
@@ -203,10 +234,10 @@ def _other_load(
 def _torques_answer(judged: Verdict, whole: CorrectedError) -> str:
     """Whether the torques of the log are predicted, and within what."""
     within = f"torques: within {percent(whole.relative)} of what was measured, without noise"
-    if not (judged.contradicted or judged.undecided):
+    if not (judged.contradicted or judged.undecided or judged.unknown):
         return f"{within}; each is confirmed"
-    verbs = ("confirmed for", "contradicted for", "not to be judged for")
-    named = zip(verbs, (judged.confirmed, judged.contradicted, judged.undecided), strict=True)
+    verbs = ("confirmed for", "contradicted for", "not to be judged for", "not known for")
+    named = zip(verbs, (judged.confirmed, judged.contradicted, judged.undecided, judged.unknown), strict=True)
     return "; ".join([within, *(f"{verb} {', '.join(names)}" for verb, names in named if names)])
 
 

@@ -84,7 +84,7 @@ def _predicted(v: Verification) -> str:
 def _torques(v: Verification) -> ViewTable:
     moved = {motion.name: motion.relative for motion in v.motions or ()}
     says = dict.fromkeys(v.verdict.confirmed, "confirms") | dict.fromkeys(v.verdict.contradicted, "contradicts")
-    says |= dict.fromkeys(v.verdict.undecided, "cannot judge")
+    says |= dict.fromkeys(v.verdict.undecided, "cannot judge") | dict.fromkeys(v.verdict.unknown, "shows more")
     less: Sequence[float | None] = [part.relative for part in v.corrected] or [None] * len(v.torques)
     columns = headed(
         "*equation:text, measured, *torque error, *unit:unit, *of measured:%, less noise:%, *this log:text, "
