@@ -30,7 +30,7 @@ from excite.identification.large_residual import (
 from excite.identification.log_faults import every_joint_moves, load_that_explains
 from excite.identification.noise import residual_diagnostics
 from excite.identification.observations import GroupFactors, Observations
-from excite.identification.prediction import LogPrediction, prediction, relative_error
+from excite.identification.prediction import LogPrediction, interpolated, prediction, relative_error
 from excite.identification.spoilt_log import spoilt_log
 from excite.information.target import IdentificationTarget
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
@@ -206,10 +206,7 @@ def _missing(result: Identification, target: IdentificationTarget, parts: list[L
         np.concatenate([p.speed for p in parts]),
     )
     along = [(part.samples.time, equations.speeds(part.samples.ddq)) for part in result.prepared]
-    acceleration = [
-        np.column_stack([np.interp(p.time, time, column) for column in a.T])
-        for p, (time, a) in zip(parts, along, strict=True)
-    ]
+    acceleration = [interpolated(p.time, *one) for p, one in zip(parts, along, strict=True)]
     terms = missing_terms(residual, speed, np.concatenate(acceleration))
     return cause_of_residual(*terms, [name for name, _ in target.model.row_labels], _without_curve(result, target))
 

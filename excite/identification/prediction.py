@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.optimize
 import scipy.special
 from numpy.typing import NDArray
 
@@ -194,11 +193,13 @@ def prediction(
     inside = (log.time >= samples.time[0]) & (log.time <= samples.time[-1]) & ~within(log.time, part.saturated)
     time = log.time[inside]
     measured = model.right_side(samples, measured_channel(log, target)[inside]).reshape(-1, r)
-    speed = _at(time, samples.time, model.speeds(samples))
-    return LogPrediction(time, measured, _at(time, samples.time, predicted), speed, within(time, part.left_out))
+    speed = interpolated(time, samples.time, model.speeds(samples))
+    return LogPrediction(
+        time, measured, interpolated(time, samples.time, predicted), speed, within(time, part.left_out)
+    )
 
 
-def _at(time: Array, known: Array, values: Array) -> Array:
+def interpolated(time: Array, known: Array, values: Array) -> Array:
     """Values interpolated linearly between their instants, shape (N, r)."""
     if np.array_equal(time, known):
         return values
@@ -206,7 +207,7 @@ def _at(time: Array, known: Array, values: Array) -> Array:
 
 
 _INSTANTS = 3000
-_LEAST, _MOST = -16.0, 8.0  # log10 of a multiplier over the mean diagonal of W'W
+_MULTIPLIERS = 10.0 ** np.arange(-16.0, 8.0, 0.25)  # of the mean square of the columns
 
 
 def best_within_region(
@@ -214,8 +215,8 @@ def best_within_region(
 ) -> tuple[Array, Array]:
     """Coefficients of an estimate's 99 % region that predict a log best, shape (b,), and what their changes d move.
 
-    ``min |W d - e|^2`` with ``d' C^-1 d <= k F(k, f)`` for the k parameters that are identifiable; the others are free.
-    Every equation has the weight of its size. The second is the root mean square of each ``W_i d_i``, shape (b, r).
+    ``min |W d - e|^2`` with ``d' C^-1 d <= k F(k, f)`` for the k parameters that are identifiable, by Lagrange's
+    multiplier; the others are free. Every equation counts by its size. The second is the rms of ``W_i d_i``, (b, r).
     """
     every = part.samples.time
     some = np.unique(np.linspace(0, every.size - 1, _INSTANTS).astype(int))
@@ -223,30 +224,19 @@ def best_within_region(
     rows = source.at(some).part(slice(None))  # (N, r, b)
     size = np.sqrt(np.mean(predicted.measured**2, axis=0))
     size = np.where(size > 0, size, 1.0)[:, None]
-    e = _at(every[some], predicted.time, predicted.measured - predicted.predicted)
-    region, seen = _region(estimate, np.linalg.norm(rows / size, axis=(0, 1)))
-    A = (rows / size @ region).reshape(-1, len(region))
-    gram, moment, k = A.T @ A, A.T @ (e[..., None] / size).ravel(), float(seen.sum())
-    most = k * scipy.special.fdtri(k, max(estimate.degrees_of_freedom, 1), CONFIDENCE) if k else 0.0
+    e = interpolated(every[some], predicted.time, predicted.measured - predicted.predicted)
 
-    def at(exponent: float) -> Array:
-        multiplier = 10.0**exponent * np.trace(gram) / len(gram)
-        return np.asarray(np.linalg.lstsq(gram + multiplier * np.diag(seen), moment, rcond=None)[0])
-
-    def beyond(exponent: float) -> float:
-        return float(np.sum(at(exponent)[seen] ** 2)) - most
-
-    inside = beyond(_LEAST) <= 0 or beyond(_MOST) > 0
-    change = region @ at(_LEAST if inside else scipy.optimize.brentq(beyond, _LEAST, _MOST, xtol=1e-3))
-    return estimate.coefficients + change, np.sqrt(np.mean((rows * change) ** 2, axis=0)).T
-
-
-def _region(estimate: Estimate, sizes: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Directions of the parameters with deviation one, shape (b, b), and which are of identifiable ones."""
-    # sizes (b,) of the columns
     seen = np.isfinite(np.diag(estimate.covariance))
-    free = np.divide(1.0, sizes, out=np.ones_like(sizes), where=sizes > 0)
     values, vectors = np.linalg.eigh(estimate.covariance[np.ix_(seen, seen)])
-    region = np.diag(np.where(seen, 0.0, free))
+    length = np.linalg.norm(rows / size, axis=(0, 1))
+    region = np.diag(np.where(seen, 0.0, 1 / np.where(length > 0, length, 1.0)))  # directions, of deviation one
     region[np.ix_(seen, seen)] = vectors * np.sqrt(np.maximum(values, 0.0))
-    return region, seen
+    A, k = (rows / size @ region).reshape(-1, len(region)), max(int(seen.sum()), 1)
+    gram, moment = A.T @ A, A.T @ (e[..., None] / size).ravel()
+    most, change = k * scipy.special.fdtri(k, max(estimate.degrees_of_freedom, 1), CONFIDENCE), np.zeros(len(region))
+    for multiplier in _MULTIPLIERS * np.trace(gram) / len(gram):
+        change = np.linalg.lstsq(gram + multiplier * np.diag(seen), moment, rcond=None)[0]
+        if np.sum(change[seen] ** 2) <= most:
+            break
+    change = region @ change
+    return estimate.coefficients + change, np.sqrt(np.mean((rows * change) ** 2, axis=0)).T

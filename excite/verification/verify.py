@@ -18,6 +18,7 @@ from excite.identification.log_faults import load_that_explains
 from excite.identification.prediction import (
     LogPrediction,
     best_within_region,
+    interpolated,
     known_temperatures,
     mean_friction,
     prediction,
@@ -218,12 +219,9 @@ def _other_load(
     """The load that the log has and the result lacks, or the reverse, where that explains what contradicts."""
     if judged.holds or (judged.unknown and not judged.contradicted):
         return ()
-    time, motion = predicted.time, part.samples
-    measured, torques = (
-        np.column_stack([np.interp(motion.time, time, column) for column in rows.T])
-        for rows in (predicted.measured, predicted.predicted)
-    )
-    load = load_that_explains(target, motion, measured - torques, measured)
+    rows = (predicted.measured, predicted.measured - predicted.predicted)
+    measured, error = (interpolated(part.samples.time, predicted.time, values) for values in rows)
+    load = load_that_explains(target, part.samples, error, measured)
     if load is None:
         return ()
     mass, text = load

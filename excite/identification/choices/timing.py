@@ -13,10 +13,9 @@ import scipy.special
 
 from excite.identification.choices.left_out import NEGLIGIBLE, Choice, LeftOut, best_of, candidates_of
 from excite.identification.choices.scoring import Delays, Scoring
-from excite.identification.equations import listed
 from excite.identification.noise import autocorrelation, effective_samples
 from excite.identification.preparation import PreparedLog
-from excite.identification.presliding import presliding_candidates
+from excite.identification.presliding import presliding_candidates, presliding_words
 from excite.identification.recipe import Recipe
 from regressors.errors import percent
 from regressors.robot.friction.load_and_temperature import friction_rows
@@ -54,9 +53,10 @@ def choose_delay(scored: Scored, residuals: Residuals, step: float, near: float 
     best, (low, high) = DelayLikelihood.of(residuals(near), tried[near]).found(residuals, near, step / 2, step)
     gain = score(0.0) - score(best)
     listed = candidates_of(dict(sorted(tried.items())))
-    if low <= 0.0 <= high or abs(best) > LONGEST + _BEYOND / 2 or gain < LEAST_GAIN:
+    inside = abs(best) <= LONGEST + _BEYOND / 2
+    if low <= 0.0 <= high or not inside or gain < LEAST_GAIN:
         reason = "torques and positions are taken as recorded at the same time: no delay predicts clearly better"
-        return 0.0, Choice("delay", 0.0, listed, reason, "s", (low, high) if low <= 0.0 <= high else None)
+        return 0.0, Choice("delay", 0.0, listed, reason, "s", (min(low, 0.0), max(high, 0.0)) if inside else None)
     when = "before" if best > 0 else "after"
     near, far = sorted((1e3 * abs(low), 1e3 * abs(high)))
     reason = (
@@ -453,8 +453,8 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
         chosen = _with_delays_of_each(chosen, timings, softened, parts)
     if len(timings) == 1:
         return chosen[0], chosen[2]
-    words = _sliding_words(chosen[0])
-    listed = candidates_of({_sliding_words(tried): errors for tried, errors, _ in timings})
+    words = presliding_words(chosen[0])
+    listed = candidates_of({presliding_words(tried): errors for tried, errors, _ in timings})
     return chosen[0], (*chosen[2], Choice("presliding", words, listed, f"{words}, as left-out torques show"))
 
 
@@ -472,12 +472,3 @@ def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) ->
 
 
 _Timing = tuple[Recipe, LeftOut, tuple[Choice, ...]]
-
-
-def _sliding_words(recipe: Recipe) -> str:
-    if np.any(recipe.breakaway or 0.0):
-        over = listed(recipe.breakaway)
-        return f"Coulomb friction changes its direction over {over} rad (or m), and holds at standstill"
-    if np.any(recipe.sign_width or 0.0):
-        return f"Coulomb friction changes its sign over {listed(recipe.sign_width)} rad/s (or m/s)"
-    return "Coulomb friction has the sign of the velocity"
