@@ -19,7 +19,7 @@ from excite.identification.choices.all_choices import Chosen, choose_settings, f
 from excite.identification.choices.friction_terms import TERM_SETTINGS, added_columns
 from excite.identification.estimator import Estimator, hide_parameters
 from excite.identification.identification import Identification
-from excite.identification.impossible_parameters import beyond_plausible, friction_at_rest
+from excite.identification.impossible_parameters import beyond_plausible
 from excite.identification.large_residual import with_external_forces
 from excite.identification.log_faults import clock_jumps
 from excite.identification.prediction import instantaneous_target
@@ -239,8 +239,7 @@ def _without_implausible(result: Identification) -> Identification:
     )
     torque = np.sqrt(square / np.maximum(count, 1))
     motion = Samples.joined([part.samples for part in result.prepared])
-    hidden = beyond_plausible(target, result.estimate, motion, torque) | friction_at_rest(target, motion)
-    hidden &= np.isfinite(result.estimate.deviation)
+    hidden = beyond_plausible(target, result.estimate, motion, torque)
     return replace(result, estimate=hide_parameters(result.estimate, hidden)) if hidden.any() else result
 
 

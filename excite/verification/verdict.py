@@ -252,31 +252,23 @@ class CorrectedError:
     least: float
 
 
-def corrected_errors(measured: Array, predicted: Array, noise: MeasurementNoise) -> tuple[CorrectedError, ...]:
-    """Corrected error of each equation.
+def corrected_errors(
+    measured: Array, predicted: Array, noise: MeasurementNoise
+) -> tuple[tuple[CorrectedError, ...], CorrectedError]:
+    """Corrected error of each equation, and that over all of them, in their units.
 
     Of the difference's power below the motion's highest frequency f, ``f S`` is noise of density S; of that above it,
     what the measurements have too. Only frequencies of the motion can show an error of the model, so that there is
     much less noise in them than in all.
     """  # measured, predicted (N, r)
-    squares, duration = _squares(measured, predicted, noise), np.full_like(noise.level, noise.duration)
-    parts = np.array([*squares, noise.slow_deviation**2, noise.level, duration])
-    return tuple(_corrected(*part) for part in parts.T.tolist())
-
-
-def corrected_total(measured: Array, predicted: Array, noise: MeasurementNoise) -> CorrectedError:
-    """Corrected error over all equations, in their units."""
-    error, size, square = (float(part.sum()) for part in _squares(measured, predicted, noise))
-    variance, level = float(np.sum(noise.slow_deviation**2)), float(noise.level.max(initial=0.0))
-    return _corrected(error, size, square, variance, level, noise.duration)
-
-
-def _squares(measured: Array, predicted: Array, noise: MeasurementNoise) -> tuple[Array, Array, Array]:
-    """Mean squares of the difference, of the measurements, and of the noise in the difference, shape (r,) each."""
     difference = measured - predicted
-    error = np.mean(difference**2, axis=0)
+    error, size = np.mean(difference**2, axis=0), np.mean(measured**2, axis=0)
     fast = np.maximum(error - _slow_square(difference, noise), 0.0)
-    return error, np.mean(measured**2, axis=0), noise.fast_share * fast + noise.above * noise.level
+    square = noise.fast_share * fast + noise.above * noise.level
+    parts = np.array([error, size, square, noise.slow_deviation**2, noise.level])
+    whole = np.append(parts[:4].sum(axis=1), noise.level.max(initial=0.0))
+    each, total = (tuple(_corrected(part, noise.duration) for part in one) for one in (parts.T, whole[None]))
+    return each, total[0]
 
 
 def _slow_square(x: Array, noise: MeasurementNoise) -> Array:
@@ -287,10 +279,9 @@ def _slow_square(x: Array, noise: MeasurementNoise) -> Array:
     return np.asarray(power[frequency <= noise.above].sum(axis=0) / len(x) ** 2)
 
 
-def _corrected(
-    error: float, size: float, noise: float, variance: float, level: float, duration: float
-) -> CorrectedError:
+def _corrected(squares: Array, duration: float) -> CorrectedError:
     """From mean squares; `level / duration` is the noise in one frequency, with which an error of the model mixes."""
+    error, size, noise, variance, level = squares.tolist()
     left, signal = max(error - noise, 0.0), max(size - noise, 0.0)
     chance = _QUANTILE * float(np.sqrt(variance + 2 * left * level / duration))
     return CorrectedError(

@@ -50,7 +50,6 @@ from excite.verification.verdict import (
     TorqueError,
     Verdict,
     corrected_errors,
-    corrected_total,
     torque_errors,
     verdict,
 )
@@ -186,12 +185,9 @@ def _errors(
     """Errors of every equation, without noise too, and the same two over all equations."""
     measured, torques = predicted.measured, predicted.predicted
     noise = measurement_noise(measured, measured - torques, mean_rate(predicted.time), above)
-    return (
-        torque_errors(predicted.time, measured, torques, predicted.speed, target.model.row_labels),
-        corrected_errors(measured, torques, noise),
-        relative_error(measured, torques),
-        corrected_total(measured, torques, noise),
-    )
+    corrected, whole = corrected_errors(measured, torques, noise)
+    errors = torque_errors(predicted.time, measured, torques, predicted.speed, target.model.row_labels)
+    return errors, corrected, relative_error(measured, torques), whole
 
 
 _DECISIVE = 0.2  # of what the most decisive parameter moves
