@@ -54,7 +54,7 @@ from excite.identification.noise import noise_origin
 from excite.identification.observations import GroupFactors, Observations
 from excite.identification.prediction import carried_torques
 from excite.identification.preparation import PreparedLog
-from excite.identification.recipe import Recipe, Sizes
+from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
 from regressors.errors import InputError
 from regressors.robot.friction.curves import FrictionCurves
@@ -122,7 +122,7 @@ def presliding_columns(context: Context, coefficients: Array) -> Array:
 
     def change(part: PreparedLog) -> Array:
         ahead, behind = (
-            drive_directions(target.robot, part.samples, *(_scaled(size, float(np.exp(step))) for size in sizes))
+            drive_directions(target.robot, part.samples, *(np.multiply(size, np.exp(step)) for size in sizes))
             for step in (_WIDTH_STEP, -_WIDTH_STEP)
         )
         assert ahead is not None
@@ -136,11 +136,6 @@ def presliding_columns(context: Context, coefficients: Array) -> Array:
 
     columns = instant_columns(context, change)
     return columns[:, np.any(columns, axis=0)]
-
-
-def _scaled(size: Sizes, factor: float) -> Sizes:
-    """One width or several, times a factor."""
-    return tuple(factor * one for one in size) if isinstance(size, tuple) else factor * size
 
 
 def with_nuisance(

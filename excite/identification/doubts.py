@@ -30,9 +30,10 @@ from excite.identification.large_residual import (
 from excite.identification.log_faults import every_joint_moves, load_that_explains
 from excite.identification.noise import residual_diagnostics
 from excite.identification.observations import GroupFactors, Observations
-from excite.identification.prediction import LogPrediction, interpolated, prediction, relative_error
+from excite.identification.prediction import LogPrediction, prediction, relative_error
 from excite.identification.spoilt_log import spoilt_log
 from excite.information.target import IdentificationTarget
+from excite.logs.signals.method import interpolated
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from regressors.errors import percent
 from regressors.robot.friction.load_and_temperature import drives_with_friction

@@ -15,6 +15,7 @@ from excite.identification.preparation import HELD, PreparedLog, measured_channe
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, target_of
 from excite.logs.event import within
+from excite.logs.signals.method import interpolated
 from excite.tasks.model_choice import FRICTION
 from excite.tasks.model_options import without_curve
 from excite.tasks.robot_of_task import moving_robot
@@ -199,24 +200,18 @@ def prediction(
     )
 
 
-def interpolated(time: Array, known: Array, values: Array) -> Array:
-    """Values interpolated linearly between their instants, shape (N, r)."""
-    if np.array_equal(time, known):
-        return values
-    return np.column_stack([np.interp(time, known, column) for column in values.T])
-
-
 _INSTANTS = 3000
+_DECISIVE = 0.2  # of what the most decisive parameter changes
 _MULTIPLIERS = 10.0 ** np.arange(-16.0, 8.0, 0.25)  # of the mean square of the columns
 
 
 def best_within_region(
     estimate: Estimate, target: IdentificationTarget, part: PreparedLog, recipe: Recipe, predicted: LogPrediction
-) -> tuple[Array, Array]:
-    """Coefficients of an estimate's 99 % region that predict a log best, shape (b,), and what their changes d move.
+) -> tuple[Array, list[str]]:
+    """Coefficients of an estimate's 99 % region that predict a log best, shape (b,), and which change the torques most.
 
     ``min |W d - e|^2`` with ``d' C^-1 d <= k F(k, f)`` for the k parameters that are identifiable, by Lagrange's
-    multiplier; the others are free. Every equation counts by its size. The second is the rms of ``W_i d_i``, (b, r).
+    multiplier; the others are free. Every equation counts by its size.
     """
     every = part.samples.time
     some = np.unique(np.linspace(0, every.size - 1, _INSTANTS).astype(int))
@@ -238,5 +233,6 @@ def best_within_region(
         change = np.linalg.lstsq(gram + multiplier * np.diag(seen), moment, rcond=None)[0]
         if np.sum(change[seen] ** 2) <= most:
             break
-    change = region @ change
-    return estimate.coefficients + change, np.sqrt(np.mean((rows * change) ** 2, axis=0)).T
+    moved = length * np.abs(region @ change)
+    decisive = [estimate.names[k] for k in np.argsort(-moved) if moved[k] > _DECISIVE * moved.max()]
+    return estimate.coefficients + region @ change, decisive

@@ -11,14 +11,13 @@ import numpy as np
 
 from excite.identification.choices.cutoff_and_rows import HIGHEST
 from excite.identification.doubts import answers
-from excite.identification.identification import Identification
+from excite.identification.identification import Identification, stated_covariance
 from excite.identification.identify import rows_prediction
 from excite.identification.large_residual import with_external_forces
 from excite.identification.log_faults import load_that_explains
 from excite.identification.prediction import (
     LogPrediction,
     best_within_region,
-    interpolated,
     known_temperatures,
     mean_friction,
     prediction,
@@ -32,6 +31,7 @@ from excite.information.target import IdentificationTarget
 from excite.logs.event import LEFT_OUT
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
+from excite.logs.signals.method import interpolated
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from excite.simulation.replay import Outcome, Replay, windowed_motion
 from excite.storage.work_prediction import announce
@@ -58,7 +58,6 @@ from regressors.arguments import checked
 from regressors.errors import InputError, cut, percent
 from regressors.numerical import numerical_work
 from regressors.quantities import check
-from regressors.samples import Array
 
 HORIZON = 0.5
 
@@ -140,12 +139,11 @@ def verify(
     motions = motion_errors(replay, part.samples, units) if replay is not None and replay.ok else None
     further = result.training_error, motions or (), _doubted(result, replay), tolerances
     judged = verdict(*compared, *further)
-    explained = all(doubt.about == "bodies" for doubt in result.doubts)  # else nothing is known of its uncertainty
-    if judged.contradicted and explained:
-        best, moved = best_within_region(result.estimate, target, part, recipe, predicted)
-        allowed = prediction(target, part, recipe, best, result.friction)
-        within = verdict(*_errors(target, allowed, above), *further)
-        judged = judged.within_region(within, _decisive(result, moved, judged, within))
+    explained = all(doubt.about == "bodies" for doubt in result.doubts)  # else its covariance says nothing
+    if judged.contradicted and explained and stated_covariance(result) is not None:
+        best, decisive = best_within_region(result.estimate, target, part, recipe, predicted)
+        within = _errors(target, prediction(target, part, recipe, best, result.friction), above)
+        judged = judged.within_region(verdict(*within, *further), decisive)
     remarks = (
         *judged.remarks,
         *motion_remarks(replay, length, horizon),
@@ -188,17 +186,6 @@ def _errors(
     corrected, whole = corrected_errors(measured, torques, noise)
     errors = torque_errors(predicted.time, measured, torques, predicted.speed, target.model.row_labels)
     return errors, corrected, relative_error(measured, torques), whole
-
-
-_DECISIVE = 0.2  # of what the most decisive parameter moves
-
-
-def _decisive(result: Identification, moved: Array, judged: Verdict, within: Verdict) -> list[str]:
-    """Parameters that decide on the torques that the result does not know, the most decisive first."""  # moved (b, r)
-    names = [name for name, _ in result.target_of_instants.model.row_labels]
-    unknown = [name in judged.contradicted and name not in within.contradicted for name in names]
-    size = np.max(moved[:, unknown], axis=1, initial=0.0)
-    return [result.names[k] for k in np.argsort(-size) if size[k] > _DECISIVE * size.max()]
 
 
 def _doubted(result: Identification, replay: Replay | None) -> tuple[str, ...]:

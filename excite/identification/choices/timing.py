@@ -211,16 +211,16 @@ class DelayFit:
         return _resized(self.recipe, np.clip(self.slope * (delay - self.delays).sum(), -_RANGE, _RANGE))
 
     @classmethod
-    def of_all(cls, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], start: float = 0.0) -> DelayFit:
-        """One delay of all rows; none where friction does not change its direction smoothly."""
-        fit = cls(recipe)
-        if _is_smooth(recipe, parts):
-            fit = cls.of(scoring, recipe, parts, np.ones((1, 1, 1)), start)
+    def where_smooth(
+        cls, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, start: Array | float
+    ) -> DelayFit:
+        """The fit; without delays where friction does not change its direction smoothly, before or after it."""
+        fit = cls.of(scoring, recipe, parts, groups, start) if _is_smooth(recipe, parts) else cls(recipe)
         return fit if _is_smooth(fit.recipe, parts) else cls(fit.recipe)
 
     @classmethod
     def of(
-        cls, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, start: Array | float = 0.0
+        cls, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, start: Array | float
     ) -> DelayFit:
         """By Gauss and Newton with Tukey's weights; each size is known to a factor of e before."""
         # groups (k, L, r): 1 for the equations of each log that are in it
@@ -320,8 +320,9 @@ def _with_delays_of_each(
             start, coarse = _coarse_delays(soft, own, parts, groups, common)
             if coarse.score > errors.score:  # a kind that delays of each do not help
                 continue
-            refined = _refined_delays if len(timings) > 1 else _delays_in_turn
-            fit = refined(soft, own, parts, groups, start)
+            given = len(timings) == 1
+            fit = DelayFit(own) if given else DelayFit.where_smooth(soft, own, parts, groups, start)
+            fit = fit if fit.delays.size else _delays_in_turn(soft, fit.recipe, parts, groups, start)
             shared = fit.with_shared()
             both = {one: soft.of(soft.statistics(one.recipe, parts, one.of_rows(groups))) for one in (shared, fit)}
             taken = fit if both[shared].score - both[fit].score > _EACH_WORTH else shared
@@ -364,20 +365,10 @@ def _coarse_delays(
 _SWEEPS = 2
 
 
-def _refined_delays(
-    scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, start: Array
-) -> DelayFit:
-    """With the presliding where it has a size; else each in turn, since where friction jumps nothing has a slope."""
-    if not _is_smooth(recipe, parts):
-        return _delays_in_turn(scoring, recipe, parts, groups, start)
-    fit = DelayFit.of(scoring, recipe, parts, groups, start)
-    smooth = _is_smooth(fit.recipe, parts)
-    return fit if smooth else _delays_in_turn(scoring, fit.recipe, parts, groups, fit.delays)
-
-
 def _delays_in_turn(
     scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, start: Array
 ) -> DelayFit:
+    """The delay of each group beside the others', by likelihood: where friction jumps nothing has a slope."""
     step, late, ends = min(1 / part.log.rate for part in parts), start.copy(), np.zeros((len(start), 2))
     for _ in range(_SWEEPS):
         for g in range(len(groups)):
@@ -418,7 +409,8 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
         """Best delay of a kind of presliding, and then its best size at that delay."""
         if "delay" not in free:
             return tried, scored(tried, 0.0), ()
-        along = DelayFit.of_all(scoring, tried, parts, start) if together else DelayFit(tried)
+        all_rows = np.ones((1, 1, 1))
+        along = DelayFit.where_smooth(scoring, tried, parts, all_rows, start) if together else DelayFit(tried)
         delay, choice = delay_of(softened(tried), along, parts, tried)
         resized = min((tried, along.at(delay)), key=lambda one: scored(one, delay).score)
         low, high = choice.interval if delay and choice.interval else (0.0, 0.0)
