@@ -316,13 +316,7 @@ _USEFUL = 0.8  # of the error: a designed motion that does not gain more is not 
 
 
 def few_data(
-    logs: int,
-    expected: float,
-    designed: float | None,
-    method: str,
-    excess: float = 0.0,
-    *,
-    tried: str | None = None,
+    logs: int, expected: float, designed: float | None, method: str, excess: float = 0.0, *, tried: str | None = None
 ) -> Doubt | None:
     """Warning where predictions on other motions are expected to fail by the noise of the logs alone, or did fail."""
     if not max(expected, excess) > _TOLERATED:

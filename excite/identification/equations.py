@@ -163,11 +163,9 @@ def _part(
     return W
 
 
-def measured_regressor(
-    target: IdentificationTarget, samples: Samples, breakaway: Sizes | None = None, sign_width: Sizes | None = None
-) -> Array:
+def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway: Sizes | None = None) -> Array:
     """Stacked regressor W of a motion in the base columns."""
-    return StreamedRows([measured_rows(target, samples, breakaway, sign_width)]).whole()
+    return StreamedRows([measured_rows(target, samples, breakaway)]).whole()
 
 
 @dataclass(frozen=True, eq=False)

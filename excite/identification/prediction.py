@@ -213,13 +213,13 @@ def best_within_region(
     ``min |W d - e|^2`` with ``d' C^-1 d <= k F(k, f)`` for the k parameters that are identifiable, by Lagrange's
     multiplier; the others are free. Every equation counts by its size.
     """
-    every = part.samples.time
-    some = np.unique(np.linspace(0, every.size - 1, _INSTANTS).astype(int))
-    source = measured_rows(target, part.samples, recipe.breakaway, recipe.sign_width)
-    rows = source.at(some).part(slice(None))  # (N, r, b)
+    time = part.samples.time
+    some = np.unique(np.linspace(0, time.size - 1, _INSTANTS).astype(int))
+    # (N, r, b)
+    rows = measured_rows(target, part.samples, recipe.breakaway, recipe.sign_width).at(some).part(slice(None))
     size = np.sqrt(np.mean(predicted.measured**2, axis=0))
     size = np.where(size > 0, size, 1.0)[:, None]
-    e = interpolated(every[some], predicted.time, predicted.measured - predicted.predicted)
+    e = interpolated(time[some], predicted.time, predicted.measured - predicted.predicted)
 
     seen = np.isfinite(np.diag(estimate.covariance))
     values, vectors = np.linalg.eigh(estimate.covariance[np.ix_(seen, seen)])

@@ -44,9 +44,8 @@ class Verdict:
         """One or two sentences."""
         confirmed = ", ".join(self.confirmed)
         if not self.holds:
-            only = (
-                f" Predictions of {confirmed} hold." if (self.contradicted or self.unknown) and self.confirmed else ""
-            )
+            partly = confirmed and (self.contradicted or self.unknown)
+            only = f" Predictions of {confirmed} hold." if partly else ""
             return f"Do not rely on the result: {'; '.join(self.against)}.{only}"
         if self.undecided:
             return (
@@ -65,13 +64,10 @@ class Verdict:
             return self
         reason = (
             f"it does not know the torques of {', '.join(unknown)}: they agree with this log within the 99 % intervals "
-            f"of {listed_names(parameters, _NAMED)}, which the logs of the identification do not show well enough; "
+            f"of {listed_names(parameters)}, which the logs of the identification do not show well enough; "
             "identify from this log too"
         )
         return replace(self, against=(*best.against, reason), contradicted=best.contradicted, unknown=unknown)
-
-
-_NAMED = 6  # parameters in a verdict
 
 
 def verdict(
@@ -98,7 +94,8 @@ def verdict(
         if part.relative * moving <= tolerances.torque:
             named["confirmed"].append(t.name)
             if part.relative > 2 * tolerances.torque:
-                remarks.append(_poor(t, part))
+                within = f"{t.name} is predicted within {percent(t.relative, 3)} only"
+                remarks.append(f"{within}, most of it from {t.limited_by}")
         elif part.least * moving <= tolerances.torque:
             named["undecided"].append(t.name)
         else:
@@ -155,14 +152,6 @@ def _of_total(
         else:
             remarks.append(f"{text}: this log is noisier, or its motion is of another kind")
     return against, remarks
-
-
-def _poor(t: TorqueError, part: CorrectedError) -> str:
-    without = f", {percent(part.relative, 3)} without its noise" if part.relative < _NOISY * t.relative else ""
-    return (
-        f"{t.name} is predicted within {percent(t.relative, 3)} only ({t.error:.2g} {t.unit} of "
-        f"{t.measured:.2g} {t.unit}{without}), most of it from {t.limited_by}"
-    )
 
 
 NOISE_ABOVE = 10.0  # frequency above which the motion itself has no content [Hz]

@@ -45,14 +45,7 @@ from excite.verification.simulated_motion import (
     shortest_horizon,
 )
 from excite.verification.tolerances import Tolerances
-from excite.verification.verdict import (
-    CorrectedError,
-    TorqueError,
-    Verdict,
-    corrected_errors,
-    torque_errors,
-    verdict,
-)
+from excite.verification.verdict import CorrectedError, TorqueError, Verdict, corrected_errors, torque_errors, verdict
 from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
 from regressors.arguments import checked
 from regressors.errors import InputError, cut, percent

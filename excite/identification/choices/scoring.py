@@ -327,11 +327,7 @@ class Trial:
         return known
 
     def statistics(
-        self,
-        target: IdentificationTarget,
-        parts: Sequence[PreparedLog],
-        recipe: Recipe,
-        delay: Delays = 0.0,
+        self, target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe, delay: Delays = 0.0
     ) -> BlockStatistics:
         """Sums of products of every block."""
         return self.statistics_of(self.equations(target, parts, recipe, delay), target.base.rank)

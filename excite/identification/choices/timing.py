@@ -253,10 +253,6 @@ class DelayFit:
         slope = -np.linalg.solve(H[k:, k:], H[k:, 0]) / step
         return cls(_resized(recipe, x[k:]), delays, np.column_stack([delays - half, delays + half]), slope)
 
-    def of_rows(self, groups: Array) -> Array:
-        """The delay of each equation of each log, shape (L, r)."""
-        return np.asarray(np.tensordot(self.delays, groups, 1))
-
     def with_shared(self) -> DelayFit:
         """One delay for the most groups whose intervals hold it: zero, or their mean."""
         half = np.ptp(self.ends, axis=1) / 2
@@ -320,11 +316,13 @@ def _with_delays_of_each(
             start, coarse = _coarse_delays(soft, own, parts, groups, common)
             if coarse.score > errors.score:  # a kind that delays of each do not help
                 continue
-            given = len(timings) == 1
-            fit = DelayFit(own) if given else DelayFit.where_smooth(soft, own, parts, groups, start)
+            fit = DelayFit(own) if len(timings) == 1 else DelayFit.where_smooth(soft, own, parts, groups, start)
             fit = fit if fit.delays.size else _delays_in_turn(soft, fit.recipe, parts, groups, start)
             shared = fit.with_shared()
-            both = {one: soft.of(soft.statistics(one.recipe, parts, one.of_rows(groups))) for one in (shared, fit)}
+            both = {
+                one: soft.of(soft.statistics(one.recipe, parts, np.tensordot(one.delays, groups, 1)))
+                for one in (shared, fit)
+            }
             taken = fit if both[shared].score - both[fit].score > _EACH_WORTH else shared
             fits[taken] = both[taken]
         best = best_of(fits) if fits else DelayFit(recipe)
@@ -409,8 +407,7 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
         """Best delay of a kind of presliding, and then its best size at that delay."""
         if "delay" not in free:
             return tried, scored(tried, 0.0), ()
-        all_rows = np.ones((1, 1, 1))
-        along = DelayFit.where_smooth(scoring, tried, parts, all_rows, start) if together else DelayFit(tried)
+        along = DelayFit.where_smooth(scoring, tried, parts, np.ones((1, 1, 1)), start) if together else DelayFit(tried)
         delay, choice = delay_of(softened(tried), along, parts, tried)
         resized = min((tried, along.at(delay)), key=lambda one: scored(one, delay).score)
         low, high = choice.interval if delay and choice.interval else (0.0, 0.0)
