@@ -167,8 +167,7 @@ class FaultSearch:
         step = float(np.median(np.diff(parts[0].samples.time)))
         signs = signs_of_bodies(target.base)
         longest = _OF_LOG * min(float(np.ptp(part.samples.time)) for part in parts)
-        noise = _noise(uniform)
-        return FaultSearch(target, joined, step, longest, moments, torques, noise, described, signs, friction)
+        return FaultSearch(target, joined, step, longest, moments, torques, _noise(uniform), described, signs, friction)
 
     @cached_property
     def plain(self) -> Equations:
