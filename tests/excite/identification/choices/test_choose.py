@@ -341,11 +341,7 @@ def test_settings_that_are_given_are_kept() -> None:
 
 def test_only_what_is_asked_for_is_chosen() -> None:
     both = {"cutoff", "delay"}
-    for asked, names in (
-        (True, EVERY),
-        ((), set()),
-        (("cutoff", "delay"), both),
-    ):
+    for asked, names in ((True, EVERY), ((), set()), (("cutoff", "delay"), both)):
         assert free(asked) == names
     assert free(("cutoff", "delay"), recipe={"cutoff": 3.0}) == {"delay"}
     for name in ("cut-off", "average", "rotor", ""):
