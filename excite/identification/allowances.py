@@ -118,7 +118,6 @@ def presliding_columns(context: Context, coefficients: Array) -> Array:
     target, sizes = context.target, (context.recipe.sign_width or 0.0, context.recipe.breakaway or 0.0)
     if target.model.coulomb_friction() is None or not any(np.any(size) for size in sizes):
         return np.zeros((0, 0))
-    of_each = any(isinstance(size, tuple) for size in sizes)
 
     def change(part: PreparedLog) -> Array:
         ahead, behind = (
@@ -128,10 +127,10 @@ def presliding_columns(context: Context, coefficients: Array) -> Array:
         assert ahead is not None
         assert behind is not None
         drives, slopes = friction_drives(target, part.samples), (ahead - behind) / (2 * _WIDTH_STEP)
-        torque = np.zeros((slopes.shape[1] if of_each else 1, len(slopes), drives.rows.shape[1]))
+        torque = np.zeros((max(map(np.size, sizes)), len(slopes), drives.rows.shape[1]))
         for k, (column, drive) in enumerate(zip(drives.columns, drives.drives, strict=True)):  # logs may be long
             own = slopes[:, drive] * drives.magnitudes[:, k] * coefficients[column]
-            torque[drive if of_each else 0] += own[:, None] * drives.rows[k]
+            torque[drive if len(torque) > 1 else 0] += own[:, None] * drives.rows[k]
         return torque
 
     columns = instant_columns(context, change)

@@ -53,10 +53,9 @@ def choose_delay(scored: Scored, residuals: Residuals, step: float, near: float 
     best, (low, high) = DelayLikelihood.of(residuals(near), tried[near]).found(residuals, near, step / 2, step)
     gain = score(0.0) - score(best)
     listed = candidates_of(dict(sorted(tried.items())))
-    inside = abs(best) <= LONGEST + _BEYOND / 2
-    if low <= 0.0 <= high or not inside or gain < LEAST_GAIN:
+    if low <= 0.0 <= high or abs(best) > LONGEST + _BEYOND / 2 or gain < LEAST_GAIN:
         reason = "torques and positions are taken as recorded at the same time: no delay predicts clearly better"
-        return 0.0, Choice("delay", 0.0, listed, reason, "s", (min(low, 0.0), max(high, 0.0)) if inside else None)
+        return 0.0, Choice("delay", 0.0, listed, reason, "s", (min(low, 0.0), max(high, 0.0)))
     when = "before" if best > 0 else "after"
     near, far = sorted((1e3 * abs(low), 1e3 * abs(high)))
     reason = (
@@ -403,11 +402,13 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     def scored(recipe: Recipe, delay: float) -> LeftOut:
         return softened(recipe).of(softened(recipe).statistics(recipe, parts, delay))
 
-    def timing(tried: Recipe, start: float = 0.0) -> _Timing:
+    def along(tried: Recipe, start: float = 0.0) -> DelayFit:
+        return DelayFit.where_smooth(scoring, tried, parts, np.ones((1, 1, 1)), start) if together else DelayFit(tried)
+
+    def timing(tried: Recipe, along: DelayFit) -> _Timing:
         """Best delay of a kind of presliding, and then its best size at that delay."""
         if "delay" not in free:
             return tried, scored(tried, 0.0), ()
-        along = DelayFit.where_smooth(scoring, tried, parts, np.ones((1, 1, 1)), start) if together else DelayFit(tried)
         delay, choice = delay_of(softened(tried), along, parts, tried)
         resized = min((tried, along.at(delay)), key=lambda one: scored(one, delay).score)
         low, high = choice.interval if delay and choice.interval else (0.0, 0.0)
@@ -419,13 +420,14 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
         )
 
     slidings = _slidings(scoring, recipe, parts)
-    together = len(slidings) > 1
-    timings = [timing(tried) for tried in slidings]
+    together = "delay" in free and len(slidings) > 1
+    timings = [timing(tried, along(tried)) for tried in slidings]
     (presliding, errors, _), distance = timings[-1], timings[-1][0].breakaway
-    if together and "delay" in free and distance and errors.is_better(timings[0][1], _SLIDING_WORTH):
+    if together and distance and _is_smooth(presliding, parts) and errors.is_better(timings[0][1], _SLIDING_WORTH):
         own: Any = (distance,) * len(friction_rows(scoring.target.robot))
-        each = timing(replace(presliding, delay=0.0, breakaway=own), presliding.common_delay)
-        timings += [each] if each[1].is_better(errors, LEAST_GAIN) else []
+        each = along(replace(presliding, delay=0.0, breakaway=own), presliding.common_delay)
+        if each.delays.size and scored(each.recipe, each.delays.item()).is_better(errors, LEAST_GAIN):
+            timings.append(timing(each.recipe, each))
     best = min(timings, key=lambda one: one[1].score)
 
     def with_no_more_delay(one: _Timing) -> _Timing:
