@@ -53,9 +53,10 @@ def choose_delay(scored: Scored, residuals: Residuals, step: float, near: float 
     best, (low, high) = DelayLikelihood.of(residuals(near), tried[near]).found(residuals, near, step / 2, step)
     gain = score(0.0) - score(best)
     listed = candidates_of(dict(sorted(tried.items())))
-    if low <= 0.0 <= high or abs(best) > LONGEST + _BEYOND / 2 or gain < LEAST_GAIN:
+    inside = abs(best) <= LONGEST + _BEYOND / 2
+    if low <= 0.0 <= high or not inside or gain < LEAST_GAIN:
         reason = "torques and positions are taken as recorded at the same time: no delay predicts clearly better"
-        return 0.0, Choice("delay", 0.0, listed, reason, "s", (min(low, 0.0), max(high, 0.0)))
+        return 0.0, Choice("delay", 0.0, listed, reason, "s", (min(low, 0.0), max(high, 0.0)) if inside else None)
     when = "before" if best > 0 else "after"
     near, far = sorted((1e3 * abs(low), 1e3 * abs(high)))
     reason = (
