@@ -201,7 +201,7 @@ def prediction(
 
 
 _INSTANTS = 3000
-_DECISIVE = 0.2  # of what the most decisive parameter changes
+_DECISIVE = 0.5  # of what the most decisive parameter changes
 _MULTIPLIERS = 10.0 ** np.arange(-16.0, 8.0, 0.25)  # of the mean square of the columns
 
 
