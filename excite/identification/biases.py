@@ -37,13 +37,7 @@ import scipy
 from numpy.typing import NDArray
 
 from excite.identification.covariance import METHODS, divisors, group_scale, with_covariance
-from excite.identification.equations import (
-    drive_directions,
-    equations,
-    friction_drives,
-    instant_columns,
-    nearest,
-)
+from excite.identification.equations import drive_directions, equations, friction_drives, instant_columns, nearest
 from excite.identification.estimator import (
     CONFIDENCE,
     Context,

@@ -240,8 +240,7 @@ def _without_implausible(result: Identification) -> Identification:
         for weights in (None, observations.y**2)
     )
     torque = np.sqrt(square / np.maximum(count, 1))
-    motion = Samples.joined([part.samples for part in result.prepared])
-    hidden = beyond_plausible(target, result.estimate, motion, torque)
+    hidden = beyond_plausible(target, result.estimate, Samples.joined([p.samples for p in result.prepared]), torque)
     return replace(result, estimate=hide_parameters(result.estimate, hidden)) if hidden.any() else result
 
 

@@ -95,10 +95,7 @@ def cause_of_residual(
         )
     what, option = _TERMS[term]
     largest = [name for name, part in zip(names, per_joint, strict=True) if part > 0.2 * per_joint.max()]
-    return (
-        f"{what} of {', '.join(largest)} explains {share} and is not in the model",
-        f"identify it too (`{option}`)",
-    )
+    return (f"{what} of {', '.join(largest)} explains {share} and is not in the model", f"identify it too (`{option}`)")
 
 
 MOST = 0.5  # share of the squared residual that makes a cause the cause

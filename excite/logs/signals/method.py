@@ -147,7 +147,7 @@ def resample(log: Log) -> Resampled:
     time = log.time[0] + np.arange(int(np.floor(log.duration * rate + 1e-9)) + 1) / rate
     time = np.minimum(time, log.time[-1])
     channels: dict[str, Any] = {
-        name: _smooth(log.time, x, intervals, time) if name in _SMOOTH else _linear(log.time, x, time)
+        name: _smooth(log.time, x, intervals, time) if name in _SMOOTH else interpolated(time, log.time, x)
         for name, x in channels_of(log).items()
     }
     if log.command is not None:
@@ -187,8 +187,9 @@ def _smooth(time: Array, x: Array, intervals: tuple[Gap, ...], new: Array) -> Ar
     return np.asarray(scipy.interpolate.CubicSpline(time, x, axis=0)(new))
 
 
-def _linear(time: Array, x: Array, new: Array) -> Array:
-    return np.column_stack([np.interp(new, time, column) for column in x.T])
+def interpolated(new: Array, time: Array, x: Array) -> Array:
+    """Values linear between their instants, at new ones, shape (N, r)."""
+    return x if np.array_equal(new, time) else np.column_stack([np.interp(new, time, column) for column in x.T])
 
 
 _DEGREE = 5
