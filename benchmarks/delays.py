@@ -42,6 +42,7 @@ from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.readers.library import load_robot
+from regressors.robot.friction.load_and_temperature import friction_rows
 from regressors.samples import Array
 
 HERE = Path(__file__).resolve().parent
@@ -53,6 +54,7 @@ LEVEL, ENCODER = 0.02, 1e-5  # noise, of each joint's root mean square; step of 
 NOISE_KINDS = ("white", "autoregressive")
 FIRST = 1000  # seed
 PRESLIDING, FINE = (1e-3, 2e-3, 4e-3), 10  # distances [rad], and instants per sample that they are followed on
+OF_EACH = 1.5e-3, 6e-3  # range of the distances, where each drive has its own [rad]
 ONE_LATE = (0.010, -0.005, 0.020)  # delay of a single joint [s]
 OF_LOGS = ((0.0, 0.012), (0.004, 0.004, 0.020), (0.006, 0.006))  # delays of several logs [s]
 LEAD = 1.0  # time that is not recorded then, since friction is to have a direction at the first row [s]
@@ -69,13 +71,16 @@ class Case:
     noise: str
     delays: tuple[float | tuple[float, ...], ...]
     seed: int
-    breakaway: float = 0.0  # distance over which friction changes its direction; 0 for the sign of the velocity [rad]
+    # distance over which friction changes its direction, or each drive's; 0 for the sign of the velocity [rad]
+    breakaway: float | tuple[float, ...] = 0.0
 
     @property
     def name(self) -> str:
         """Key of its result."""
         late = "; ".join(", ".join(f"{1e3 * d:.4g}" for d in np.atleast_1d(delay)) for delay in self.delays)
-        kind = f"{self.noise}, presliding over {1e3 * self.breakaway:g} mrad" if self.breakaway else self.noise
+        over = ", ".join(f"{1e3 * one:g}" for one in np.atleast_1d(self.breakaway).tolist())
+        own = " of each drive" if isinstance(self.breakaway, tuple) else ""
+        kind = f"{self.noise}, presliding{own} over {over} mrad" if self.breakaway else self.noise
         return f"{self.robot}, {self.rate:g} Hz, {kind}, {late} ms, {self.seed}"
 
 
@@ -95,7 +100,18 @@ def common_cases(robots: Sequence[str], first: int) -> list[Case]:
             for j in range(3 if robot == FASTEST else 1)
             for delay in (0.0, (0.01, 1.25 / rate, 0.03)[(j + k) % 3])
         ]
+        drives = len(friction_rows(_target(robot, first + 9 + k).robot))
+        cases += [
+            Case(robot, rate, NOISE_KINDS[j % 2], (delay,), first + 9 + k, _distances(drives, first + 9 + k))
+            for j, delay in enumerate((0.0, (0.01, 1.25 / rate, 0.03)[k % 3]))
+        ]
     return cases
+
+
+def _distances(drives: int, seed: int) -> tuple[float, ...]:
+    """Presliding of each drive, spread evenly over a factor of four."""
+    size = np.random.default_rng(seed).uniform(*np.log(OF_EACH), drives)
+    return tuple(np.round(np.exp(size), 5).tolist())
 
 
 def cases_of_each(robots: Sequence[str], first: int) -> list[Case]:
@@ -191,15 +207,22 @@ def text_of(results: dict[str, dict[str, Any]]) -> str:
         shares = [s for s in SHARES if abs(share - s) < 1e-9]
         words = f"{shares[0]:g} samples" if shares else f"{1e3 * one['true'][0]:g} ms"
         words = "none" if shares == [0.0] else words
-        by_delay.setdefault(f"{words}, presliding" if "presliding" in name else words, []).append(one)
+        kind = next((f", {kind}" for kind in KINDS[1:] if f"{kind} over" in name), "")
+        by_delay.setdefault(f"{words}{kind}", []).append(one)
         by_robot.setdefault(f"{robot}, {rate}", []).append(one)
     return (
-        f"{_counted('Coulomb friction', [one for name, one in common.items() if 'presliding' not in name])}"
-        f"{_counted('presliding friction', [one for name, one in common.items() if 'presliding' in name])}"
+        f"{''.join(_counted(kind, _of_kind(kind, common)) for kind in KINDS)}"
         f"{_counted_of_each('joints', [one for name, one in several.items() if '; ' not in name])}"
         f"{_counted_of_each('logs', [one for name, one in several.items() if '; ' in name])}\n"
         f"{_lines('true delay', by_delay)}\n\n{_lines('robot, rate', by_robot)}\n\n{_lines_of_each(several)}"
     )
+
+
+KINDS = ("Coulomb friction", "presliding", "presliding of each drive")
+
+
+def _of_kind(kind: str, lines: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
+    return [one for name, one in lines.items() if (f"{kind} over" in name if kind != KINDS[0] else " over" not in name)]
 
 
 def _counted(friction: str, logs: list[dict[str, Any]]) -> str:
@@ -276,7 +299,8 @@ def _lines_of_each(cases: dict[str, dict[str, Any]]) -> str:
 
 LIMITATIONS = (
     "The positions have no delay of their own and the robots are rigid; Coulomb friction has the exact sign of the "
-    "velocity, or presliding over the distance that is said, and bodies differ from the description by up to 15 %.",
+    "velocity, or the presliding of Dahl's model over the distance that is said, and bodies differ from the "
+    "description by up to 15 %. Presliding of another form, such as a linear stretch before break-away, is not in it.",
     f"Noise is {100 * LEVEL:g} % of each joint's rms, white or autoregressive (0.9 from sample to sample); positions "
     f"have steps of {ENCODER:g} rad; one Fourier motion of {PERIOD:g} s each.",
     "Thresholds were set on seeds below 1000; these logs have others.",

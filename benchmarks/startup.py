@@ -1,4 +1,4 @@
-"""How soon the command line answers, and what set-up and everything else beside the search of a design costs."""
+"""How soon the command line answers, what is beside the search of a design, and what the commands after it cost."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ THREADS = {"one thread": 1, "threads as installed": None}
 STEPS = ("robot", "model, base parameters, value", "gradient")
 _SETUP = {"mode": "setup"}
 DESIGNS, DESIGN_RUNS, STARTS = ("P1", "irp6", "P2"), 3, 12
+RECORDS, RECORD_RUNS, NOISE = ("irp6", "panda"), 5, 0.1  # Nm
 EXCITE = str(Path(sys.executable).parent / "excite")
 
 
@@ -73,6 +74,30 @@ def fixed_costs() -> dict[str, list[dict[str, float]]]:
     return runs
 
 
+def after_design(robot: str) -> dict[str, list[float]]:
+    """Processor time of the commands that follow the design of a motion of 10 s [s]."""
+    with tempfile.TemporaryDirectory() as folder:
+        design, result, page, *logs = (
+            str(Path(folder, x)) for x in ("design", "result", "page.html", "1.csv", "2.csv")
+        )
+
+        def excite(*words: str) -> float:
+            return measured([EXCITE, "--quiet", *words], threads=1).cpu
+
+        excite("design", robot, "--starts", "2", "--figures", "none", "--out", design)
+        for seed, log in enumerate(logs):
+            excite("simulate", design, "--torque-noise", str(NOISE), "--seed", str(seed), "--out", log)
+        identify = ("identify", robot, logs[0], "--design", design, "--out", result, "--force")
+        commands = {
+            "identify, without figures": (*identify, "--figures", "none"),
+            "identify": identify,
+            "verify, without figures": ("verify", result, logs[1], "--figures", "none"),
+            "verify": ("verify", result, logs[1]),
+            "report": ("report", design, result, f"{result}/verification-2.json", "--out", page, "--force"),
+        }
+        return {name: [excite(*words) for _ in range(RECORD_RUNS)] for name, words in commands.items()}
+
+
 LIMITATIONS = (
     f"median of {TIMES} runs (lowest-highest) with files in the disk's cache",
     "wanted: `excite --help` within 0.3 s of wall time, set-up within 1 s of processor time",
@@ -82,6 +107,8 @@ LIMITATIONS = (
     f"{STARTS} starts as their files have it: start, imports, set-up, worker processes, certificate and files; P1 and "
     f"P2 are the common problems without self-collision; median of {DESIGN_RUNS} runs; wanted for P1: 2 s without "
     "figures, 3 s with them; processor time grows with the load, on cores that share what they compute with",
+    f"commands after a design: 20,001 rows with {NOISE} Nm of white noise, every choice by the tool, one BLAS thread; "
+    f"the page is of design, result and verification; median of {RECORD_RUNS} runs; wanted: 2 s for the page",
     "imports include the start of the interpreter; with several BLAS threads, processor time includes what they spend "
     "waiting for each other, which grows with the load of the machine",
 )
@@ -110,7 +137,10 @@ def main() -> None:
         beside = [cost["command"] - cost["starts"] for cost in costs]
         rows.append([case, median(beside), median([cost["starts"] for cost in costs])])
     lines += ["", record.table([f"`excite design`, {STARTS} starts; CPU s", "fixed costs", "starts"], rows)]
-    content = {"answers": answers, "setups": setups, "fixed_costs": fixed}
+    after = {robot: after_design(robot) for robot in RECORDS}
+    rows = [[robot, *map(median, costs.values())] for robot, costs in after.items()]
+    lines += ["", record.table(["after a design of; CPU s", *after[RECORDS[0]]], rows)]
+    content = {"answers": answers, "setups": setups, "fixed_costs": fixed, "after_design": after}
     record.save("startup", before, content, "\n".join(lines), LIMITATIONS)
 
 

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from itertools import chain, product
 
 import casadi as ca
 import numpy as np
 
 from constraints.clearance import Frames, Gap, gaps
 from constraints.geometry import Obstacle, Shape, World
-from constraints.nonlinear import Limit, NonlinearConstraint
+from constraints.nonlinear import Limit, NonlinearConstraint, motion_symbols
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
@@ -62,57 +63,61 @@ class Clearance(NonlinearConstraint):
     def __init__(self, robot: Robot, motion: PartialMotion, pairs: Sequence[Pair], world: World) -> None:
         self.robot, self.motion, self.pairs, self.world = robot, motion, tuple(pairs), world
         self.joints = motion.matrix.shape[1]
-        gaps = self._own
-        reach = np.array([gap.reach for _, gap in gaps])
-        squared = np.array([gap.squared for _, gap in gaps])
-        clearance = np.array([pair.clearance for pair, _ in gaps])
+        reach, squared = (np.array([getattr(gap, name) for _, gap in self._gaps]) for name in ("reach", "squared"))
+        clearance = np.array([pair.clearance for pair, _ in self._gaps])
         d = reach + clearance
 
         def shown(values: Array) -> Array:
             square = 2 * d * (values - clearance) + d**2
             return np.where(squared, np.sqrt(np.maximum(square, 0.0)) - reach, values)
 
-        bounds = clearance, np.full(len(gaps), np.inf), np.full(len(gaps), _SCALE)
-        texts = tuple(pair.label for pair, _ in gaps), ("m",) * len(gaps)
-        super().__init__(self.joints, lambda q, dq, ddq: self._expression(q)[0], *bounds, *texts, shown, "distance")
+        bounds = clearance, np.full(d.size, np.inf), np.full(d.size, _SCALE)
+        texts = tuple(pair.label for pair, _ in self._gaps), ("m",) * d.size
+        super().__init__(self.joints, self._at, *bounds, *texts, shown, "distance")
+
+    def _at(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
+        return ca.substitute(self._expressions[0], motion_symbols(self.joints)[0], q)
 
     @cached_property
-    def _own(self) -> list[tuple[Pair, Gap]]:
-        """The gaps at the symbols of this limit, which values and slopes share."""
-        return list(self._gaps(self._symbols[0]))
-
-    def _gaps(self, s: ca.SX) -> Iterator[tuple[Pair, Gap]]:
-        frames = Frames(self.robot, ca.mtimes(sparse(self.motion.matrix), s) + ca.DM(self.motion.offset))
+    def _gaps(self) -> list[tuple[Pair, Gap]]:
+        frames, found = _frames(self.robot, self.motion), []
         for pair in self.pairs:
             common = frames.common(pair.link, pair.carrier)
             pose, other = frames.pose(pair.link, common), frames.pose(pair.carrier, common)
-            for capsule in pair.capsules:
-                for shape in pair.shapes:
-                    for gap in gaps(capsule, pose, shape, other, self.world.tolerance):
-                        yield pair, gap
+            both = product(pair.capsules, pair.shapes)
+            each = (gaps(capsule, pose, shape, other, self.world.tolerance) for capsule, shape in both)
+            found += [(pair, gap) for gap in chain.from_iterable(each)]
+        return found
 
-    def _expression(self, s: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    @cached_property
+    def _expressions(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """The functions, the same with symbols for held values, the symbols, and their expressions."""
-        gaps = self._own if s is self._symbols[0] else list(self._gaps(s))
-        open_form = ca.vertcat(*(_value(gap, pair.clearance) for pair, gap in gaps))
-        held = [pair for _, gap in gaps for pair in gap.held]
+        open_form = ca.vertcat(*(_value(gap, pair.clearance) for pair, gap in self._gaps))
+        held = [pair for _, gap in self._gaps for pair in gap.held]
         symbols, meaning = (ca.vertcat(ca.SX(0, 1), *(pair[k] for pair in held)) for k in (0, 1))
         return ca.substitute(open_form, symbols, meaning), open_form, symbols, meaning
 
     @cached_property
     def jacobian(self) -> VectorisedFunction:
         """``dg / d(q, dq, ddq)``, shape (k, 3 n), for many instants at once."""
-        q, dq, ddq, _ = self._symbols
-        _, g, held, meaning = self._expression(q)
+        q, dq, ddq, _ = motion_symbols(self.joints)
+        _, g, held, meaning = self._expressions
         slopes = ca.substitute(ca.jacobian(g, q), held, meaning)
         return VectorisedFunction([q, dq, ddq], ca.horzcat(slopes, ca.SX(g.numel(), 2 * self.joints)))
 
     @cached_property
     def rate(self) -> OverBoxes:
         """``dg/dt`` of (q, dq, ddq, dddq), enclosed over boxes."""
-        q, dq, ddq, dddq = self._symbols
-        _, g, held, meaning = self._expression(q)
+        q, dq, ddq, dddq = motion_symbols(self.joints)
+        _, g, held, meaning = self._expressions
         return interval_function([q, dq, ddq, dddq], ca.substitute(ca.jtimes(g, q, dq), held, meaning))
+
+
+@lru_cache(maxsize=1)
+def _frames(robot: Robot, motion: PartialMotion) -> Frames:
+    """Frames at the symbols, which the limits of a motion share."""
+    q, *_ = motion_symbols(motion.matrix.shape[1])
+    return Frames(robot, ca.mtimes(sparse(motion.matrix), q) + ca.DM(motion.offset))
 
 
 def _value(gap: Gap, clearance: float) -> ca.SX:

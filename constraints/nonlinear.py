@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import casadi as ca
@@ -113,7 +113,7 @@ class NonlinearConstraint(Constraint):
     def __getstate__(self) -> dict[str, Any]:
         """The state with the instructions of g, whose expression pickle could not name."""
         compiled = {name for name in vars(self) if isinstance(getattr(type(self), name, None), cached_property)}
-        symbols = self._symbols[:3]
+        symbols = motion_symbols(self.joints)[:3]
         g = ca.Function("g", symbols, [self.expression(*symbols)])
         kept = {name: value for name, value in vars(self).items() if name not in compiled}
         return {**kept, "expression": g, "shown": cloudpickle.dumps(self.shown)}
@@ -122,26 +122,21 @@ class NonlinearConstraint(Constraint):
         vars(self).update({**state, "shown": cloudpickle.loads(state["shown"])})
 
     @cached_property
-    def _symbols(self) -> list[ca.SX]:
-        """Position, velocity, acceleration and jerk."""
-        return [ca.SX.sym("d" * order + "q", self.joints) for order in range(4)]
-
-    @cached_property
     def function(self) -> VectorisedFunction:
         """Values of g for many instants at once."""
-        symbols = self._symbols[:3]
+        symbols = motion_symbols(self.joints)[:3]
         return VectorisedFunction(symbols, self.expression(*symbols))
 
     @cached_property
     def jacobian(self) -> VectorisedFunction:
         """``dg / d(q, dq, ddq)``, shape (k, 3 n), for many instants at once."""
-        symbols = self._symbols[:3]
+        symbols = motion_symbols(self.joints)[:3]
         return VectorisedFunction(symbols, ca.jacobian(self.expression(*symbols), ca.vertcat(*symbols)))
 
     @cached_property
     def rate(self) -> OverBoxes:
         """``dg/dt`` of (q, dq, ddq, dddq), enclosed over boxes."""
-        q, dq, ddq, dddq = self._symbols
+        q, dq, ddq, dddq = motion_symbols(self.joints)
         g = self.expression(q, dq, ddq)
         return interval_function([q, dq, ddq, dddq], ca.jtimes(g, ca.vertcat(q, dq, ddq), ca.vertcat(dq, ddq, dddq)))
 
@@ -210,6 +205,12 @@ class NonlinearConstraint(Constraint):
     def slopes(self, samples: Samples) -> Array:
         """``dg / d(q, dq, ddq)`` at every instant, shape (N, k, 3 n)."""
         return evaluate_samples(self.jacobian, samples)
+
+
+@cache
+def motion_symbols(joints: int) -> list[ca.SX]:
+    """Position, velocity, acceleration and jerk, which all limits of so many joints share."""
+    return [ca.SX.sym("d" * order + "q", joints) for order in range(4)]
 
 
 class StackedConstraint(NonlinearConstraint):

@@ -63,7 +63,7 @@ _SearchUntil = Callable[[Callable[[], None]], Design]  # of what is called when 
 
 _BASE_TOO = "--base-link names the first link of a chain; --base still takes it too"
 _NEXT = (
-    "play trajectory.csv several times at full speed (rehearse it slowly first), record joint positions and torques; "
+    "play trajectory.csv several times at full speed (rehearse it slowly first), record joint positions and {}; "
     "compare candidates with excite compare DIR..."
 )
 _NEXT_RUNS = "play trajectory.csv {} (rehearse it slowly first), and identify from that log"
@@ -104,12 +104,13 @@ def design_from_options(
             tell("writing")
             files = write_design(design, out, figures.formats)
             runs = None if design.precision is None else design.precision.runs
+            measured = "commands" if design.task.model.channel == "command" else "torques"
             times = "once" if runs == 1 else f"{runs} times in one recording"
             show(
                 design_view(design),
-                lambda: [*(excite.write_figures(design, out, **vars(figures)) if figures else ()), *files],
+                lambda: [*figures.write(design, out), *files],
                 content=lambda: {"out": str(out), **shown_content(design)},
-                next_steps=[_NEXT if runs is None else _NEXT_RUNS.format(times)],
+                next_steps=[_NEXT.format(measured) if runs is None else _NEXT_RUNS.format(times)],
                 all_in="design.json",
             )
     sys.exit(_status(design))

@@ -156,10 +156,11 @@ Examples:
 \b
 Of each log the torques are predicted along the measured motion, and joint by joint they are confirmed, contradicted
 or not to be judged: the error is that of the model in motion, so that the noise of the measurement, estimated from
-what the log has above the frequencies of the motion, does not count, nor what friction holds at standstill. The
-verdict is negative if a joint is contradicted, if the error over all joints exceeds its tolerance or is much larger
-than on the logs of the identification, or if the identification doubts the result. It answers three questions: are
-the torques predicted, are the parameters those of a possible robot, which of them are known.
+what the log has above the frequencies of the motion, does not count, nor what friction holds at standstill. Errors
+within what the covariance of the result allows contradict nothing: then the result does not know the joint. The
+verdict is negative if a joint is contradicted or not known, if the error over all joints exceeds its tolerance or is
+much larger than on the logs of the identification, or if the identification doubts the result. It answers three
+questions: are the torques predicted, are the parameters those of a possible robot, which of them are known.
 The motion that the model simulates from the measured torques, restarted from the measured state after each horizon, is
 shown, and a remark where it deviates; where it diverges, as a light wrist's does, the horizon is halved.
 Of a log longer than 60 s, the motion is simulated in 60 windows at most, spread evenly over the log; torques are

@@ -13,7 +13,7 @@ from excite.cli.main import NOT_HELD
 from excite.cli.options import FigureChoice, check_not_typed, typed_options
 from excite.cli.progress import interrupted_status, one_interrupt, progress_of_repetitions, stoppable
 from excite.cli.streams import in_options, remark, say, tell
-from excite.cli.summary import print_verdict, print_view, show
+from excite.cli.summary import Drawn, print_verdict, print_view, show
 from excite.design.design_json import find_design
 from excite.errors import LostWorkersError
 from excite.identification.identification import Identification
@@ -64,11 +64,11 @@ def identify_and_write(robot: str, logs: Sequence[Path], out: Path, **given: Any
     of_recipe = {name: value for name, value in typed_options(Recipe).items() if value is not None}
     if typed_options(ModelChoice).get("model") == _SERVO:
         identify_servos_and_write(robot, logs, out, of_recipe, given)
+    recipe = Recipe(**of_recipe)
     if given["repeat"]:
-        Recipe(**of_recipe).check_repeatable(given["repeat"])
+        recipe.check_repeatable(given["repeat"])
     else:
         check_not_typed(("executor", "workers"), "is for repetitions: give their number, --repeat N")
-        Recipe(**of_recipe)
     tell("reading the logs")
     with result_folder(out):
         figures: FigureChoice = given["figures"]
@@ -77,23 +77,29 @@ def identify_and_write(robot: str, logs: Sequence[Path], out: Path, **given: Any
             result = _identified(robot, logs, of_recipe, given)
             interruption.ignore()
             files = result.save(out, replace=given["force"])
-            files = [*figures.write(result, out), *files]
+            if not given["repeat"]:
+                _show(result, lambda: [*figures.write(result, out), *files], out)
         status = NOT_HELD if result.doubts else 0
-        if given["repeat"]:
+        if given["repeat"]:  # which may take hours: what is known is drawn before
+            files = [*figures.write(result, out), *files]
             tell("repeating the experiment in simulation")
             result, repeated = repeat_and_write(result, out, given)
             status = repeated or status
             drawn = figure_names([REPETITIONS], figures.formats) if result.repetitions is not None else []
-            files = [*(out / name for name in drawn), *files]
+            _show(result, [*(out / name for name in drawn), *files], out)
+    sys.exit(status)
+
+
+def _show(result: Identification, files: Sequence[Path] | Drawn, out: Path) -> None:
+    """Show a result, and how to go on."""
     cures = dict.fromkeys(in_options(doubt.cure) for doubt in result.doubts)
-    steps = list(cures) or [f"excite verify {files[-1].parent} OTHER.csv, with a log that was not used here"]
+    steps = list(cures) or [f"excite verify {out} OTHER.csv, with a log that was not used here"]
 
     def content() -> dict[str, Any]:  # the file without what stands there twice, and without the robot and the task
         left_out = {*_LEFT_OUT, *(field.name for field in fields(result.estimate))} - _KEPT
         return {"out": str(out), **{k: v for k, v in result_content(result).items() if k not in left_out}}
 
     show(identification_view(result), files, content=content, next_steps=steps, all_in="result.json")
-    sys.exit(status)
 
 
 def identify_servos_and_write(
@@ -187,8 +193,7 @@ def repeat_and_write(result: Identification, out: Path, given: Mapping[str, Any]
     except LostWorkersError as error:
         saved = f"the result in {out} is saved, without repetitions"
         raise LostWorkersError(*error.args, saved + _continued(out)) from error
-    if given["figures"]:
-        given["figures"].write_view(repetitions_view(result, repeated_runs), out)
+    given["figures"].write(repetitions_view(result, repeated_runs), out)
     if repeated_runs.interrupted:
         done = f"with {repeated_runs.count} of {count} repetitions"
         say(f"excite: interrupted; the result is saved, {in_options(done + _continued(out))}")
@@ -230,31 +235,25 @@ def verify_and_write(
         for log in logs:
             tell(f"judging {folder} on {log}")
             judged.append(excite.verify(result, log, tolerances=tolerances, **options))
-        written = [verification.save(target, name=stem) for verification, stem in zip(judged, stems, strict=True)]
-        if figures:
-            tell("drawing")
-            written = [
-                [*figures.write_view(verification_view(verification, stem), target), *files]
-                for verification, stem, files in zip(judged, stems, written, strict=True)
-            ]
-    files = [file for some in written for file in some]
-    view = verifications_view(judged)
-    steps = [] if view.holds else ["'excite verify ... --verbose' shows what limits each joint"]
+        stemmed = zip(judged, stems, strict=True)
+        written = [(verification_view(each, stem), each.save(target, name=stem)) for each, stem in stemmed]
+        view = verifications_view(judged)
+        steps = [] if view.holds else ["'excite verify ... --verbose' shows what limits each joint"]
 
-    def details() -> None:
-        for each in map(verification_view, judged):
-            print_verdict(each)
-            print_view(each)
-        print_view(View(view.title, view.verdict), files)
+        def drawn() -> list[Path]:
+            return [file for each, files in written for file in (*figures.write(each, target), *files)]
 
-    show(
-        view,
-        files,
-        content=lambda: list(map(json_of, judged)),
-        next_steps=steps,
-        all_in="verification-*.json",
-        details=details if len(judged) > 1 else None,
-    )
+        def details() -> None:
+            for each, _ in written:
+                print_verdict(each)
+                print_view(each)
+            print_view(View(view.title, view.verdict), drawn())
+
+        def content() -> list[Any]:
+            return list(map(json_of, judged))
+
+        whole = details if len(judged) > 1 else None
+        show(view, drawn, content=content, next_steps=steps, all_in="verification-*.json", details=whole)
     sys.exit(0 if view.holds else NOT_HELD)
 
 
@@ -264,27 +263,26 @@ def verify_servos_and_write(
     """Judge servos on logs, and write each verdict."""
     target, stems = out or folder, _stems(logs)
     chosen = {name: options[name] for name in ("mapping", "drop", "training_too")}
-    judged, files = [], []
     with result_folder(target):
         for stem in stems:
             check_replaceable(target, SERVO_KIND, stem)
-        for log, stem in zip(logs, stems, strict=True):
+        judged = []
+        for log in logs:
             tell(f"judging {folder} on {log}")
-            judged.append(verification := verify_servos(folder, log, **chosen))
-            files += verification.save(target, name=stem)
-            if figures:
-                files += figures.write_view(servo_verification_view(verification, stem), target)
-    for verification, stem in zip(judged[:-1], stems, strict=False):
-        print_verdict(view := servo_verification_view(verification, stem))
-        print_view(view)
-    steps = [] if all(v.holds for v in judged) else ["identify from more logs, of the kinds of motion that matter"]
-    show(
-        servo_verification_view(judged[-1], stems[-1]),
-        files,
-        content=lambda: list(map(json_of, judged)),
-        next_steps=steps,
-        all_in="verification-*.json",
-    )
+            judged.append(verify_servos(folder, log, **chosen))
+        views = list(map(servo_verification_view, judged, stems))
+        files = [file for each, stem in zip(judged, stems, strict=True) for file in each.save(target, name=stem)]
+        for view in views[:-1]:
+            print_verdict(view)
+            print_view(view)
+        steps = [] if all(v.holds for v in judged) else ["identify from more logs, of the kinds of motion that matter"]
+        show(
+            views[-1],
+            lambda: [*(file for view in views for file in figures.write(view, target)), *files],
+            content=lambda: list(map(json_of, judged)),
+            next_steps=steps,
+            all_in="verification-*.json",
+        )
     sys.exit(0 if all(v.holds for v in judged) else NOT_HELD)
 
 
@@ -292,6 +290,4 @@ def _stems(logs: Sequence[Path]) -> list[str]:
     """Name of each log's files; logs of the same name in different folders are numbered."""
     names = [path.stem for path in logs]
     counts = [names[: k + 1].count(name) for k, name in enumerate(names)]
-    return [
-        f"verification-{name}" + (f"-{count}" if count > 1 else "") for name, count in zip(names, counts, strict=True)
-    ]
+    return [f"verification-{name}" + f"-{count}" * (count > 1) for name, count in zip(names, counts, strict=True)]

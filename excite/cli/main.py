@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
 import sys
@@ -147,6 +148,7 @@ def _errors_of_compiled_code() -> Iterator[None]:
 def main() -> None:
     """Run the command line and end the process with its exit status."""
     gc.set_threshold(_OBJECTS, 50, 100)
+    atexit.register(gc.freeze)  # what is left at the end goes with the process: no search for cycles among it
     open_streams()
     with answered_signals() as interruption, printed_warnings():
         interruption.before_leaving = be_quiet  # the step at work is shown by another thread

@@ -35,7 +35,6 @@ from excite.cli.streams import tell
 from excite.registry import BUILT_IN, CONVENTIONS, DROPPABLE, EXECUTORS, FIGURE_WIDTHS
 from excite.tasks.option import AUTO, MARGINS, Kind, Option, options_of
 from excite.tasks.task import PARTS
-from excite.views.view import View
 
 Command = Callable[..., Any]
 _OF_QUANTITIES: dict[Kind, Callable[[str], Any]] = {
@@ -238,17 +237,11 @@ class FigureChoice:
         return bool(self.formats)
 
     def write(self, result: Any, folder: Path) -> list[Path]:
-        """Draw a result into its folder, where figures are asked for."""
+        """Draw a result, or what its view has, into its folder, where figures are asked for."""
         if not self.formats:
             return []
         tell("drawing")
         return excite.write_figures(result, folder, **vars(self))
-
-    def write_view(self, view: View, folder: Path) -> list[Path]:
-        """Draw the figures of a view, and write them."""
-        from excite.views.figures import write_view_figures
-
-        return write_view_figures(view, folder, **vars(self))
 
 
 _figure_width = further_option(

@@ -41,12 +41,12 @@ _NAMED = 6  # names of a list in a cell of a short table
 _LIBRARIES = ("numpy", "scipy", "casadi")
 
 
-_Drawn = Callable[[], Sequence[Path]]
+Drawn = Callable[[], Sequence[Path]]
 
 
 def show(
     view: View,
-    files: Sequence[Path] | _Drawn = (),  # those that were written; a call draws figures first
+    files: Sequence[Path] | Drawn = (),  # those that were written; a call draws figures first
     *,
     content: Callable[[], Any],
     next_steps: Sequence[str] = (),  # what to do next
@@ -56,7 +56,12 @@ def show(
     """Show a view in the form that was asked for: its summary, all of it, its verdict alone, or its content as JSON."""
     something_is_shown()
     chosen = verbosity()
-    drawn: _Drawn = files if callable(files) else lambda: files
+
+    def drawn() -> Sequence[Path]:
+        written = files() if callable(files) else files
+        something_is_shown()  # the step of drawing has gone
+        return written
+
     if chosen.as_json:
         known = content()
         click.echo(json.dumps({"verdict": view.verdict, **known} if isinstance(known, dict) else known, indent=1))
@@ -70,7 +75,7 @@ def show(
 
 
 def _print_text(
-    view: View, drawn: _Drawn, next_steps: Sequence[str], all_in: str | None, details: Callable[[], None] | None
+    view: View, drawn: Drawn, next_steps: Sequence[str], all_in: str | None, details: Callable[[], None] | None
 ) -> None:
     out = console()
     width = min(get_terminal_size((_COLUMNS, _LINES)).columns, _COLUMNS)

@@ -14,8 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.ndimage
-import scipy.special
+import scipy
 
 from excite.friction.constant_speed_windows import longest_step, position_noise, unbroken
 from excite.friction.points import DriveLog, Point, RigidModel, rigid_torque, temperature_of

@@ -10,8 +10,7 @@ from operator import attrgetter
 from typing import Any, ClassVar
 
 import numpy as np
-import scipy.optimize
-import scipy.special
+import scipy
 
 from excite.friction.breakaway_torque import BreakAway
 from excite.friction.constant_speed_windows import FitSettings

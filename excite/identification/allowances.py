@@ -26,8 +26,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
-import scipy.linalg
-import scipy.special
+import scipy
 
 from excite.identification.covariance import METHODS, divisors, robust_covariance, with_covariance
 from excite.identification.equations import (
@@ -54,7 +53,7 @@ from excite.identification.noise import noise_origin
 from excite.identification.observations import GroupFactors, Observations
 from excite.identification.prediction import carried_torques
 from excite.identification.preparation import PreparedLog
-from excite.identification.recipe import Recipe, Sizes
+from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
 from regressors.errors import InputError
 from regressors.robot.friction.curves import FrictionCurves
@@ -80,8 +79,8 @@ def found_columns(estimate: Estimate, context: Context, found: frozenset[str]) -
     """Names of the settings that were found, and their columns of the equations, shape (m,); see `with_uncertainty`."""
     if estimate.method not in METHODS:
         return []
-    width = presliding_column(context, estimate.coefficients) if PRESLIDING in found else None
-    columns = [] if width is None else [(PRESLIDING, width)]
+    sizes = presliding_columns(context, estimate.coefficients).T if PRESLIDING in found else ()
+    columns = [(PRESLIDING, column) for column in sizes]
     if DELAY in found:
         columns += [(DELAY, column) for column in delay_columns(context, estimate.coefficients).T]
     biases = nuisance_columns(context, constants).T if BIAS in found and context.recipe.bias else ()
@@ -112,33 +111,29 @@ def delay_columns(context: Context, coefficients: Array) -> Array:
 _WIDTH_STEP = 0.05  # of log w
 
 
-def presliding_column(context: Context, coefficients: Array) -> Array | None:
-    """Change of the predicted equations with the logarithm of the presliding width, shape (m,)."""  # coefficients (p,)
+def presliding_columns(context: Context, coefficients: Array) -> Array:
+    """Change of the predicted equations with the logarithm of the presliding size, or of each drive's, shape (m, k)."""
+    # coefficients (p,)
     target, sizes = context.target, (context.recipe.sign_width or 0.0, context.recipe.breakaway or 0.0)
     if target.model.coulomb_friction() is None or not any(np.any(size) for size in sizes):
-        return None
+        return np.zeros((0, 0))
 
     def change(part: PreparedLog) -> Array:
         ahead, behind = (
-            drive_directions(target.robot, part.samples, *(_scaled(size, float(np.exp(step))) for size in sizes))
+            drive_directions(target.robot, part.samples, *(np.multiply(size, np.exp(step)) for size in sizes))
             for step in (_WIDTH_STEP, -_WIDTH_STEP)
         )
         assert ahead is not None
         assert behind is not None
         drives, slopes = friction_drives(target, part.samples), (ahead - behind) / (2 * _WIDTH_STEP)
-        torque = np.zeros((len(slopes), drives.rows.shape[1]))
-        for k, column in enumerate(drives.columns):  # one after the other: logs may be long
-            slope = slopes[:, drives.drives[k]]
-            torque += (slope * drives.magnitudes[:, k] * coefficients[column])[:, None] * drives.rows[k]
-        return torque[None]
+        torque = np.zeros((max(map(np.size, sizes)), len(slopes), drives.rows.shape[1]))
+        for k, (column, drive) in enumerate(zip(drives.columns, drives.drives, strict=True)):  # logs may be long
+            own = slopes[:, drive] * drives.magnitudes[:, k] * coefficients[column]
+            torque[drive if len(torque) > 1 else 0] += own[:, None] * drives.rows[k]
+        return torque
 
-    column = instant_columns(context, change)[:, 0]
-    return column if np.any(column) else None
-
-
-def _scaled(size: Sizes, factor: float) -> Sizes:
-    """One width or several, times a factor."""
-    return tuple(factor * one for one in size) if isinstance(size, tuple) else factor * size
+    columns = instant_columns(context, change)
+    return columns[:, np.any(columns, axis=0)]
 
 
 def with_nuisance(

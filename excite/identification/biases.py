@@ -33,18 +33,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy.linalg
-import scipy.special
+import scipy
 from numpy.typing import NDArray
 
 from excite.identification.covariance import METHODS, divisors, group_scale, with_covariance
-from excite.identification.equations import (
-    drive_directions,
-    equations,
-    friction_drives,
-    instant_columns,
-    nearest,
-)
+from excite.identification.equations import drive_directions, equations, friction_drives, instant_columns, nearest
 from excite.identification.estimator import (
     CONFIDENCE,
     Context,

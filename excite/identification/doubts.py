@@ -33,6 +33,7 @@ from excite.identification.observations import GroupFactors, Observations
 from excite.identification.prediction import LogPrediction, prediction, relative_error
 from excite.identification.spoilt_log import spoilt_log
 from excite.information.target import IdentificationTarget
+from excite.logs.signals.method import interpolated
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from regressors.errors import percent
 from regressors.robot.friction.load_and_temperature import drives_with_friction
@@ -206,10 +207,7 @@ def _missing(result: Identification, target: IdentificationTarget, parts: list[L
         np.concatenate([p.speed for p in parts]),
     )
     along = [(part.samples.time, equations.speeds(part.samples.ddq)) for part in result.prepared]
-    acceleration = [
-        np.column_stack([np.interp(p.time, time, column) for column in a.T])
-        for p, (time, a) in zip(parts, along, strict=True)
-    ]
+    acceleration = [interpolated(p.time, *one) for p, one in zip(parts, along, strict=True)]
     terms = missing_terms(residual, speed, np.concatenate(acceleration))
     return cause_of_residual(*terms, [name for name, _ in target.model.row_labels], _without_curve(result, target))
 
@@ -318,13 +316,7 @@ _USEFUL = 0.8  # of the error: a designed motion that does not gain more is not 
 
 
 def few_data(
-    logs: int,
-    expected: float,
-    designed: float | None,
-    method: str,
-    excess: float = 0.0,
-    *,
-    tried: str | None = None,
+    logs: int, expected: float, designed: float | None, method: str, excess: float = 0.0, *, tried: str | None = None
 ) -> Doubt | None:
     """Warning where predictions on other motions are expected to fail by the noise of the logs alone, or did fail."""
     if not max(expected, excess) > _TOLERATED:

@@ -163,11 +163,9 @@ def _part(
     return W
 
 
-def measured_regressor(
-    target: IdentificationTarget, samples: Samples, breakaway: Sizes | None = None, sign_width: Sizes | None = None
-) -> Array:
+def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway: Sizes | None = None) -> Array:
     """Stacked regressor W of a motion in the base columns."""
-    return StreamedRows([measured_rows(target, samples, breakaway, sign_width)]).whole()
+    return StreamedRows([measured_rows(target, samples, breakaway)]).whole()
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,13 +219,15 @@ def listed(sizes: Sizes | None) -> str:
     return ", ".join(f"{size:.3g}" for size in np.atleast_1d(sizes or 0.0).tolist())
 
 
-def drive_directions(robot: Robot, samples: Samples, sign_width: Sizes | None, breakaway: Sizes | None) -> Array | None:
+def drive_directions(
+    robot: Robot, samples: Samples, sign_width: Sizes | Array | None, breakaway: Sizes | Array | None
+) -> Array | None:
     """Direction of the friction of each moving drive along a motion of the joints, from -1 to 1, shape (N, k)."""
     rows = friction_rows(robot)
     for what, given in (("sign_width", sign_width), ("breakaway", breakaway)):
         if isinstance(given, tuple) and len(given) != len(rows):
             raise InputError(f"`{what}` needs one value, or {len(rows)}, one per moving drive; given {len(given)}")
-    distance, width = (np.asarray(given or 0.0) for given in (breakaway, sign_width))
+    distance, width = (np.asarray(0.0 if given is None else given) for given in (breakaway, sign_width))
     if np.any(distance):
         return measured_direction(samples.q @ rows.T, np.maximum(distance, _ZERO), sample_way(samples) @ rows.T)
     return np.asarray(np.tanh(samples.dq @ rows.T / np.maximum(width, _ZERO))) if np.any(width) else None

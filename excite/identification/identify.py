@@ -142,6 +142,8 @@ def identify(
         task = _as_designed(model, task, design)
         recipe = _with_period(recipe, design)
     task = task.changed(**options)
+    if task.model.channel == "command":
+        raise InputError("servos are identified by `excite.identification.servos.identify_servos`")
     as_designed = _friction_as_designed(model, task, options)
     curves, file = _known_friction(friction_curves, design if as_designed else None, task, robot)
     commanded = None if design is None else design.trajectory
@@ -238,8 +240,7 @@ def _without_implausible(result: Identification) -> Identification:
         for weights in (None, observations.y**2)
     )
     torque = np.sqrt(square / np.maximum(count, 1))
-    motion = Samples.joined([part.samples for part in result.prepared])
-    hidden = beyond_plausible(target, result.estimate, motion, torque)
+    hidden = beyond_plausible(target, result.estimate, Samples.joined([p.samples for p in result.prepared]), torque)
     return replace(result, estimate=hide_parameters(result.estimate, hidden)) if hidden.any() else result
 
 

@@ -6,15 +6,17 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
-import scipy.special
+import scipy
 from numpy.typing import NDArray
 
+from excite.identification.equations import friction_drives
 from excite.identification.estimator import CONFIDENCE, Estimate
 from excite.identification.large_residual import Doubt
 from excite.information.target import IdentificationTarget
 from regressors.models.base import Base
 from regressors.models.nominal import parameter_values, standard_values
-from regressors.robot.columns import BODY_KINDS, COULOMB, ROTOR, VISCOUS
+from regressors.robot.columns import BODY_KINDS, COULOMB, DIRECTED_KINDS, ROTOR, VISCOUS
+from regressors.robot.friction.load_and_temperature import friction_rows
 from regressors.robot.inertia import pseudo_inertia
 from regressors.robot.plausibility import implausible_inertias
 from regressors.robot.robot import Robot
@@ -110,6 +112,7 @@ def described_coefficients(target: IdentificationTarget) -> Array | None:
 _BEYOND = 100.0  # times the plausible size
 _SHARE = 0.01  # of the torque of an equation, which a parameter of plausible size makes at least
 _INSTANTS = 2000
+_STILL = 1e-3  # of the way of the drive that goes farthest
 
 
 def beyond_plausible(
@@ -118,7 +121,8 @@ def beyond_plausible(
     """Parameters whose 99 % interval reaches zero and is over 100 times as wide as they can plausibly be, shape (b,).
 
     A parameter may be as large as it is described, or make 1 % of the torques of all equations with every joint as
-    fast as the fastest one of its unit.
+    fast as the fastest one of its unit. Nor has the friction of a drive that holds still a value, since noise alone
+    gives that a direction.
     """  # torque (r,): root mean square of each equation
     some = motion.rows(np.unique(np.linspace(0, motion.time.size - 1, _INSTANTS).astype(int)))
     units = np.array([joint.unit for joint in target.robot.joints])
@@ -131,7 +135,13 @@ def beyond_plausible(
     described = parameter_values(target.model, target.base, standard_values(target.robot))
     plausible = np.fmax(plausible, np.abs(described))
     half = estimate.half_width
-    return np.asarray(np.isfinite(half) & (half > np.abs(estimate.values)) & (half > _BEYOND * plausible))
+    hidden = (half > np.abs(estimate.values)) & (half > _BEYOND * plausible)
+    if target.model.coulomb_friction() is not None:
+        directed, way = friction_drives(target, some), np.ptp(motion.q @ friction_rows(target.robot).T, axis=0)
+        columns = [target.base.columns[j] for j in target.base.index]
+        still = {columns[k].owner for k in np.array(directed.columns)[way[[*directed.drives]] < _STILL * way.max()]}
+        hidden |= [one.kind in (*DIRECTED_KINDS, VISCOUS) and one.owner in still for one in columns]
+    return np.asarray(np.isfinite(half) & hidden)
 
 
 def _as_fast_as_the_fastest(x: Array, units: NDArray[np.str_]) -> Array:

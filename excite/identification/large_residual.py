@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 import scipy
-import scipy.ndimage
 
 from excite.identification.observations import Observations, rows_of_groups
 from excite.identification.preparation import prepare
@@ -96,10 +95,7 @@ def cause_of_residual(
         )
     what, option = _TERMS[term]
     largest = [name for name, part in zip(names, per_joint, strict=True) if part > 0.2 * per_joint.max()]
-    return (
-        f"{what} of {', '.join(largest)} explains {share} and is not in the model",
-        f"identify it too (`{option}`)",
-    )
+    return (f"{what} of {', '.join(largest)} explains {share} and is not in the model", f"identify it too (`{option}`)")
 
 
 MOST = 0.5  # share of the squared residual that makes a cause the cause

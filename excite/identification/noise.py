@@ -19,9 +19,7 @@ from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import scipy.fft
-import scipy.optimize
-import scipy.special
+import scipy
 
 from excite.identification.equations import constants, nuisance_columns
 from excite.identification.estimator import Context, Estimate

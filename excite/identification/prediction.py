@@ -6,13 +6,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.special
 from numpy.typing import NDArray
 
-from excite.identification.equations import drive_directions, predicted_rows
+from excite.identification.equations import drive_directions, measured_rows, predicted_rows
+from excite.identification.estimator import CONFIDENCE, Estimate
 from excite.identification.preparation import HELD, PreparedLog, measured_channel
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, target_of
 from excite.logs.event import within
+from excite.logs.signals.method import interpolated
 from excite.tasks.model_choice import FRICTION
 from excite.tasks.model_options import without_curve
 from excite.tasks.robot_of_task import moving_robot
@@ -191,12 +194,45 @@ def prediction(
     inside = (log.time >= samples.time[0]) & (log.time <= samples.time[-1]) & ~within(log.time, part.saturated)
     time = log.time[inside]
     measured = model.right_side(samples, measured_channel(log, target)[inside]).reshape(-1, r)
-    speed = _at(time, samples.time, model.speeds(samples))
-    return LogPrediction(time, measured, _at(time, samples.time, predicted), speed, within(time, part.left_out))
+    speed = interpolated(time, samples.time, model.speeds(samples))
+    return LogPrediction(
+        time, measured, interpolated(time, samples.time, predicted), speed, within(time, part.left_out)
+    )
 
 
-def _at(time: Array, known: Array, values: Array) -> Array:
-    """Values interpolated linearly between their instants, shape (N, r)."""
-    if np.array_equal(time, known):
-        return values
-    return np.column_stack([np.interp(time, known, column) for column in values.T])
+_INSTANTS = 3000
+_DECISIVE = 0.5  # of what the most decisive parameter changes
+_MULTIPLIERS = 10.0 ** np.arange(-16.0, 8.0, 0.25)  # of the mean square of the columns
+
+
+def best_within_region(
+    estimate: Estimate, target: IdentificationTarget, part: PreparedLog, recipe: Recipe, predicted: LogPrediction
+) -> tuple[Array, list[str]]:
+    """Coefficients of an estimate's 99 % region that predict a log best, shape (b,), and which change the torques most.
+
+    ``min |W d - e|^2`` with ``d' C^-1 d <= k F(k, f)`` for the k parameters that are identifiable, by Lagrange's
+    multiplier; the others are free. Every equation counts by its size.
+    """
+    time = part.samples.time
+    some = np.unique(np.linspace(0, time.size - 1, _INSTANTS).astype(int))
+    # (N, r, b)
+    rows = measured_rows(target, part.samples, recipe.breakaway, recipe.sign_width).at(some).part(slice(None))
+    size = np.sqrt(np.mean(predicted.measured**2, axis=0))
+    size = np.where(size > 0, size, 1.0)[:, None]
+    e = interpolated(time[some], predicted.time, predicted.measured - predicted.predicted)
+
+    seen = np.isfinite(np.diag(estimate.covariance))
+    values, vectors = np.linalg.eigh(estimate.covariance[np.ix_(seen, seen)])
+    length = np.linalg.norm(rows / size, axis=(0, 1))
+    region = np.diag(np.where(seen, 0.0, 1 / np.where(length > 0, length, 1.0)))  # directions, of deviation one
+    region[np.ix_(seen, seen)] = vectors * np.sqrt(np.maximum(values, 0.0))
+    A, k = (rows / size @ region).reshape(-1, len(region)), max(int(seen.sum()), 1)
+    gram, moment = A.T @ A, A.T @ (e[..., None] / size).ravel()
+    most, change = k * scipy.special.fdtri(k, max(estimate.degrees_of_freedom, 1), CONFIDENCE), np.zeros(len(region))
+    for multiplier in _MULTIPLIERS * np.trace(gram) / len(gram):
+        change = np.linalg.lstsq(gram + multiplier * np.diag(seen), moment, rcond=None)[0]
+        if np.sum(change[seen] ** 2) <= most:
+            break
+    moved = length * np.abs(region @ change)
+    decisive = [estimate.names[k] for k in np.argsort(-moved) if moved[k] > _DECISIVE * moved.max()]
+    return estimate.coefficients + region @ change, decisive

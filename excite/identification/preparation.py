@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+import scipy
 
 from excite.identification.recipe import ALL, AUTO, Recipe
 from excite.information.target import IdentificationTarget
@@ -401,7 +401,7 @@ def _with_common_delay(log: Log, delays: Sequence[float], common: float) -> Arra
     for k, late in enumerate(delays):
         if late != common:
             at = np.clip(log.time + (late - common), log.time[0], log.time[-1])
-            moved[:, k] = PchipInterpolator(log.time, log.effort[:, k])(at)
+            moved[:, k] = scipy.interpolate.PchipInterpolator(log.time, log.effort[:, k])(at)
     return moved
 
 

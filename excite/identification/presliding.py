@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import scipy.optimize
+import scipy
 
 from excite.identification.choices.left_out import least_squares_of_products
 from excite.identification.equations import (
@@ -202,11 +202,13 @@ def presliding_note(recipe: Recipe, target: IdentificationTarget, *, known: bool
     if not known and not columns:
         return ()
     what = ("friction, known or not," if columns else "known friction") if known else "Coulomb friction"
+    return (presliding_words(recipe, what),)
+
+
+def presliding_words(recipe: Recipe, what: str = "Coulomb friction") -> str:
+    """Describe how friction changes its direction."""
     if np.any(recipe.breakaway or 0.0):
-        return (
-            f"{what} is presliding: it changes direction over {listed(recipe.breakaway)} "
-            "rad (or m), and holds at standstill",
-        )
+        return f"{what} changes its direction over {listed(recipe.breakaway)} rad (or m), and holds at standstill"
     if np.any(recipe.sign_width or 0.0):
-        return (f"{what} changes sign over {listed(recipe.sign_width)} rad/s (or m/s) of drive velocity",)
-    return (f"{what} has the sign of the velocity",)
+        return f"{what} changes its sign over {listed(recipe.sign_width)} rad/s (or m/s)"
+    return f"{what} has the sign of the velocity"

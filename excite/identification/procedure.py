@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-import scipy.special
+import scipy
 
 from excite.identification.allowances import (
     PRESLIDING,
@@ -28,12 +28,7 @@ from excite.identification.biases import (
     without_standstill,
 )
 from excite.identification.covariance import condition_number
-from excite.identification.drive_gains import (
-    BLOCKS,
-    GainCalibration,
-    corrections,
-    drive_gains,
-)
+from excite.identification.drive_gains import BLOCKS, GainCalibration, corrections, drive_gains
 from excite.identification.equations import equations, equations_of, nuisance_columns, right_sides
 from excite.identification.estimator import CONFIDENCE, Context, Estimate, Estimator, allowing_for, noted
 from excite.identification.identification import Identification

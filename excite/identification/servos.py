@@ -372,10 +372,10 @@ def fitted(windows: Windows, x: Array, start: Array, iterations: int) -> ServoEs
     return ServoEstimate(x, deviation, left)
 
 
-_REACHED = 1.002  # times the cost, by which no torque limit at all must be worse for one to count
-_WIDER = 1.0
+_REACHED = 1.01  # times the cost, by which no torque limit at all must be worse for one to count
+_WIDER = 2.5  # intervals, by what is wrong in all windows alike: from simulated servos, see benchmarks/servo
 _STEPS = 5e-3  # of the size of each quantity, for differences
-_STANDS_OUT = 2.0  # deviations from which on a residual counts less
+_STANDS_OUT = 3.0  # deviations from which on a residual counts less
 _DAMPINGS = np.array([0.0, 1e-6, 1e-4, 1e-2, 1.0, 100.0])  # of Levenberg and Marquardt, tried at once
 _PROGRESS = 1e-6  # of the cost, from which on it goes on
 
@@ -392,7 +392,7 @@ def _descend(
     left, scale, stalled = _residuals(windows, x[None])[0], 0.0, False
     for _ in range(iterations):
         J, scale = _slopes(windows, x, left), _STANDS_OUT * _noise(left)
-        weight = 1.0 / np.sqrt(1.0 + (left.ravel() / scale) ** 2)
+        weight = 1.0 / (1.0 + (left.ravel() / scale) ** 2)
         gradient, H = J.T @ (weight * left.ravel()) / scale**2, J.T @ (weight[:, None] * J) / scale**2
         shown = np.diag(H) > 0
         gradient[_K] += np.log(x[_K] / about) / x[_K]
@@ -420,8 +420,8 @@ def _descend(
 
 
 def _cost(left: Array, scale: float) -> Array:
-    """``sum(sqrt(1 + (r / s)^2) - 1)`` of each variant, shape (B,)."""  # left (B, w, T)
-    return np.asarray((np.sqrt(1.0 + (left / scale) ** 2) - 1.0).sum(axis=(1, 2)))
+    """Cauchy's ``sum(log(1 + (r / s)^2)) / 2`` of each variant, shape (B,)."""  # left (B, w, T)
+    return np.asarray(np.log1p((left / scale) ** 2).sum(axis=(1, 2)) / 2)
 
 
 def _residuals(windows: Windows, values: Array) -> Array:
@@ -458,7 +458,7 @@ def _variance(left: Array, J: Array, scale: float) -> Array:
     """
     # left (w, T); J (w T, p)
     z = 1.0 + (left.ravel() / scale) ** 2
-    influence, slope = left.ravel() / np.sqrt(z), z**-1.5
+    influence, slope = left.ravel() / z, 1.0 / z
     size = np.sqrt((J**2).sum(axis=0))
     size[size == 0.0] = 1.0
     J = J / size

@@ -16,8 +16,7 @@ from functools import cache, cached_property, partial
 from itertools import product
 
 import numpy as np
-import scipy.linalg
-import scipy.optimize
+import scipy
 
 from excite.identification.choices.timing import LONGEST
 from excite.identification.impossible_parameters import described_coefficients, inertial_columns, signs_of_bodies
@@ -45,6 +44,7 @@ from excite.identification.log_faults import (
 from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
 from excite.logs.event import within
+from excite.logs.signals.method import interpolated
 from regressors.errors import percent
 from regressors.models.base import base_parameters, few_states, random_states
 from regressors.models.load import PayloadModel
@@ -153,7 +153,7 @@ class FaultSearch:
         chosen = [_chosen(part, target.robot, INSTANTS // len(parts), least_speed) for part in parts]
         samples = [part.samples.rows(rows) for part, rows in zip(parts, chosen, strict=True)]
         joined = Samples.joined(samples)
-        uniform = [_on_grid(part) for part in parts]
+        uniform = [interpolated(part.samples.time, part.log.time, np.asarray(part.log.effort)) for part in parts]
 
         ends = np.cumsum([rows.size for rows in chosen])[:-1]
 
@@ -166,8 +166,7 @@ class FaultSearch:
         step = float(np.median(np.diff(parts[0].samples.time)))
         signs = signs_of_bodies(target.base)
         longest = _OF_LOG * min(float(np.ptp(part.samples.time)) for part in parts)
-        noise = _noise(uniform)
-        return FaultSearch(target, joined, step, longest, moments, torques, noise, described, signs, friction)
+        return FaultSearch(target, joined, step, longest, moments, torques, _noise(uniform), described, signs, friction)
 
     @cached_property
     def plain(self) -> Equations:
@@ -428,12 +427,6 @@ def _chosen(part: PreparedLog, robot: Robot, most: int, least_speed: float) -> I
     moving = rows & np.all(speed >= least_speed * np.sqrt(np.mean(speed**2, axis=0)), axis=1)
     kept = np.flatnonzero(moving if np.count_nonzero(moving) > most // 4 else rows)
     return np.asarray(kept[np.unique(np.linspace(0, kept.size - 1, most).astype(int))])
-
-
-def _on_grid(part: PreparedLog) -> Array:
-    """Torques as recorded, at the instants of the motion, shape (N, n)."""
-    assert part.log.effort is not None
-    return np.column_stack([np.interp(part.samples.time, part.log.time, y) for y in part.log.effort.T])
 
 
 def _moments(part: PreparedLog, samples: Samples) -> Iterator[Moment]:

@@ -28,8 +28,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg
-import scipy.special
+import scipy
 
 from excite.information.half_widths import samples_of
 from excite.information.prior import prior_of

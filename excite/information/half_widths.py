@@ -26,7 +26,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.special
+import scipy
 
 from excite.information.prior import base_sizes, prior_of
 from excite.information.target import IdentificationTarget

@@ -23,7 +23,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-import scipy.special
+import scipy
 
 from excite.information.earlier_precision import InformationInHand
 from excite.information.half_widths import (

@@ -7,7 +7,6 @@ from typing import TypeAlias
 
 import numpy as np
 import scipy
-import scipy.ndimage
 from numpy.typing import NDArray
 
 from excite.logs.event import IMPACT, SPIKE, Event

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg
-import scipy.special
+import scipy
 
 from excite.identification.estimator import CONFIDENCE
 from excite.identification.noise import NoiseGroup, autocorrelation, autoregressive_covariance, effective_samples

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 import clarabel
 import numpy as np
-import scipy.sparse
+import scipy
 from numpy.typing import NDArray
 
 from excite.errors import ConicSolverError

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import scipy.special
+import scipy
 
 from excite.design.design import Design
 from excite.design.formulation import with_information_in_hand

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.special
+import scipy
 from threadpoolctl import threadpool_limits
 
 from excite.design.executors.dask_cluster import DaskCluster, check_versions, unit_executor, versions_of

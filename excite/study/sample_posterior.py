@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import scipy.special
+import scipy
 
 from excite.identification.estimators.possible_set import StandardProblem, problem_of_factor
 from excite.identification.identification import (

@@ -27,8 +27,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-import scipy.linalg
-import scipy.special
+import scipy
 
 from regressors.samples import Array
 

@@ -178,7 +178,7 @@ class ModelChoice:
 
     @property
     def channel(self) -> str:
-        """Channel of a log that the model explains: ``effort`` or ``wrench``."""
+        """Channel of a log that the model explains: ``effort``, ``wrench`` or ``command``."""
         return "effort" if isinstance(self.model, OwnPart) else str(self.kind.channel)
 
     @property

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from scipy.interpolate import PPoly
+import scipy
 
 from constraints.certificate import Extrema, LimitUse, limit_uses, worst_of_each
 from constraints.interpolation import Curve, curve_pieces
@@ -89,9 +89,9 @@ class SampledMotion:
         return Samples(instants, *(self._curve(instants, nu=order) for order in range(4)))
 
     @cached_property
-    def _curve(self) -> PPoly:
+    def _curve(self) -> scipy.interpolate.PPoly:
         """Positions over time from the first sample."""
-        return PPoly(curve_pieces(self.given, Curve.QUINTICS), self.given.time - self.given.time[0])
+        return scipy.interpolate.PPoly(curve_pieces(self.given, Curve.QUINTICS), self.given.time - self.given.time[0])
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ where the three control points next to it are equal, and ``q(0) = q(T)`` where t
 from __future__ import annotations
 
 import numpy as np
-import scipy.interpolate
+import scipy
 
 from constraints.certificate import Extrema
 from constraints.enclosure import chebyshev_nodes, node_factor, piecewise_extrema

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -12,7 +12,7 @@ import scipy
 from excite.logs.signals.periods import MeasurementNoise
 from excite.verification.simulated_motion import MotionError
 from excite.verification.tolerances import Tolerances
-from regressors.errors import percent
+from regressors.errors import listed_names, percent
 from regressors.samples import Array
 
 MORE_THAN_TRAINING = 2.0
@@ -29,6 +29,7 @@ class Verdict:
     confirmed: tuple[str, ...] = ()
     contradicted: tuple[str, ...] = ()
     undecided: tuple[str, ...] = ()
+    unknown: tuple[str, ...] = ()  # equations that the log contradicts only as far as the result's uncertainty reaches
     # a sentence each: whether the torques of the log are predicted, whether a possible robot has the parameters, and
     # which of them are known
     answers: tuple[str, ...] = ()
@@ -43,7 +44,8 @@ class Verdict:
         """One or two sentences."""
         confirmed = ", ".join(self.confirmed)
         if not self.holds:
-            only = f" Predictions of {confirmed} hold." if self.contradicted and self.confirmed else ""
+            partly = confirmed and (self.contradicted or self.unknown)
+            only = f" Predictions of {confirmed} hold." if partly else ""
             return f"Do not rely on the result: {'; '.join(self.against)}.{only}"
         if self.undecided:
             return (
@@ -51,6 +53,21 @@ class Verdict:
                 f"The log cannot judge {', '.join(self.undecided)}, where its noise hides what it could tell."
             )
         return "The result predicts this log: you can rely on it for motions of this kind."
+
+    def within_region(self, best: Verdict, parameters: Sequence[str]) -> Verdict:
+        """The verdict beside that on the best prediction within the 99 % region of the parameters.
+
+        What the log then no longer contradicts, the result does not know.
+        """
+        unknown = tuple(name for name in self.contradicted if name not in best.contradicted)
+        if not unknown:
+            return self
+        reason = (
+            f"it does not know the torques of {', '.join(unknown)}: they agree with this log within the 99 % intervals "
+            f"of {listed_names(parameters)}, which the logs of the identification do not show well enough; "
+            "identify from this log too"
+        )
+        return replace(self, against=(*best.against, reason), contradicted=best.contradicted, unknown=unknown)
 
 
 def verdict(
@@ -77,7 +94,8 @@ def verdict(
         if part.relative * moving <= tolerances.torque:
             named["confirmed"].append(t.name)
             if part.relative > 2 * tolerances.torque:
-                remarks.append(_poor(t, part))
+                within = f"{t.name} is predicted within {percent(t.relative, 3)} only"
+                remarks.append(f"{within}, most of it from {t.limited_by}")
         elif part.least * moving <= tolerances.torque:
             named["undecided"].append(t.name)
         else:
@@ -134,14 +152,6 @@ def _of_total(
         else:
             remarks.append(f"{text}: this log is noisier, or its motion is of another kind")
     return against, remarks
-
-
-def _poor(t: TorqueError, part: CorrectedError) -> str:
-    without = f", {percent(part.relative, 3)} without its noise" if part.relative < _NOISY * t.relative else ""
-    return (
-        f"{t.name} is predicted within {percent(t.relative, 3)} only ({t.error:.2g} {t.unit} of "
-        f"{t.measured:.2g} {t.unit}{without}), most of it from {t.limited_by}"
-    )
 
 
 NOISE_ABOVE = 10.0  # frequency above which the motion itself has no content [Hz]
@@ -231,31 +241,23 @@ class CorrectedError:
     least: float
 
 
-def corrected_errors(measured: Array, predicted: Array, noise: MeasurementNoise) -> tuple[CorrectedError, ...]:
-    """Corrected error of each equation.
+def corrected_errors(
+    measured: Array, predicted: Array, noise: MeasurementNoise
+) -> tuple[tuple[CorrectedError, ...], CorrectedError]:
+    """Corrected error of each equation, and that over all of them, in their units.
 
     Of the difference's power below the motion's highest frequency f, ``f S`` is noise of density S; of that above it,
     what the measurements have too. Only frequencies of the motion can show an error of the model, so that there is
     much less noise in them than in all.
     """  # measured, predicted (N, r)
-    squares, duration = _squares(measured, predicted, noise), np.full_like(noise.level, noise.duration)
-    parts = np.array([*squares, noise.slow_deviation**2, noise.level, duration])
-    return tuple(_corrected(*part) for part in parts.T.tolist())
-
-
-def corrected_total(measured: Array, predicted: Array, noise: MeasurementNoise) -> CorrectedError:
-    """Corrected error over all equations, in their units."""
-    error, size, square = (float(part.sum()) for part in _squares(measured, predicted, noise))
-    variance, level = float(np.sum(noise.slow_deviation**2)), float(noise.level.max(initial=0.0))
-    return _corrected(error, size, square, variance, level, noise.duration)
-
-
-def _squares(measured: Array, predicted: Array, noise: MeasurementNoise) -> tuple[Array, Array, Array]:
-    """Mean squares of the difference, of the measurements, and of the noise in the difference, shape (r,) each."""
     difference = measured - predicted
-    error = np.mean(difference**2, axis=0)
+    error, size = np.mean(difference**2, axis=0), np.mean(measured**2, axis=0)
     fast = np.maximum(error - _slow_square(difference, noise), 0.0)
-    return error, np.mean(measured**2, axis=0), noise.fast_share * fast + noise.above * noise.level
+    square = noise.fast_share * fast + noise.above * noise.level
+    parts = np.array([error, size, square, noise.slow_deviation**2, noise.level])
+    whole = np.append(parts[:4].sum(axis=1), noise.level.max(initial=0.0))
+    each, total = (tuple(_corrected(part, noise.duration) for part in one) for one in (parts.T, whole[None]))
+    return each, total[0]
 
 
 def _slow_square(x: Array, noise: MeasurementNoise) -> Array:
@@ -266,10 +268,9 @@ def _slow_square(x: Array, noise: MeasurementNoise) -> Array:
     return np.asarray(power[frequency <= noise.above].sum(axis=0) / len(x) ** 2)
 
 
-def _corrected(
-    error: float, size: float, noise: float, variance: float, level: float, duration: float
-) -> CorrectedError:
+def _corrected(squares: Array, duration: float) -> CorrectedError:
     """From mean squares; `level / duration` is the noise in one frequency, with which an error of the model mixes."""
+    error, size, noise, variance, level = squares.tolist()
     left, signal = max(error - noise, 0.0), max(size - noise, 0.0)
     chance = _QUANTILE * float(np.sqrt(variance + 2 * left * level / duration))
     return CorrectedError(

@@ -11,12 +11,13 @@ import numpy as np
 
 from excite.identification.choices.cutoff_and_rows import HIGHEST
 from excite.identification.doubts import answers
-from excite.identification.identification import Identification
+from excite.identification.identification import Identification, stated_covariance
 from excite.identification.identify import rows_prediction
 from excite.identification.large_residual import with_external_forces
 from excite.identification.log_faults import load_that_explains
 from excite.identification.prediction import (
     LogPrediction,
+    best_within_region,
     known_temperatures,
     mean_friction,
     prediction,
@@ -30,6 +31,7 @@ from excite.information.target import IdentificationTarget
 from excite.logs.event import LEFT_OUT
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
+from excite.logs.signals.method import interpolated
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from excite.simulation.replay import Outcome, Replay, windowed_motion
 from excite.storage.work_prediction import announce
@@ -43,14 +45,7 @@ from excite.verification.simulated_motion import (
     shortest_horizon,
 )
 from excite.verification.tolerances import Tolerances
-from excite.verification.verdict import (
-    CorrectedError,
-    Verdict,
-    corrected_errors,
-    corrected_total,
-    torque_errors,
-    verdict,
-)
+from excite.verification.verdict import CorrectedError, TorqueError, Verdict, corrected_errors, torque_errors, verdict
 from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
 from regressors.arguments import checked
 from regressors.errors import InputError, cut, percent
@@ -129,17 +124,19 @@ def verify(
     predicted = prediction(target, part, recipe, result.coefficients, result.friction)
     tolerances = tolerances if tolerances is not None else Tolerances()
     replay, length = _replayed(target, result, part, horizon)
-    measured, torques = predicted.measured, predicted.predicted
-    errors = torque_errors(predicted.time, measured, torques, predicted.speed, target.model.row_labels)
     above = motion_ends(part.samples.q, mean_rate(part.samples.time))
-    noise = measurement_noise(measured, measured - torques, mean_rate(predicted.time), above)
-    corrected, whole = corrected_errors(measured, torques, noise), corrected_total(measured, torques, noise)
+    compared = errors, corrected, total, whole = _errors(target, predicted, above)
     free = ~predicted.left_out  # rows about which nothing happened
-    total, event_free = relative_error(measured, torques), relative_error(measured[free], torques[free])
+    event_free = relative_error(predicted.measured[free], predicted.predicted[free])
     units = {j.name: j.unit for j in target.robot.joints}
     motions = motion_errors(replay, part.samples, units) if replay is not None and replay.ok else None
-    doubted = _doubted(result, replay)
-    judged = verdict(errors, corrected, total, whole, result.training_error, motions or (), doubted, tolerances)
+    further = result.training_error, motions or (), _doubted(result, replay), tolerances
+    judged = verdict(*compared, *further)
+    explained = all(doubt.about == "bodies" for doubt in result.doubts)  # else its covariance says nothing
+    if judged.contradicted and explained and stated_covariance(result) is not None:
+        best, decisive = best_within_region(result.estimate, target, part, recipe, predicted)
+        within = _errors(target, prediction(target, part, recipe, best, result.friction), above)
+        judged = judged.within_region(verdict(*within, *further), decisive)
     remarks = (
         *judged.remarks,
         *motion_remarks(replay, length, horizon),
@@ -152,8 +149,8 @@ def verify(
         log=VerifiedLog.of(part),
         tolerances=tolerances,
         time=predicted.time,
-        measured=measured,
-        predicted=torques,
+        measured=predicted.measured,
+        predicted=predicted.predicted,
         motion=MeasuredMotion(tuple(part.log.joints), part.samples.time, part.samples.q),
         torques=errors,
         relative_error=total,
@@ -173,6 +170,17 @@ def verify(
     )
 
 
+def _errors(
+    target: IdentificationTarget, predicted: LogPrediction, above: float
+) -> tuple[tuple[TorqueError, ...], tuple[CorrectedError, ...], float, CorrectedError]:
+    """Errors of every equation, without noise too, and the same two over all equations."""
+    measured, torques = predicted.measured, predicted.predicted
+    noise = measurement_noise(measured, measured - torques, mean_rate(predicted.time), above)
+    corrected, whole = corrected_errors(measured, torques, noise)
+    errors = torque_errors(predicted.time, measured, torques, predicted.speed, target.model.row_labels)
+    return errors, corrected, relative_error(measured, torques), whole
+
+
 def _doubted(result: Identification, replay: Replay | None) -> tuple[str, ...]:
     """What its identification doubts of a result, and a mass matrix that no robot has in a pose of the log."""
     doubted = tuple(f"{doubt.what}: {doubt.cause}" for doubt in result.doubts)
@@ -185,14 +193,11 @@ def _other_load(
     target: IdentificationTarget, part: PreparedLog, predicted: LogPrediction, judged: Verdict
 ) -> tuple[str, ...]:
     """The load that the log has and the result lacks, or the reverse, where that explains what contradicts."""
-    if judged.holds:
+    if judged.holds or (judged.unknown and not judged.contradicted):
         return ()
-    time, motion = predicted.time, part.samples
-    measured, torques = (
-        np.column_stack([np.interp(motion.time, time, column) for column in rows.T])
-        for rows in (predicted.measured, predicted.predicted)
-    )
-    load = load_that_explains(target, motion, measured - torques, measured)
+    rows = (predicted.measured, predicted.measured - predicted.predicted)
+    measured, error = (interpolated(part.samples.time, predicted.time, values) for values in rows)
+    load = load_that_explains(target, part.samples, error, measured)
     if load is None:
         return ()
     mass, text = load
@@ -203,10 +208,10 @@ def _other_load(
 def _torques_answer(judged: Verdict, whole: CorrectedError) -> str:
     """Whether the torques of the log are predicted, and within what."""
     within = f"torques: within {percent(whole.relative)} of what was measured, without noise"
-    if not (judged.contradicted or judged.undecided):
+    if not (judged.contradicted or judged.undecided or judged.unknown):
         return f"{within}; each is confirmed"
-    verbs = ("confirmed for", "contradicted for", "not to be judged for")
-    named = zip(verbs, (judged.confirmed, judged.contradicted, judged.undecided), strict=True)
+    verbs = ("confirmed for", "contradicted for", "not to be judged for", "not known for")
+    named = zip(verbs, (judged.confirmed, judged.contradicted, judged.undecided, judged.unknown), strict=True)
     return "; ".join([within, *(f"{verb} {', '.join(names)}" for verb, names in named if names)])
 
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import IO, Any
 from xml.etree import ElementTree
 
-import matplotlib
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
@@ -67,8 +66,7 @@ def draw(result: Any, *, width: str = "screen") -> dict[str, Any]:
     InputError
         Another width, or nothing that has figures.
     """
-    figures = _view_of(result).figures
-    return drawn_figures(lambda: {each.ending: each.draw() for each in figures}, width)
+    return drawn_figures(lambda: {each.ending: each.draw() for each in _view_of(result).figures}, width)
 
 
 @checked
@@ -99,17 +97,13 @@ def write_figures(
         Another format or width, or nothing that has figures; or the folder is being written by another process, or
         cannot be written to.
     """
-    return write_view_figures(_view_of(design), folder, formats=formats, width=width)
-
-
-def write_view_figures(view: View, folder: str | Path, **how: Any) -> list[Path]:
-    """Write the figures of a view; formats and width as in `write_figures`."""
-    return write_figure_files(
-        lambda: {f"{view.stem}{each.ending}": each.draw() for each in view.figures}, folder, view.filed, **how
-    )
+    view = _view_of(design)
+    return write_figure_files(view.drawn, folder, view.filed, formats=formats, width=width)
 
 
 def _view_of(result: Any) -> View:
+    if isinstance(result, View):
+        return result
     names = [f"{kind.__module__}.{kind.__qualname__}" for kind in type(result).__mro__]
     known = next(filter(None, map(_VIEWS.get, names)), None)
     if known is None:
@@ -199,7 +193,8 @@ def _around(ax: Axes, measure: Any, known: list[Array], renderer: Any, **how: An
     """Bounding box of a panel with its text, measured once: the layout asks again when it has moved the panel."""
     ax.apply_aspect()
     if not known:
-        known.append(np.subtract(measure(ax, renderer, **how).extents, ax.bbox.extents))
+        beside = [*ax.texts, *filter(None, [ax.get_legend()])]  # curves end at the panel's edge
+        known.append(np.subtract(measure(ax, renderer, bbox_extra_artists=beside, **how).extents, ax.bbox.extents))
     return Bbox.from_extents(*np.add(ax.bbox.extents, known[0]))
 
 
@@ -217,16 +212,17 @@ LONG = 6000  # points that a curve has where it bends; a longer one is a picture
 _PIXELS = 1.35  # of a page, per point of a figure
 FONTS = "DejaVu Sans, Verdana, Arial, sans-serif"
 _FONT = re.compile(r"(?P<style>italic |oblique )?(?P<weight>bold |\d{3} )?(?P<size>[\d.]+)px (?P<family>.+)", re.DOTALL)
-_DIGITS = re.compile(r"(\.\d\d)\d+")  # behind the decimal point: two are a hundredth of a point
+_DIGITS = re.compile(r"(?<=\.\d\d)\d+")  # behind the decimal point: two are a hundredth of a point
 _SHORTENED = ("d", "transform", "x", "y", "points")
 _LEFT_OUT = ("metadata", "style")
+_SVG: Any = {"svg.fonttype": "none", "svg.hashsalt": "excite", "text.hinting": "none"}  # browsers place letters freely
 
 
 def svg_text(figure: Figure, prefix: str, label: str) -> str:
     """A figure as an ``<svg>`` element without inline styles, to stand in a page; very long curves are pictures."""
     literal(figure)
     stream = io.StringIO()
-    with _laid_out(figure, DPI), matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "excite"}):
+    with rc_context(_SVG), _laid_out(figure, DPI):
         for line in (line for ax in figure.axes for line in ax.lines):
             path, place = line.get_path(), line.get_transform()
             line.set_rasterized(len(path) > LONG and len(path.cleaned(place, simplify=True)) > LONG)
@@ -291,4 +287,4 @@ def _of_page(name: str, value: str, prefix: str) -> str:
 
 
 def _shortened(text: str) -> str:
-    return _DIGITS.sub(r"\1", " ".join(text.split()))
+    return _DIGITS.sub("", " ".join(text.split()))

@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedFormatter, FixedLocator, FuncFormatter, MaxNLocator
 
@@ -69,18 +70,22 @@ def panels(
     columns = columns_that_fit(count, panel.least)
     parts = -(-count // columns)
     first = rows * parts  # row of the further panels
-    whole = first - (-further // columns)
-    tall, text = whole * panel.height, _ABOVE + (whole - 1) * panel.between + panel.below
-    figure = figure_of(sum(panel.widths) + count * panel.left + _RIGHT, tall + text, title, text, notes)
-    grid = figure.add_gridspec(whole, columns, width_ratios=panel.widths if parts == 1 else None)
+    figure, grid = _grid(first - (-further // columns), columns, panel, title, notes)
     axes = [
-        [figure.add_subplot(grid[parts * row + k // columns, k % columns]) for k in range(count)] for row in range(rows)
+        [tidy(figure.add_subplot(grid[parts * row + k // columns, k % columns])) for k in range(count)]
+        for row in range(rows)
     ]
     if further:
-        axes.append([figure.add_subplot(grid[first + k // columns, k % columns]) for k in range(further)])
-    for ax in figure.axes:
-        tidy(ax)
+        axes.append([tidy(figure.add_subplot(grid[first + k // columns, k % columns])) for k in range(further)])
     return figure, axes
+
+
+def _grid(rows: int, columns: int, panel: Panel, title: str, notes: float = 0.0) -> tuple[Figure, GridSpec]:
+    """Create a figure with a title and places for its panels."""
+    count, text = len(panel.widths), _ABOVE + (rows - 1) * panel.between + panel.below
+    width = sum(panel.widths) + count * panel.left + _RIGHT
+    figure = figure_of(width, rows * panel.height + text, title, text, notes)
+    return figure, figure.add_gridspec(rows, columns, width_ratios=panel.widths if columns == count else None)
 
 
 def alike(
@@ -88,15 +93,10 @@ def alike(
 ) -> tuple[Figure, list[Axes], list[Axes]]:
     """Create so many panels of one width in as many columns as fit, below panels over the whole width."""
     columns = max(1, min(columns_that_fit(most, panel.least), count))
-    figure, axes = panels(whole, replace(panel, widths=panel.widths[:1] * columns), title, further=count)
-    above, below = [], axes[whole] if count else []
-    for row in axes[:whole]:
-        place = row[0].get_subplotspec()
-        assert place is not None
-        above.append(figure.add_subplot(place.get_gridspec()[place.rowspan.start, :]))
-        tidy(above[-1])
-        for ax in row:
-            ax.remove()
+    panel = replace(panel, widths=panel.widths[:1] * columns)
+    figure, grid = _grid(whole - (-count // columns), columns, panel, title)
+    below = [tidy(figure.add_subplot(grid[whole + k // columns, k % columns])) for k in range(count)]
+    above = [tidy(figure.add_subplot(grid[row, :])) for row in range(whole)]
     for ax in below[-columns:] if xlabel else ():
         ax.set_xlabel(xlabel, fontsize=LABEL, color=DARK)
     return figure, below, above
@@ -106,9 +106,7 @@ def fit_panels(rows: int, title: str) -> tuple[Figure, list[tuple[Axes, Axes]]]:
     """Create a panel over the whole width for each of so many equations, and a lower one below each."""
     height, text = 1.3 if rows > 1 else 3.0, _ABOVE + (rows - 1) * Panel.between + Panel.below
     figure = figure_of(_WIDE + Panel.left + _RIGHT, rows * (height + _LOWER) + text, title, text)
-    axes = figure.subplots(2 * rows, 1, height_ratios=(height, _LOWER) * rows)
-    for ax in axes:
-        tidy(ax)
+    axes = list(map(tidy, figure.subplots(2 * rows, 1, height_ratios=(height, _LOWER) * rows)))
     return figure, list(zip(axes[::2], axes[1::2], strict=True))
 
 

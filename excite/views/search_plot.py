@@ -65,8 +65,7 @@ def convergence_figure(design: Design) -> Figure:
     unfinished = sum(start.status == RUNNING for start in design.starts)
     title = f"{design.robot.name}: search from {number(design.number_of_starts, 'start')}"
     figure = figure_of(9.5, 5.4, f"{title} ({unfinished} unfinished)" if unfinished else title, text=1.2)
-    ax = figure.subplots()
-    tidy(ax)
+    ax = tidy(figure.subplots())
     best = next(start for start in design.starts if start.index == design.best_start)
     others = [start for start in design.starts if start is not best]
     thin = 1.0 if len(others) <= _MANY else 0.5

@@ -8,7 +8,7 @@ from pathlib import PurePath
 from excite.identification.servo_response import QUANTITIES
 from excite.identification.servo_result import MotionFit, ServoResult, unit_of
 from excite.verification.verify_servos import ServoVerification
-from excite.views.view import Drawing, View, ViewTable, headed
+from excite.views.view import Column, Drawing, View, ViewTable, headed, texts
 from regressors.errors import listed_names
 
 _MOTION = Drawing("Predicted and measured motion", "motion", "verification_plots.servo_motion_figure")
@@ -27,9 +27,28 @@ def servos_view(result: ServoResult) -> View:
         against=tuple(f"doubt: {doubt}" for doubt in result.doubts),
         summary=(f"from {result.windows} windows of {listed_names([log.file for log in result.logs])}",),
         remarks=(*result.notes, *(f"{log.file}: {text}" for log in result.logs for text in log.left_out)),
-        tables=(_errors(result.fits), _quantities(result)),
+        tables=(_shown(result), _errors(result.fits), _quantities(result)),
         facts={"robot": result.robot.name, "robot_sha256": result.robot.sha256()},
     )
+
+
+_BRIEF = ("K", "D", "J", "Fc", "d", "L")
+
+
+def _shown(result: ServoResult) -> ViewTable:
+    """What the logs show of each servo; a dash for what they do not."""
+    linear = any(joint.kind == "prismatic" for joint in result.robot.joints)
+    units = [f"{q.unit} or {q.linear_unit}" if linear else q.unit for q in QUANTITIES]
+    columns = (
+        *texts("joint", brief=True),
+        *(Column(f"{q.symbol} [{unit}]", brief=q.symbol in _BRIEF) for q, unit in zip(QUANTITIES, units, strict=True)),
+    )
+    rows = tuple(
+        (joint.name, *(value if known else None for value, known in zip(values.tolist(), shown, strict=True)))
+        for joint, values, shown in zip(result.robot.joints, result.values, result.known, strict=True)
+    )
+    named = ", ".join(f"{q.symbol} {q.name}" for q in QUANTITIES)
+    return ViewTable("servos", "What the logs show of each servo", columns, rows, note=f"{named}; - is not shown")
 
 
 def _quantities(result: ServoResult) -> ViewTable:
@@ -38,8 +57,8 @@ def _quantities(result: ServoResult) -> ViewTable:
         for joint, *numbers in zip(result.robot.joints, result.values, result.half_width, result.known, strict=True)
         for q, value, half, known in zip(QUANTITIES, *(each.tolist() for each in numbers), strict=True)
     )
-    columns = headed("*joint:text, *quantity:text, symbol:text, *value:4, *+-:2, *unit:unit, *shown:text")
-    return ViewTable("quantities", _QUANTITIES, columns, rows, most=12)
+    columns = headed("joint:text, quantity:text, symbol:text, value:4, +-:2, unit:unit, shown:text")
+    return ViewTable("quantities", _QUANTITIES, columns, rows)
 
 
 def _errors(fits: Sequence[MotionFit]) -> ViewTable:

@@ -134,12 +134,13 @@ def padded(low: float, high: float, share: float) -> tuple[float, float]:
     return low - pad, high + pad
 
 
-def tidy(ax: Axes) -> None:
+def tidy(ax: Axes) -> Axes:
     """Give a panel a light grid, small numbers, and lines only where they are read."""
     ax.grid(True, color=SCREEN["grid.color"], linewidth=SCREEN["grid.linewidth"])
     ax.set_axisbelow(True)
     ax.tick_params(labelsize=NOTE, colors=DARK)
     ax.spines[["top", "right"]].set_visible(False)
+    return ax
 
 
 def plain(text: str) -> str:

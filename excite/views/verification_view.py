@@ -32,7 +32,7 @@ def verification_view(verification: Verification, name: str = "") -> View:
         summary=(_predicted(v), *v.verdict.answers),
         remarks=(*v.verdict.remarks, *log.notes),
         asked=tuple((f"tolerance of the {name}", f"{100 * value:g} %") for name, value in vars(v.tolerances).items()),
-        tables=(_torques(v), _parts(v), _motions(v), _errors(v)),
+        tables=(_torques(v), _parts(v), _motions(v)),
         figures=tuple(
             each.of(v) for each in _DRAWN if len(v.time) and (each.ending != "motion" or v.replay is not None)
         ),
@@ -84,7 +84,7 @@ def _predicted(v: Verification) -> str:
 def _torques(v: Verification) -> ViewTable:
     moved = {motion.name: motion.relative for motion in v.motions or ()}
     says = dict.fromkeys(v.verdict.confirmed, "confirms") | dict.fromkeys(v.verdict.contradicted, "contradicts")
-    says |= dict.fromkeys(v.verdict.undecided, "cannot judge")
+    says |= dict.fromkeys(v.verdict.undecided, "cannot judge") | dict.fromkeys(v.verdict.unknown, "shows more")
     less: Sequence[float | None] = [part.relative for part in v.corrected] or [None] * len(v.torques)
     columns = headed(
         "*equation:text, measured, *torque error, *unit:unit, *of measured:%, less noise:%, *this log:text, "
@@ -107,17 +107,6 @@ def _motions(v: Verification) -> ViewTable:
     columns = headed("joint:text, travel, error, unit:unit, of travel:%, worst, at [s]")
     rows = tuple((m.name, m.travel, m.error, m.unit, m.relative, m.worst, m.worst_time) for m in v.motions or ())
     return ViewTable("motions", "Simulated against measured motion", columns, rows)
-
-
-def _errors(v: Verification) -> ViewTable:
-    whole = v.corrected_total
-    rows = (
-        ("on this log", v.relative_error),
-        ("on this log, without the noise of the measurement", None if whole is None else whole.relative),
-        ("on the logs of the identification", v.training_error),
-    )
-    title = "Error of the predicted torques over all equations"
-    return ViewTable("errors", title, headed(":text, relative error:%"), rows)
 
 
 _NEGLIGIBLE = 1e-4  # tracking error over the range of motion

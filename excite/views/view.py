@@ -95,6 +95,10 @@ class View:
     stem: str = ""  # what the names of its figures' files begin with
     facts: Mapping[str, Any] = field(default_factory=dict)  # provenance
 
+    def drawn(self) -> dict[str, Any]:
+        """Its figures by the names of their files."""
+        return {f"{self.stem}{each.ending}": each.draw() for each in self.figures}
+
 
 def number(count: int, what: str) -> str:
     """So many things, such as ``2 starts``."""

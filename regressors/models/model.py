@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
-import scipy.sparse
+import scipy
 
 from regressors.errors import InputError
 from regressors.models.drives import drive_rows
@@ -34,7 +34,7 @@ from regressors.samples import Array, Index, Samples
 if TYPE_CHECKING:
     from regressors.models.windows import Window
 
-Channel = Literal["effort", "wrench"]
+Channel = Literal["effort", "wrench", "command"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ class RegressorModel(ABC):
         Composition of the first columns from standard ones; None where they are standard ones themselves.
     window : Window or None
         Time windows that the equations are integrated over; None for equations at single instants.
-    channel : {"effort", "wrench"}
+    channel : {"effort", "wrench", "command"}
         Channel of a log that `right_side` needs.
     keeps_all_links : bool
         True if no link may be merged with the one before, even where the joint between them is locked.

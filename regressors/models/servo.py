@@ -24,7 +24,7 @@ from regressors.models.drives import sign
 from regressors.models.model import RegressorModel
 from regressors.robot.columns import Column
 from regressors.robot.robot import Robot
-from regressors.samples import Array
+from regressors.samples import Array, Samples
 
 _COLUMNS = (  # symbol, unit, that of a prismatic joint, and kind
     ("a", "rad/Nm", "m/N", "compliance"),
@@ -64,6 +64,7 @@ class ServoModel(RegressorModel):
         A body whose inertia is not known, or drives that are coupled.
     """
 
+    channel = "command"
     keeps_all_links = True
     equations_can_be_chosen = False
 
@@ -84,6 +85,10 @@ class ServoModel(RegressorModel):
     def options(self) -> dict[str, Any]:
         """Sign width."""
         return {"sign_width": self.sign_width}
+
+    def right_side(self, samples: Samples, measured: Array) -> Array:
+        """How far the joints stay behind; `measured` are the commanded positions, shape (N, n) [rad or m]."""
+        return np.asarray(measured - samples.q, dtype=float).reshape(-1)
 
     def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         """Shape (n, 5 n) [rad or m, per unit parameter]."""

@@ -13,8 +13,7 @@ from typing import Literal
 
 import casadi as ca
 import numpy as np
-import scipy.integrate
-import scipy.sparse
+import scipy
 from numpy.typing import NDArray
 
 from regressors.arguments import checked

@@ -102,9 +102,11 @@ def random_blocks(
     return W, y, np.where(rng.random(instants) < 0.1, -1, block), beta
 
 
-def statistics_of(W: Array, y: Array, block: Array) -> BlockStatistics:
-    """Of one log."""
-    return BlockStatistics.of([W], [y], [block])
+def statistics_of(W: Array, y: Array, block: Array, *more: tuple[Array, Array, Array]) -> BlockStatistics:
+    """Of one log, or of more."""
+    Ws, ys, blocks = zip((W, y, block), *more, strict=True)
+    rows = [[(np.arange(one.shape[2]), each) for each in one.transpose(1, 2, 0)] for one in Ws]
+    return BlockStatistics.of(rows, ys, blocks, W.shape[2])
 
 
 def slow_squares(W: Array, y: Array, block: Array, weights: Array) -> Array:

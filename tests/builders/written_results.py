@@ -85,7 +85,7 @@ class Command:
     def run(self, folder: Path, version: str, patch: Patch, *, force: bool) -> int:
         """Exit status of a version's command, which writes below a folder."""
         self.stub(patch, version)
-        patch.setattr("excite.cli.summary._print_text", lambda *_: None)
+        patch.setattr("excite.cli.summary._print_text", lambda _, drawn, *__: drawn())
         line = self.lines[VERSIONS.index(version) % len(self.lines)]
         words = line.replace("OUT", str(folder / self.out)).split()
         patch.setattr(sys, "argv", ["excite", *words, *(["--force"] if force and self.forced else [])])

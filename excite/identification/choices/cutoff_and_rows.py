@@ -205,10 +205,7 @@ def preferred_rows(cutoffs: Mapping[str, float | None], errors: Mapping[str, Lef
             f"Hz ({errors[_MOVING].percent}) as with one of {low:g} Hz by all rows ({errors[_ALL].percent}), which "
             "blurs friction near standstill into the others"
         )
-    return (
-        _ALL,
-        "settings are chosen by all rows: without those near standstill others are predicted no better",
-    )
+    return (_ALL, "settings are chosen by all rows: without those near standstill others are predicted no better")
 
 
 def _with_delay_of(

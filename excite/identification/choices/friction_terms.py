@@ -288,7 +288,7 @@ def _beside(scoring: Scoring, recipe: Recipe, signals: Callable[[PreparedLog], A
         more, width = target.base.rank + np.arange(len(added)), target.base.rank + len(added)
         beside = zip(regressor, added.transpose(1, 0, 2), strict=True)
         W.append([(np.append(place, more), np.concatenate([entries, own])) for (place, entries), own in beside])
-    return BlockStatistics.of_sparse(W, [right for _, right in equations], trial.blocks, width)
+    return BlockStatistics.of(W, [right for _, right in equations], trial.blocks, width)
 
 
 def _factors(scoring: Scoring, statistics: BlockStatistics, errors: LeftOut, count: int) -> Array | None:

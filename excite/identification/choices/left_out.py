@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
-import scipy.special
+import scipy
 
 from regressors.errors import InputError, percent
 from regressors.robot.symbolic.vectorised import SparseRow
@@ -91,13 +91,7 @@ class BlockStatistics:
     counts: Index  # (B,) instants
 
     @classmethod
-    def of(cls, W: Sequence[Array], y: Sequence[Array], blocks: Sequence[Index]) -> BlockStatistics:
-        """Sums of the logs' rows."""  # W (N, r, p); y (N, r); blocks (N,)
-        rows = [[(np.arange(Wk.shape[2]), each) for each in Wk.transpose(1, 2, 0)] for Wk in W]
-        return cls.of_sparse(rows, y, blocks, W[0].shape[2])
-
-    @classmethod
-    def of_sparse(
+    def of(
         cls, W: Sequence[Sequence[SparseRow]], y: Sequence[Array], blocks: Sequence[Index], width: int
     ) -> BlockStatistics:
         """Sums of the logs' rows; of each equation the columns are given that may not be zero."""

@@ -327,11 +327,7 @@ class Trial:
         return known
 
     def statistics(
-        self,
-        target: IdentificationTarget,
-        parts: Sequence[PreparedLog],
-        recipe: Recipe,
-        delay: Delays = 0.0,
+        self, target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe, delay: Delays = 0.0
     ) -> BlockStatistics:
         """Sums of products of every block."""
         return self.statistics_of(self.equations(target, parts, recipe, delay), target.base.rank)
@@ -340,7 +336,7 @@ class Trial:
         """Sums of products of every block, from the equations of every log."""
         equations = equations if self.rows is None else masked(equations, self.rows)
         W, y = zip(*equations, strict=True)
-        return BlockStatistics.of_sparse(W, y, self.blocks, rank)
+        return BlockStatistics.of(W, y, self.blocks, rank)
 
     def equations(
         self, target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe, delay: Delays = 0.0

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
-import scipy.optimize
-import scipy.special
+import scipy
 
 from excite.identification.choices.left_out import NEGLIGIBLE, Choice, LeftOut, best_of, candidates_of
 from excite.identification.choices.scoring import Delays, Scoring
-from excite.identification.equations import listed
 from excite.identification.noise import autocorrelation, effective_samples
 from excite.identification.preparation import PreparedLog
-from excite.identification.presliding import presliding_candidates
+from excite.identification.presliding import presliding_candidates, presliding_words
 from excite.identification.recipe import Recipe
 from regressors.errors import percent
+from regressors.robot.friction.load_and_temperature import friction_rows
 from regressors.samples import Array
 
 Chosen = tuple[Recipe, tuple[Choice, ...]]
@@ -52,9 +52,10 @@ def choose_delay(scored: Scored, residuals: Residuals, step: float, near: float 
     best, (low, high) = DelayLikelihood.of(residuals(near), tried[near]).found(residuals, near, step / 2, step)
     gain = score(0.0) - score(best)
     listed = candidates_of(dict(sorted(tried.items())))
-    if low <= 0.0 <= high or abs(best) > LONGEST + _BEYOND / 2 or gain < LEAST_GAIN:
+    inside = abs(best) <= LONGEST + _BEYOND / 2
+    if low <= 0.0 <= high or not inside or gain < LEAST_GAIN:
         reason = "torques and positions are taken as recorded at the same time: no delay predicts clearly better"
-        return 0.0, Choice("delay", 0.0, listed, reason, "s", (low, high) if low <= 0.0 <= high else None)
+        return 0.0, Choice("delay", 0.0, listed, reason, "s", (min(low, 0.0), max(high, 0.0)) if inside else None)
     when = "before" if best > 0 else "after"
     near, far = sorted((1e3 * abs(low), 1e3 * abs(high)))
     reason = (
@@ -168,10 +169,16 @@ def _kind(recipe: Recipe) -> str:
 
 def _is_smooth(recipe: Recipe, parts: Sequence[PreparedLog]) -> bool:
     """Whether friction takes some samples to change its direction, so that a delay changes it smoothly."""
-    size = getattr(recipe, _kind(recipe))
     step = min(1 / part.log.rate for part in parts)
     way = step ** (2 if recipe.breakaway else 1) * np.median([np.sqrt(np.mean(part.samples.ddq**2)) for part in parts])
-    return not isinstance(size, tuple) and size > way
+    return bool(np.any(np.atleast_1d(getattr(recipe, _kind(recipe))) > way))
+
+
+def _resized(recipe: Recipe, further: Array) -> Recipe:
+    """The recipe with presliding of other sizes, by the logarithms of their factors, shape (m,)."""
+    sizes = np.multiply(getattr(recipe, _kind(recipe)), np.exp(further)).tolist()
+    size: Any = tuple(sizes) if len(sizes) > 1 else sizes[0]
+    return replace(recipe, **{_kind(recipe): size})
 
 
 _ROUNDS = 12
@@ -184,7 +191,7 @@ _STEEP = 10.0  # times the usual slope of a residual, as where friction jumps: s
 
 @dataclass(frozen=True, eq=False)
 class DelayFit:
-    """Delays of k groups of rows and the presliding, of the largest likelihood together.
+    """Delays of k groups of rows and the presliding, of all drives or of each, of the largest likelihood together.
 
     Friction that changes its direction over less, but later, is much alike, so that another presliding goes with each
     delay.
@@ -193,51 +200,46 @@ class DelayFit:
     recipe: Recipe  # with the presliding
     delays: Array = field(default_factory=lambda: np.zeros(0))  # (k,) [s]; none where nothing is known of them
     ends: Array = field(default_factory=lambda: np.zeros((0, 2)))  # of their intervals [s]
-    slope: float = 0.0  # of the logarithm of the presliding's size with the first delay [1/s]
+    # (m,) of the logarithms of the presliding's sizes with the first delay [1/s]
+    slope: Array = field(default_factory=lambda: np.zeros(1))
 
     def at(self, delay: float) -> Recipe:
         """The recipe with the presliding that goes with another delay of all rows."""
-        if not self.slope:
+        if not self.slope.any():
             return self.recipe
-        kind, further = _kind(self.recipe), float(self.slope * (delay - self.delays).sum())
-        size = getattr(self.recipe, kind)
-        return replace(self.recipe, **{kind: size * float(np.exp(np.clip(further, -_RANGE, _RANGE)))})
+        return _resized(self.recipe, np.clip(self.slope * (delay - self.delays).sum(), -_RANGE, _RANGE))
 
     @classmethod
-    def of_all(cls, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> DelayFit:
-        """One delay of all rows; none where friction does not change its direction smoothly."""
-        fit = cls(recipe)
-        if _is_smooth(recipe, parts):
-            fit = cls.of(scoring, recipe, parts, np.ones((1, 1, 1)))
+    def where_smooth(
+        cls, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, start: Array | float
+    ) -> DelayFit:
+        """The fit; without delays where friction does not change its direction smoothly, before or after it."""
+        fit = cls.of(scoring, recipe, parts, groups, start) if _is_smooth(recipe, parts) else cls(recipe)
         return fit if _is_smooth(fit.recipe, parts) else cls(fit.recipe)
 
     @classmethod
     def of(
-        cls, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, start: Array | float = 0.0
+        cls, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, start: Array | float
     ) -> DelayFit:
-        """By Gauss and Newton with Tukey's weights; the size is known to a factor of e before."""
+        """By Gauss and Newton with Tukey's weights; each size is known to a factor of e before."""
         # groups (k, L, r): 1 for the equations of each log that are in it
-        step, k, kind = min(1 / part.log.rate for part in parts), len(groups), _kind(recipe)
-        given = getattr(recipe, kind)
-        x = np.append(np.full(k, start / step), 0.0)  # delays in samples, logarithm of the size over the given
-        difference = np.append(np.full(k, _QUARTER), _LITTLE)
-        most, limit = (np.append(np.full(k, delay / step), size) for delay, size in (_FARTHEST, (LONGEST, _RANGE)))
-
-        def sized(x: Array) -> Recipe:
-            return replace(recipe, **{kind: given * float(np.exp(x[-1]))})
+        step, k, m = min(1 / part.log.rate for part in parts), len(groups), np.size(getattr(recipe, _kind(recipe)))
+        x = np.append(np.full(k, start / step), np.zeros(m))  # delays in samples, logarithms of sizes over the given
+        difference = np.repeat([_QUARTER, _LITTLE], [k, m])
+        most, limit = (np.repeat([delay / step, size], [k, m]) for delay, size in (_FARTHEST, (LONGEST, _RANGE)))
 
         def residuals(x: Array) -> list[Array]:
-            return _residuals(scoring, sized(x), parts, step * np.tensordot(x[:-1], groups, 1))
+            return _residuals(scoring, _resized(recipe, x[k:]), parts, step * np.tensordot(x[:k], groups, 1))
 
         errors = scoring.of(scoring.statistics(recipe, parts))
         for _ in range(_ROUNDS):
             own, *ahead = (residuals(y) for y in (x, *(x + np.diag(difference))))
             likelihood = DelayLikelihood.of(own, errors)
-            H = np.diag(np.append(np.zeros(k), 1.0))
+            H = np.diag(np.repeat([0.0, 1.0], [k, m]))
             g = H @ x
             for e, size, weight, *others in zip(own, likelihood.sizes, likelihood.weights, *ahead, strict=True):
                 J = (np.array(others) - e) / difference[:, None]
-                steep = np.abs(J[:-1]).sum(axis=0)
+                steep = np.abs(J[:k]).sum(axis=0)
                 J_w = weight * J * np.maximum(1 - (e / size / _BISQUARE) ** 2, 0.0) ** 2 / size**2
                 J_w[:, steep > _STEEP * np.median(steep)] = 0.0
                 H, g = H + J_w @ J.T, g + J_w @ e
@@ -245,14 +247,10 @@ class DelayFit:
             x = np.clip(x + change, -limit, limit)
             if change @ H @ change < _SETTLED:
                 break
-        delays, variance = step * x[:-1], step**2 * np.maximum(np.diag(np.linalg.pinv(H))[:-1], 0.0)
+        delays, variance = step * x[:k], step**2 * np.maximum(np.diag(np.linalg.pinv(H))[:k], 0.0)
         half = np.sqrt(2 * likelihood.margin * variance) + _TURN * step
-        slope = float(-H[0, -1] / H[-1, -1] / step)
-        return cls(sized(x), delays, np.column_stack([delays - half, delays + half]), slope)
-
-    def of_rows(self, groups: Array) -> Array:
-        """The delay of each equation of each log, shape (L, r)."""
-        return np.asarray(np.tensordot(self.delays, groups, 1))
+        slope = -np.linalg.solve(H[k:, k:], H[k:, 0]) / step
+        return cls(_resized(recipe, x[k:]), delays, np.column_stack([delays - half, delays + half]), slope)
 
     def with_shared(self) -> DelayFit:
         """One delay for the most groups whose intervals hold it: zero, or their mean."""
@@ -317,9 +315,13 @@ def _with_delays_of_each(
             start, coarse = _coarse_delays(soft, own, parts, groups, common)
             if coarse.score > errors.score:  # a kind that delays of each do not help
                 continue
-            fit = _refined_delays(soft, own, parts, groups, start)
+            fit = DelayFit(own) if len(timings) == 1 else DelayFit.where_smooth(soft, own, parts, groups, start)
+            fit = fit if fit.delays.size else _delays_in_turn(soft, fit.recipe, parts, groups, start)
             shared = fit.with_shared()
-            both = {one: soft.of(soft.statistics(one.recipe, parts, one.of_rows(groups))) for one in (shared, fit)}
+            both = {
+                one: soft.of(soft.statistics(one.recipe, parts, np.tensordot(one.delays, groups, 1)))
+                for one in (shared, fit)
+            }
             taken = fit if both[shared].score - both[fit].score > _EACH_WORTH else shared
             fits[taken] = both[taken]
         best = best_of(fits) if fits else DelayFit(recipe)
@@ -360,16 +362,11 @@ def _coarse_delays(
 _SWEEPS = 2
 
 
-def _refined_delays(
+def _delays_in_turn(
     scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, start: Array
 ) -> DelayFit:
-    """With the presliding where it has a size; else each in turn, since where friction jumps nothing has a slope."""
+    """The delay of each group beside the others', by likelihood: where friction jumps nothing has a slope."""
     step, late, ends = min(1 / part.log.rate for part in parts), start.copy(), np.zeros((len(start), 2))
-    if _is_smooth(recipe, parts):
-        fit = DelayFit.of(scoring, recipe, parts, groups, start)
-        if _is_smooth(fit.recipe, parts):
-            return fit
-        recipe, late = fit.recipe, fit.delays
     for _ in range(_SWEEPS):
         for g in range(len(groups)):
 
@@ -405,11 +402,13 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     def scored(recipe: Recipe, delay: float) -> LeftOut:
         return softened(recipe).of(softened(recipe).statistics(recipe, parts, delay))
 
-    def timing(tried: Recipe) -> _Timing:
+    def along(tried: Recipe, start: float = 0.0) -> DelayFit:
+        return DelayFit.where_smooth(scoring, tried, parts, np.ones((1, 1, 1)), start) if together else DelayFit(tried)
+
+    def timing(tried: Recipe, along: DelayFit) -> _Timing:
         """Best delay of a kind of presliding, and then its best size at that delay."""
         if "delay" not in free:
             return tried, scored(tried, 0.0), ()
-        along = DelayFit.of_all(scoring, tried, parts) if together else DelayFit(tried)
         delay, choice = delay_of(softened(tried), along, parts, tried)
         resized = min((tried, along.at(delay)), key=lambda one: scored(one, delay).score)
         low, high = choice.interval if delay and choice.interval else (0.0, 0.0)
@@ -421,8 +420,14 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
         )
 
     slidings = _slidings(scoring, recipe, parts)
-    together = len(slidings) > 1
-    timings = [timing(tried) for tried in slidings]
+    together = "delay" in free and len(slidings) > 1
+    timings = [timing(tried, along(tried)) for tried in slidings]
+    (presliding, errors, _), distance = timings[-1], timings[-1][0].breakaway
+    if together and distance and _is_smooth(presliding, parts) and errors.is_better(timings[0][1], _SLIDING_WORTH):
+        own: Any = (distance,) * len(friction_rows(scoring.target.robot))
+        each = along(replace(presliding, delay=0.0, breakaway=own), presliding.common_delay)
+        if each.delays.size and scored(each.recipe, each.delays.item()).is_better(errors, LEAST_GAIN):
+            timings.append(timing(each.recipe, each))
     best = min(timings, key=lambda one: one[1].score)
 
     def with_no_more_delay(one: _Timing) -> _Timing:
@@ -439,8 +444,8 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
         chosen = _with_delays_of_each(chosen, timings, softened, parts)
     if len(timings) == 1:
         return chosen[0], chosen[2]
-    words = _sliding_words(chosen[0])
-    listed = candidates_of({_sliding_words(tried): errors for tried, errors, _ in timings})
+    words = presliding_words(chosen[0])
+    listed = candidates_of({presliding_words(tried): errors for tried, errors, _ in timings})
     return chosen[0], (*chosen[2], Choice("presliding", words, listed, f"{words}, as left-out torques show"))
 
 
@@ -458,12 +463,3 @@ def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) ->
 
 
 _Timing = tuple[Recipe, LeftOut, tuple[Choice, ...]]
-
-
-def _sliding_words(recipe: Recipe) -> str:
-    if np.any(recipe.breakaway or 0.0):
-        over = listed(recipe.breakaway)
-        return f"Coulomb friction changes its direction over {over} rad (or m), and holds at standstill"
-    if np.any(recipe.sign_width or 0.0):
-        return f"Coulomb friction changes its sign over {listed(recipe.sign_width)} rad/s (or m/s)"
-    return "Coulomb friction has the sign of the velocity"

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import clarabel
 import numpy as np
-import scipy.sparse
+import scipy
 from numpy.typing import NDArray
 
 from excite.errors import ConicSolverError

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import scipy.optimize
+import scipy
 
 from excite.identification.equations import equations
 from excite.identification.estimator import (

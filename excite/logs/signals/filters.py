@@ -10,7 +10,6 @@ from typing import ClassVar
 
 import numpy as np
 import scipy
-import scipy.fft
 
 from excite.logs.signals.method import FilteredMotion, Method, check_positive, cut_motion, spacing
 from excite.logs.signals.periods import chosen_cutoff

@@ -9,7 +9,7 @@ from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from excite.logs.event import LONGEST, Gap, gaps
 from excite.logs.log import Log, channels_of, held_values
@@ -147,7 +147,7 @@ def resample(log: Log) -> Resampled:
     time = log.time[0] + np.arange(int(np.floor(log.duration * rate + 1e-9)) + 1) / rate
     time = np.minimum(time, log.time[-1])
     channels: dict[str, Any] = {
-        name: _smooth(log.time, x, intervals, time) if name in _SMOOTH else _linear(log.time, x, time)
+        name: _smooth(log.time, x, intervals, time) if name in _SMOOTH else interpolated(time, log.time, x)
         for name, x in channels_of(log).items()
     }
     if log.command is not None:
@@ -184,11 +184,12 @@ def _own_rate(log: Log) -> float:
 def _smooth(time: Array, x: Array, intervals: tuple[Gap, ...], new: Array) -> Array:
     if intervals:
         time, x = bridged(time, x, intervals, float(np.median(np.diff(time))))
-    return np.asarray(CubicSpline(time, x, axis=0)(new))
+    return np.asarray(scipy.interpolate.CubicSpline(time, x, axis=0)(new))
 
 
-def _linear(time: Array, x: Array, new: Array) -> Array:
-    return np.column_stack([np.interp(new, time, column) for column in x.T])
+def interpolated(new: Array, time: Array, x: Array) -> Array:
+    """Values linear between their instants, at new ones, shape (N, r)."""
+    return x if np.array_equal(new, time) else np.column_stack([np.interp(new, time, column) for column in x.T])
 
 
 _DEGREE = 5
@@ -252,10 +253,10 @@ class DelayedMotion:
         self.samples = samples
 
     @cached_property
-    def _splines(self) -> list[CubicSpline | None]:
+    def _splines(self) -> list[scipy.interpolate.CubicSpline | None]:
         """Of the quantities that are known."""
         values = (getattr(self.samples, name) for name in _QUANTITIES)
-        return [CubicSpline(self.samples.time, x) if np.all(np.isfinite(x)) else None for x in values]
+        return [scipy.interpolate.CubicSpline(self.samples.time, x) if np.all(np.isfinite(x)) else None for x in values]
 
     def by(self, delay: float) -> Samples:
         """The motion as it was some time before [s]; see `delayed`."""

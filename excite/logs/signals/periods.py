@@ -7,9 +7,6 @@ from typing import Any
 
 import numpy as np
 import scipy
-import scipy.fft
-import scipy.interpolate
-import scipy.optimize
 
 from excite.logs.log import Log, channels_of, held_values
 from excite.logs.signals.method import check_positive, spacing

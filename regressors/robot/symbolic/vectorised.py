@@ -153,7 +153,7 @@ def in_turn(step: ca.Function, count: int) -> Callable[[Array, Array], Array]:
     return lambda state, inputs: np.array(chained.mapaccum(inputs.shape[1] // width)(state, inputs)[1])
 
 
-_FEW = 1000  # instants that take CasADi's machine less time than the translation for many
+_FEW, _AT_ONCE = 10_000, 64  # instants that take CasADi's machine less time than the translation; those of one call
 
 
 class VectorisedFunction:
@@ -194,11 +194,20 @@ class VectorisedFunction:
     def seldom(self, *inputs: Array) -> Array:
         """The same nonzeros; the first by CasADi's own machine, which is slower, but needs no translation."""
         # inputs (n_k, instants)
-        self._seldom += inputs[0].shape[1]
-        if self._seldom > _FEW:
+        instants = inputs[0].shape[1]
+        self._seldom += instants
+        if self._seldom > _FEW or not instants * len(self.row):
             return self(*inputs)
-        values = np.ascontiguousarray(self._function(*map(ca.DM, inputs)), dtype=float)
-        return values.reshape(len(self.row), inputs[0].shape[1])
+        more = -instants % _AT_ONCE
+        given = [np.ascontiguousarray(np.pad(x, ((0, 0), (0, more))).T) for x in inputs]
+        values = np.empty((instants + more, len(self.row)))
+        buffers, evaluate = self._function.map(_AT_ONCE).buffer()  # CasADi keeps the map
+        for first in range(0, instants, _AT_ONCE):
+            for k, x in enumerate(given):
+                buffers.set_arg(k, x[first : first + _AT_ONCE].data)
+            buffers.set_res(0, values[first : first + _AT_ONCE].data)
+            evaluate()
+        return np.ascontiguousarray(values[:instants].T)
 
     def pullback(self, inputs: Sequence[Array], seeds: Array) -> tuple[Array, ...]:
         """Gradient of ``sum(seeds * values)`` with respect to the inputs, by one reverse sweep."""

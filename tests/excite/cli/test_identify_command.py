@@ -219,7 +219,8 @@ def test_an_interrupt_while_writing_is_too_late(here: Here, monkeypatch: pytest.
 
 
 @pytest.mark.slow
-def test_repetitions_join_the_result(here: Here) -> None:
+def test_repetitions_join_the_result(drawing: Here) -> None:
+    here = drawing
     ended = here.run("identify", "irp6", "other.csv", "--rows", "all", "--repeat", "30", "--seed", "3", "--out", "out")
     assert ended.returncode == 0
     assert ended.stderr == "excite: 30 of 30 repetitions\n"

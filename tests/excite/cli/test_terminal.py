@@ -252,7 +252,7 @@ def test_the_share_of_a_simulation(
 
 
 STEPS = {
-    "design": ("setting up the problem", "looking for the best motion", "writing"),
+    "design": ("setting up the problem", "looking for the best motion", "writing", "drawing"),
     "simulate": ("simulating the motion", "writing"),
     "identify": ("reading the logs", "drawing"),
     "verify": ("judging any on run.csv", "drawing"),

@@ -21,7 +21,7 @@ from excite.logs.log_reading import read_log, write_log
 from excite.views import figures
 from regressors.readers.library import built_in
 
-DRAW = figures.write_view_figures
+DRAW = figures.write_figures
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,7 @@ def here(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: py
     for name in ("result", "masses"):
         (tmp_path / name).unlink()
         shutil.copytree(files / name, tmp_path / name)
-    monkeypatch.setattr(figures, "write_view_figures", lambda *_, **__: [])
+    monkeypatch.setattr(figures, "write_figures", lambda *_, **__: [])
     return Here(tmp_path, monkeypatch, capfd)
 
 
@@ -70,7 +70,7 @@ def scaled(factor: float) -> Callable[[dict[str, Any]], None]:
 
 
 def test_a_good_result_is_believed(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(figures, "write_view_figures", DRAW)
+    monkeypatch.setattr(figures, "write_figures", DRAW)
     ended = here.run("verify", "result", "again.csv", "-v")
     assert (ended.returncode, ended.stderr) == (0, "")
     written = files_below(here.cwd / "result") - {"result.json", "curves.npz", "manifest.json"}
@@ -95,6 +95,19 @@ def test_a_good_result_is_believed(here: Here, monkeypatch: pytest.MonkeyPatch) 
         "written to result: ",
     ):
         assert text in ended.stdout
+
+
+def test_numbers_are_printed_before_figures_are_drawn(
+    here: Here, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    printed: list[str] = []
+    monkeypatch.setattr(figures, "write_figures", lambda *_, **__: printed.append(capfd.readouterr().out) or [])
+    here.run("identify", "irp6", "run.csv", "--out", "new")
+    here.run("verify", "result", "again.csv")
+    identified, verified = printed
+    assert "Identified all 14 base parameters" in identified
+    assert "least certain" in identified
+    assert "q1" in verified.partition("again.csv: 401 rows; torques are predicted within ")[2]
 
 
 def test_a_wrong_result_is_not_and_tolerances_are_percents(here: Here) -> None:

@@ -16,7 +16,7 @@ from excite.identification.allowances import (
     allowing_for_pull,
     allowing_for_selection,
     delay_columns,
-    presliding_column,
+    presliding_columns,
     with_nuisance,
     without_nuisance,
 )
@@ -40,7 +40,10 @@ def test_the_column_is_the_change_of_the_prediction_with_the_width() -> None:
     for setting in ({"sign_width": 0.05}, {"breakaway": 2e-3}):
         recipe = replace(EXACT, **setting)
         result = found(TASK, log, recipe=recipe)
-        column = presliding_column(Context(result.target, result.prepared, recipe), result.coefficients)
+        (column,) = presliding_columns(Context(result.target, result.prepared, recipe), result.coefficients).T
+        own = replace(recipe, **{name: (size,) * 3 for name, size in setting.items()})
+        columns = presliding_columns(Context(result.target, result.prepared, own), result.coefficients)
+        np.testing.assert_allclose(columns.sum(axis=1), column, atol=1e-9 * np.abs(column).max())
         predicted = []
         for step in (-0.05, 0.05):
             changed = replace(recipe, **{k: v * np.exp(step) for k, v in setting.items()})
@@ -48,7 +51,7 @@ def test_the_column_is_the_change_of_the_prediction_with_the_width() -> None:
             predicted.append(equations_of(target, result.prepared[0], changed).W @ result.coefficients)
         np.testing.assert_allclose(column, (predicted[1] - predicted[0]) / 0.1, atol=1e-9 * np.abs(column).max())
     sign = Context(result.target, result.prepared, replace(EXACT, sign_width=0.0))
-    assert presliding_column(sign, result.coefficients) is None
+    assert presliding_columns(sign, result.coefficients).size == 0
 
 
 def test_the_wider_covariance_is_the_block_of_the_larger_problem() -> None:

@@ -13,7 +13,7 @@ import pytest
 
 import excite
 from excite.design.design import Design
-from excite.identification.allowances import presliding_column
+from excite.identification.allowances import presliding_columns
 from excite.identification.covariance import divisors
 from excite.identification.identification import Identification
 from excite.identification.streamed_rows import Decimation
@@ -88,8 +88,8 @@ def test_an_unknown_setting_is_one_more_column(rehearsal: Rehearsal) -> None:
     from excite.identification.estimator import Context
 
     result = rehearsal.result
-    column = presliding_column(Context(result.target, result.prepared, result.recipe), result.coefficients)
-    assert column is not None
+    column = presliding_columns(Context(result.target, result.prepared, result.recipe), result.coefficients)
+    assert column.size
     scale = divisors(result.estimate)[result.observations.group]
     wide = np.column_stack([result.observations.matrix, column]) / scale[:, None]
     noise = np.random.default_rng(0).normal(size=(scale.size, 3))

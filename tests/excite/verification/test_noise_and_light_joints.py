@@ -18,7 +18,7 @@ from excite.storage.records import json_of
 from excite.tasks.task import Task
 from excite.verification.simulated_motion import longest_replay, motion_remarks, shortest_horizon
 from excite.verification.tolerances import Tolerances
-from excite.verification.verdict import corrected_errors, corrected_total
+from excite.verification.verdict import corrected_errors
 from excite.verification.verify import verify
 from regressors.samples import Array, Samples
 
@@ -38,9 +38,9 @@ def test_the_error_without_noise_is_that_of_the_model(share: float, noise: float
         measured = TORQUE + noise * size * np.random.default_rng(seed).normal(size=TORQUE.shape)
         predicted = (1 - share) * TORQUE
         level = measurement_noise(measured, measured - predicted, 200.0, 4.0)
-        whole = corrected_total(measured, predicted, level)
+        each, whole = corrected_errors(measured, predicted, level)
         inside += whole.least <= share + 0.003
-        for error, true in zip(corrected_errors(measured, predicted, level), size, strict=True):
+        for error, true in zip(each, size, strict=True):
             assert error.noise == pytest.approx(noise * true, rel=0.12, abs=0.003 * true)
         assert whole.relative == pytest.approx(share, abs=0.003 + 0.15 * noise)
         if share == 0.3 and noise < 1.0:

@@ -24,7 +24,7 @@ from excite.verification.simulated_motion import motion_errors
 from excite.verification.tolerances import Tolerances
 from excite.verification.verdict import TorqueError, Verdict
 from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
-from excite.views.figures import drawn_figures, write_view_figures
+from excite.views.figures import drawn_figures, write_figures
 from excite.views.identification_plots import (
     DENSE,
     MEASURED,
@@ -508,7 +508,7 @@ def test_a_model_without_motion_has_no_figure_of_it(verification: Verification, 
     without = dataclasses.replace(verification, replay=None, motions=None)
     with pytest.raises(InputError, match="no motion was simulated"):
         simulated_motion_figure(without)
-    names = [path.name for path in write_view_figures(verification_view(without, "new"), tmp_path)]
+    names = [path.name for path in write_figures(verification_view(without, "new"), tmp_path)]
     assert names == ["new_torques.png", "new_parts.png"]
 
 

@@ -92,7 +92,11 @@ def test_another_pose_is_looked_for_where_the_best_one_is_not_free() -> None:
 
 def test_a_stroke_ends_where_something_comes_too_near() -> None:
     world = cell(CRATE)
-    plan = plan_friction(built_in("irp6"), SHORT, drives=("3",), pose=np.zeros(5), world=world)
+    plan, of_limits = (
+        plan_friction(built_in("irp6"), SHORT, drives=("3",), pose=np.zeros(5), **given)
+        for given in ({"world": world}, {"limits": LimitChoice(world=world)})
+    )
+    assert of_limits.coordinates[0].distances == plan.coordinates[0].distances
     (c,) = plan.coordinates
     assert plan.holds
     assert c.place.obstacle == c.place.below == "forearm to crate"

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from observed import statistics_of
 
 from excite.errors import ConicSolverError
 from excite.identification.choices import scoring
@@ -62,7 +63,7 @@ def statistics(count: int, noise: float, seed: int = 0, scale: float = 1.0, size
     W = target().model.assemble(states)[:, target().base.index].reshape(count, -1, target().base.rank)
     y = W @ true_beta(scale)
     y = y + noise * y.std(axis=0) * np.random.default_rng(seed).normal(size=y.shape)
-    return BlockStatistics.of([W], [y], [np.arange(count) * 5 // count])
+    return statistics_of(W, y, np.arange(count) * 5 // count)
 
 
 # ---------------------------------------------------------------- rows and columns

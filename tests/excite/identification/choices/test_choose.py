@@ -24,7 +24,7 @@ from excite.identification.estimator import Context
 from excite.identification.estimators.physical import Physical
 from excite.identification.identification import Identification
 from excite.identification.procedure import estimate_parameters
-from excite.identification.recipe import Recipe
+from excite.identification.recipe import Recipe, Sizes
 from excite.identification.result_json import load_result
 from excite.logs.log import Log
 from excite.registry import CHOSEN
@@ -127,20 +127,25 @@ def test_a_planted_delay_is_found_within_its_interval(delay: float) -> None:
     assert other.relative_error < 0.01
 
 
-@pytest.mark.parametrize("delay", [0.0, pytest.param(0.01, marks=pytest.mark.slow)])
-def test_presliding_is_not_taken_for_a_delay_nor_a_delay_for_presliding(delay: float) -> None:
-    """Friction of the drives that changes its direction over 2 mrad."""
+OF_EACH = (1e-3, 5e-3, 2.5e-3)
+
+
+@pytest.mark.parametrize(
+    ("delay", "over"), [(0.0, 2e-3), pytest.param(0.01, 2e-3, marks=pytest.mark.slow), (0.0, OF_EACH), (0.01, OF_EACH)]
+)
+def test_presliding_is_not_taken_for_a_delay_nor_a_delay_for_presliding(delay: float, over: Sizes) -> None:
+    """Friction that changes its direction over a distance [rad], alike for all drives or not."""
     log, motion = late(delay), three_joints()
     acted = Sines(motion.centre, motion.amplitude, motion.frequency, motion.phase - motion.frequency * delay)
     moved = acted.samples(log.time)
     samples = Samples(moved.time, *(x[:, :3] for x in (moved.q, moved.dq, moved.ddq, moved.dddq)))
-    effort = measured_regressor(plain().target, samples, 2e-3) @ plain().coefficients
-    turning = noisy(replace(log, effort=effort.reshape(-1, 3), sha256=f"presliding {delay}"), 1.0, 0.0, 2)
+    effort = measured_regressor(plain().target, samples, over) @ plain().coefficients
+    turning = noisy(replace(log, effort=effort.reshape(-1, 3), sha256=f"presliding {delay} {over}"), 1.0, 0.0, 2)
     result = excite.identify("irp6", turning, choose=("cutoff", "delay"))
     low, high = choice_of(result, "delay").interval
     assert low < delay < high < low + 5e-3
     assert bool(result.recipe.delay) == bool(delay)
-    assert result.recipe.breakaway == pytest.approx(2e-3, rel=0.03)
+    np.testing.assert_allclose(result.recipe.breakaway, over, rtol=0.03)
 
 
 def test_delays_of_single_joints_and_logs_are_found_applied_stated_and_read_back(tmp_path: Path) -> None:
@@ -336,11 +341,7 @@ def test_settings_that_are_given_are_kept() -> None:
 
 def test_only_what_is_asked_for_is_chosen() -> None:
     both = {"cutoff", "delay"}
-    for asked, names in (
-        (True, EVERY),
-        ((), set()),
-        (("cutoff", "delay"), both),
-    ):
+    for asked, names in ((True, EVERY), ((), set()), (("cutoff", "delay"), both)):
         assert free(asked) == names
     assert free(("cutoff", "delay"), recipe={"cutoff": 3.0}) == {"delay"}
     for name in ("cut-off", "average", "rotor", ""):

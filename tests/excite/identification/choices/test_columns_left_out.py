@@ -57,7 +57,7 @@ def test_statistics_are_sums_of_products_of_columns_and_logs() -> None:
     few = statistics_of(W[:, :, [2, 0]], y, block)
     np.testing.assert_allclose(statistics.of_columns([2, 0]).products, few.products)
     cut = 2 * 60
-    parts = BlockStatistics.of([W[:cut], W[cut:]], [y[:cut], y[cut:]], [block[:cut], block[cut:]])
+    parts = statistics_of(W[:cut], y[:cut], block[:cut], (W[cut:], y[cut:], block[cut:]))
     np.testing.assert_allclose(parts.products, statistics.products)
     np.testing.assert_array_equal(parts.counts, statistics.counts)
     for none in (np.zeros(300, dtype=int), np.full(300, -1)):  # fewer than two blocks
@@ -220,5 +220,5 @@ def test_rows_that_the_model_fails_in_give_other_estimates(bias: float) -> None:
     rng = np.random.default_rng(4)
     W, blocks, slow = rng.normal(size=(600, 1, 3)), np.repeat(np.arange(6), 100), np.arange(600) % 5 == 0
     y = W @ [1.0, 2.0, 3.0] + 0.1 * rng.normal(size=(600, 1)) + bias * slow[:, None] * W.sum(axis=2)
-    every, fast = (BlockStatistics.of([W[rows]], [y[rows]], [blocks[rows]]) for rows in (slow | True, ~slow))
+    every, fast = (statistics_of(W[rows], y[rows], blocks[rows]) for rows in (slow | True, ~slow))
     assert differ(every, fast, np.ones(1)) == (bias > 0)

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
+from observed import statistics_of
 from played import irp6, noisy, played, three_joints
 
 from excite.identification.choices.cutoff_and_rows import choose_cutoff, cutoff_candidates, preferred_rows
-from excite.identification.choices.left_out import BlockStatistics, LeftOut, left_out, time_blocks
+from excite.identification.choices.left_out import LeftOut, left_out, time_blocks
 from excite.identification.choices.timing import choose_delay
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
@@ -126,7 +127,7 @@ def delayed_by(delay: float, noise: float, seed: int):
     blocks = time_blocks([TIME])
 
     def scored(tried: float) -> LeftOut:
-        return left_out(BlockStatistics.of([columns(TIME - tried)], [torque], blocks))
+        return left_out(statistics_of(columns(TIME - tried), torque, *blocks))
 
     def residuals(tried: float) -> list[np.ndarray]:
         W = columns(TIME - tried)
