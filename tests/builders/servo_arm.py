@@ -62,7 +62,8 @@ def servo_log(seed: int, duration: float = 60.0) -> Log:
         (path := Path(folder) / "small.urdf").write_text(URDF, encoding="utf-8")
         model = plant().plant(path, JOINTS, truth())
     command = plant().motion(np.random.default_rng(seed), 3, duration, np.zeros(3))
-    return plant().play(model, JOINTS, truth(), command, f"log-{seed}")
+    log: Log = plant().play(model, JOINTS, truth(), command, f"log-{seed}")
+    return log
 
 
 @cache

@@ -35,7 +35,7 @@ def windows(command: Array, load: Any = 0.0, start: Any = 0.0, speed: Any = 0.0,
     return Windows(np.full(count, 1 / RATE), told, full, np.full(shape, OWN), measured, speeds)
 
 
-def of_linear_servo(times: Array, start: Array) -> Array:
+def of_linear_servo(times: Any, start: Array) -> Array:
     """Deviation from the end of ``(m + J) e'' + D e' + K e = 0`` at some times, by the matrix exponential."""
     own = OWN + PLAIN["J"]
     A = np.array([[0.0, 1.0], [-PLAIN["K"] / own, -PLAIN["D"] / own]])
@@ -63,8 +63,11 @@ def test_a_constant_load_deflects_a_servo_by_its_compliance_and_its_offset() -> 
 @pytest.mark.parametrize(
     ("friction", "most"), [({"Fc": 0.2}, 0.2), ({"Fs": 0.2}, 0.2), ({"mu": 0.4}, 0.2), ({"Fc": 0.1, "mu": 0.2}, 0.2)]
 )
-def test_a_joint_sticks_while_friction_can_hold_it_and_slips_beyond(friction: dict[str, float], most: float) -> None:
-    load, pulls = 0.5, np.array([-1.5, -1.01, -0.99, -0.5, 0.0, 0.7, 0.99, 1.01, 1.5]) * most
+@pytest.mark.parametrize("load", [0.5, -0.5])
+def test_a_joint_sticks_while_friction_can_hold_it_and_slips_beyond(
+    friction: dict[str, float], most: float, load: float
+) -> None:
+    pulls = np.array([-1.5, -1.01, -0.99, -0.5, 0.0, 0.7, 0.99, 1.01, 1.5]) * most
     commands = (load + pulls) / PLAIN["K"]  # K e - tau
     path = response(servo(**friction), windows(np.repeat(commands[:, None], 100, axis=1), load=load))[0]
     stuck = np.abs(pulls) < most

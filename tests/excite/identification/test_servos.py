@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -57,6 +58,7 @@ def test_a_torque_limit_that_no_motion_reaches_is_not_claimed() -> None:
 @pytest.mark.slow
 def test_identified_again_it_is_the_same_whatever_the_order_of_columns() -> None:
     log, result = servo_log(0), identified_servos()
+    assert log.command is not None
     turned = replace(log, joints=log.joints[::-1], q=log.q[:, ::-1], command=log.command[:, ::-1])
     np.testing.assert_array_equal(identify_servos(small_arm(), turned).values, result.values)
 
@@ -127,7 +129,14 @@ def test_a_file_holds_the_same_record_bit_for_bit(tmp_path: Path) -> None:
     half[1, 2:5] = np.inf
     fit = MotionFit("lift", "rad", 1 / 3, 0.1, 0.07, 0.065, 2 * np.pi / 4096, 1.1)
     logs = (LogReference("log.csv", "ab" * 32, ("3 rows with NaN",)),)
-    given = {"half_width": half, "fits": (fit,), "logs": logs, "windows": 28, "notes": ("a note",), "doubts": ("one",)}
+    given: dict[str, Any] = {
+        "half_width": half,
+        "fits": (fit,),
+        "logs": logs,
+        "windows": 28,
+        "notes": ("a note",),
+        "doubts": ("one",),
+    }
     result = replace(true_servos(), values=true_servos().values / 3, provenance={"seed": 0}, **given)
     (path,) = result.save(tmp_path / "servos")
     assert path.name == "servos.json"

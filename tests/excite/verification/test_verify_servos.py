@@ -56,6 +56,11 @@ def test_with_half_the_stiffness_the_command_alone_predicts_better() -> None:
     assert not verification.holds
     assert set(verification.contradicted) >= {"elbow", "roll"}
     assert verification.verdict.startswith("Do not rely on the servo of ")
+    values = true_servos().values.copy()
+    values[2] = with_changed(true_servos(), "K", 0.5).values[2]
+    of_one = verify_servos(replace(true_servos(), values=values), other())
+    assert (of_one.confirmed, of_one.contradicted) == (JOINTS[:2], JOINTS[2:])
+    assert not of_one.holds  # one servo that is wrong is enough
 
 
 @pytest.mark.slow
