@@ -19,7 +19,7 @@ from regressors.samples import Array
 KIND, SERVOS = "servos", "servos.json"
 _KNOWN = 0.5  # half of an interval over the value, up to which it is called known
 _DELAYS = np.arange(0.0, 0.3, 0.005)  # of a command [s]
-_LEAST_MOTION = 5.0  # encoder's steps
+LEAST_MOTION = 5.0  # encoder's steps
 
 
 @dataclass(frozen=True)
@@ -38,12 +38,18 @@ class MotionFit:
     @property
     def moves(self) -> bool:
         """Whether the joint moves enough to judge its servo."""
-        return self.travel > _LEAST_MOTION * self.step
+        return self.travel > LEAST_MOTION * self.step
 
     @property
     def better(self) -> bool:
         """Whether the servo predicts better than its command with the best delay, or as well as the encoder can say."""
         return self.position_error <= max(self.delayed_error, self.step)
+
+
+def encoder_step(q: Array) -> float:
+    """Usual difference between two neighbouring values of a measured position [rad or m]."""
+    steps = np.diff(np.unique(q))
+    return float(np.median(steps)) if steps.size else 0.0
 
 
 def motion_fits(predicted: Sequence[tuple[Log, Array]], units: Sequence[str]) -> tuple[MotionFit, ...]:
@@ -60,10 +66,8 @@ def motion_fits(predicted: Sequence[tuple[Log, Array]], units: Sequence[str]) ->
     fits = []
     for j, joint in enumerate(predicted[0][0].joints):
         best, measured = int(np.argmin(of_command[:, j])), np.concatenate(q)[:, j]
-        steps = np.diff(np.unique(measured))
         alone, delayed = float(of_command[0, j]), float(of_command[best, j])
-        step = float(np.median(steps)) if steps.size else 0.0
-        travel = float(np.ptp(measured))
+        step, travel = encoder_step(measured), float(np.ptp(measured))
         fits.append(MotionFit(joint, units[j], float(error[j]), alone, delayed, float(_DELAYS[best]), step, travel))
     return tuple(fits)
 

@@ -22,7 +22,7 @@ from excite.identification.estimator import CONFIDENCE
 from excite.identification.procedure import LogLike, read_logs
 from excite.identification.result import provenance_of
 from excite.identification.servo_response import LONGEST_DELAY, QUANTITIES, SYMBOLS, Windows, arm_torques, response
-from excite.identification.servo_result import ServoResult, motion_fits
+from excite.identification.servo_result import LEAST_MOTION, ServoResult, encoder_step, motion_fits
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
 from excite.tasks.installation import Installation
@@ -101,9 +101,7 @@ def identify_servos(
         len(places.first),
         provenance=provenance_of(spent, mapping, tuple(drop), 0),
     )
-    return replace(
-        result, notes=_notes([whole.joint_names[k] for k in np.flatnonzero(unloaded)]), doubts=_doubts(result)
-    )
+    return replace(result, notes=_notes(result), doubts=_doubts(result))
 
 
 def _fit_all(
@@ -114,13 +112,21 @@ def _fit_all(
     windows = [windows_of(motions, places, j) for j in range(robot.n)]
     for name, each, first in zip(robot.joint_names, windows, start, strict=True):
         progress(f"fitting the servo of {name}")
-        estimates.append(fit_servo(each, first))
+        estimates.append(fit_servo(each, first) if _moves(each) else ServoEstimate.unknown(each, first))
     for _ in range(_REPEATS):
         progress("fitting all servos together")
         windows = along_response(windows, estimates, robot)
         pairs = zip(windows, estimates, start, strict=True)
-        estimates = [fitted(each, estimate.values, first, _AGAIN) for each, estimate, first in pairs]
+        estimates = [
+            fitted(each, estimate.values, first, _AGAIN) if _moves(each) else estimate
+            for each, estimate, first in pairs
+        ]
     return windows, estimates
+
+
+def _moves(windows: Windows) -> bool:
+    """Whether a joint moves by more than some steps of its encoder."""
+    return bool(np.ptp(windows.measured) > LEAST_MOTION * encoder_step(windows.measured))
 
 
 def _predicted(
@@ -147,14 +153,19 @@ def _is_unloaded(windows: Windows, estimate: ServoEstimate) -> bool:
     return bool(np.std(needed) + np.abs(needed.mean()) < _LOADED * own)
 
 
-def _notes(unloaded: Sequence[str]) -> tuple[str, ...]:
-    """Which servos' torques have no scale."""
-    if not unloaded:
-        return ()
-    return (
-        f"{listed_names(unloaded)}: the described arm hardly loads the joint, so that of stiffness, damping, inertia, "
-        "friction and torque limit only the ratios are shown; hold a known mass in further logs",
-    )
+def _notes(result: ServoResult) -> tuple[str, ...]:
+    """Which servos are not shown at all, and whose torques have no scale."""
+    names, unknown = np.array(result.robot.joint_names), np.isinf(result.half_width)
+    still, unloaded = (names[which].tolist() for which in (unknown.all(axis=1), unknown[:, _K] & ~unknown.all(axis=1)))
+    notes = []
+    if still:
+        notes.append(f"{listed_names(still)}: the joint hardly moves, so that nothing of its servo is shown")
+    if unloaded:
+        notes.append(
+            f"{listed_names(unloaded)}: the described arm hardly loads the joint, so that of stiffness, damping, "
+            "inertia, friction and torque limit only the ratios are shown; hold a known mass in further logs"
+        )
+    return tuple(notes)
 
 
 def _doubts(result: ServoResult) -> tuple[str, ...]:
@@ -289,7 +300,7 @@ def start_values(motions: Sequence[ServoMotion], robot: Robot) -> Array:
     told = np.zeros(robot.n, dtype=bool)
     for j in range(robot.n):
         block = W[:, j, UNKNOWNS * j : UNKNOWNS * (j + 1)]
-        moves = np.abs(block[:, 1]) > _MOVES * np.sqrt(np.mean(block[:, 1] ** 2))
+        moves = np.abs(block[:, 1]) >= _MOVES * np.sqrt(np.mean(block[:, 1] ** 2))
         fits = [
             scipy.optimize.lsq_linear(block[moves], each[moves, j], ([0.0] * 4 + [-np.inf], np.inf)) for each in behind
         ]
@@ -331,6 +342,11 @@ class ServoEstimate:
     values: Array  # (p,)
     deviation: Array  # (p,)
     residuals: Array  # (w, T) simulated less measured [rad or m]
+
+    @classmethod
+    def unknown(cls, windows: Windows, values: Array) -> ServoEstimate:
+        """Of a joint that does not move: values of which nothing is known."""
+        return cls(values, np.full_like(values, np.inf), np.zeros_like(windows.measured))
 
 
 _GUESSES, _SPREAD = 192, 1.0  # values to start from, and the deviation of their logarithms
@@ -400,6 +416,8 @@ def _descend(
         held = ((x <= least) & (gradient > 0)) | ((x >= most) & (gradient < 0)) | ~shown
         held[list(fixed)] = True
         free = np.flatnonzero(~held)
+        if not free.size:
+            break
         trials = np.repeat(x[None], len(_DAMPINGS), axis=0)
         size = np.sqrt(np.diag(H)[free])
         value, vector = np.linalg.eigh(H[np.ix_(free, free)] / np.outer(size, size))
@@ -463,7 +481,7 @@ def _variance(left: Array, J: Array, scale: float) -> Array:
     size[size == 0.0] = 1.0
     J = J / size
     value, vector = np.linalg.eigh(J.T @ (slope[:, None] * J))
-    inverse = (vector / np.maximum(value, _FLAT * value[-1])) @ vector.T
+    inverse = (vector / np.maximum(value, _FLAT * max(1.0, value[-1]))) @ vector.T
     g = (J * influence[:, None]).reshape(len(left), -1, J.shape[1]).sum(axis=1)
     count, p = len(left), J.shape[1]
     between = np.diag(inverse @ (g.T @ g) @ inverse) * count / max(1, count - p)
