@@ -42,7 +42,7 @@ Examples:
   excite identify irp6 run1.csv run2.csv --design designs/irp6 --out results/irp6
   excite identify ur10e log.csv --mapping ur10e.yaml --joint-rotors --offset --out results/ur10e
   excite identify irp6 run.csv --model energy --out results/energy
-  excite identify irp6 run.csv --estimator physical --out results/possible
+  excite identify so101 run1 run2 --model servo --out results/servos        from commands, without torques
   excite identify irp6 run.csv --friction-curves friction.yaml --out results/masses
 
 \b
@@ -154,17 +154,16 @@ Examples:
   excite verify results/irp6 a.csv b.csv --horizon 1 --json
 
 \b
-Of each log the torques are predicted along the measured motion, and joint by joint they are confirmed, contradicted
-or not to be judged: the error is that of the model in motion, so that the noise of the measurement, estimated from
-what the log has above the frequencies of the motion, does not count, nor what friction holds at standstill. Errors
-within what the covariance of the result allows contradict nothing: then the result does not know the joint. The
-verdict is negative if a joint is contradicted or not known, if the error over all joints exceeds its tolerance or is
-much larger than on the logs of the identification, or if the identification doubts the result. It answers three
-questions: are the torques predicted, are the parameters those of a possible robot, which of them are known.
+Of each log the torques are predicted along the measured motion, and joint by joint they are confirmed, contradicted,
+not known, where the error is within what the result's covariance allows, or not to be judged: noise of the
+measurement above the frequencies of the motion does not count, nor what friction holds at standstill. The verdict is
+negative if a joint is contradicted or not known, if the error over all joints exceeds its tolerance or is much larger
+than on the logs of the identification, or if the identification doubts the result. It answers three questions: are
+the torques predicted, are the parameters those of a possible robot, which of them are known. Servos are judged by the
+motion that follows from the commands alone, beside the command with the best delay.
 The motion that the model simulates from the measured torques, restarted from the measured state after each horizon, is
 shown, and a remark where it deviates; where it diverges, as a light wrist's does, the horizon is halved.
-Of a log longer than 60 s, the motion is simulated in 60 windows at most, spread evenly over the log; torques are
-predicted in all of its rows.
+Of a log longer than 60 s, the motion is simulated in 60 windows at most, spread evenly over it.
 Exit status 0: the verdict is positive; 1: it is negative.
 
 \b
