@@ -160,7 +160,7 @@ measurement above the frequencies of the motion does not count, nor what frictio
 negative if a joint is contradicted or not known, if the error over all joints exceeds its tolerance or is much larger
 than on the logs of the identification, or if the identification doubts the result. It answers three questions: are
 the torques predicted, are the parameters those of a possible robot, which of them are known. Servos are judged by the
-motion that follows from the commands alone, beside the command with the best delay.
+motion that follows from their commands.
 The motion that the model simulates from the measured torques, restarted from the measured state after each horizon, is
 shown, and a remark where it deviates; where it diverges, as a light wrist's does, the horizon is halved.
 Of a log longer than 60 s, the motion is simulated in 60 windows at most, spread evenly over it.
