@@ -16,18 +16,18 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 79_431,
-    "lines of code": 49_048,
-    "files": 367,
-    "classes": 660,
+    "lines": 80_895,
+    "lines of code": 49_944,
+    "files": 373,
+    "classes": 669,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 17,
-    "imports inside functions": 63,
+    "imports inside functions": 62,
     "look-ups of built-in parts by name": 17,
-    "lines of code of tests": 35_574,
+    "lines of code of tests": 36_211,
     "rooms": 22,
     "floors of rooms": 11,
-    "arrows between rooms": 140,
+    "arrows between rooms": 141,
 }
 _TABLE = re.compile(r"(<!-- size -->\n).*?(<!-- end of size -->)", re.DOTALL)
 
