@@ -56,6 +56,10 @@ _GIVEN = (
     "each", "seed",
 )  # fmt: skip
 _SERVO = "servo"
+_OF_TORQUES = (
+    "friction_curves", "loaded", "known_mass", "gains", "design_folder", "designs", "choose", "each", "repeat", "seed",
+    "executor", "workers",
+)  # fmt: skip
 _NOT_REPEATED = ("estimator", "standstill", "signals")
 
 
@@ -63,7 +67,7 @@ def identify_and_write(robot: str, logs: Sequence[Path], out: Path, **given: Any
     """Identify from logs and write a result's folder."""
     of_recipe = {name: value for name, value in typed_options(Recipe).items() if value is not None}
     if typed_options(ModelChoice).get("model") == _SERVO:
-        identify_servos_and_write(robot, logs, out, of_recipe, given)
+        identify_servos_and_write(robot, logs, out, given)
     recipe = Recipe(**of_recipe)
     if given["repeat"]:
         recipe.check_repeatable(given["repeat"])
@@ -102,14 +106,10 @@ def _show(result: Identification, files: Sequence[Path] | Drawn, out: Path) -> N
     show(identification_view(result), files, content=content, next_steps=steps, all_in="result.json")
 
 
-def identify_servos_and_write(
-    robot: str, logs: Sequence[Path], out: Path, of_recipe: Mapping[str, Any], given: Mapping[str, Any]
-) -> NoReturn:
+def identify_servos_and_write(robot: str, logs: Sequence[Path], out: Path, given: Mapping[str, Any]) -> NoReturn:
     """Identify servos from commanded and measured positions, and write them into a folder."""
-    of_torques = [*of_recipe, *(set(typed_options(ModelChoice)) - {"model"})]
-    of_torques += [name for name in ("friction_curves", "loaded", "design_folder", "repeat") if given[name]]
-    if of_torques:
-        raise InputError(f"{', '.join(f'`{name}`' for name in of_torques)}: the model servo has no such setting")
+    typed = set(typed_options(ModelChoice, Recipe)) - {"model"}
+    check_not_typed((*typed, *_OF_TORQUES), "is of torques: the model servo has no such setting")
     with result_folder(out), one_interrupt():
         check_not_taken(out, SERVOS, "servos", replace=given["force"])
         names = ("base_link", "tip", "snap_angles", "xacro", "mapping", "drop")
@@ -261,6 +261,8 @@ def verify_servos_and_write(
     folder: Path, logs: Sequence[Path], out: Path | None, figures: FigureChoice, options: Mapping[str, Any]
 ) -> NoReturn:
     """Judge servos on logs, and write each verdict."""
+    of_torques = ("torque", "motion", "horizon", "rows", "signals", "temperature", "part")
+    check_not_typed(of_torques, "is of torques: servos are judged by their motion")
     target, stems = out or folder, _stems(logs)
     chosen = {name: options[name] for name in ("mapping", "drop", "training_too")}
     with result_folder(target):

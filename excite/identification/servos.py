@@ -156,8 +156,15 @@ def _is_unloaded(windows: Windows, estimate: ServoEstimate) -> bool:
 def _notes(result: ServoResult) -> tuple[str, ...]:
     """Which servos are not shown at all, and whose torques have no scale."""
     names, unknown = np.array(result.robot.joint_names), np.isinf(result.half_width)
-    still, unloaded = (names[which].tolist() for which in (unknown.all(axis=1), unknown[:, _K] & ~unknown.all(axis=1)))
+    no_motion, no_load = unknown.all(axis=1), unknown[:, _K] & ~unknown.all(axis=1)
+    little = ~result.known.any(axis=1) & ~no_motion & ~no_load
+    still, unloaded, hardly = (names[which].tolist() for which in (no_motion, no_load, little))
     notes = []
+    if hardly:
+        notes.append(
+            f"{listed_names(hardly)}: nothing of the servo is known to half of its value; give logs in which gravity "
+            "loads the joint differently, of slow and fast motions"
+        )
     if still:
         notes.append(f"{listed_names(still)}: the joint hardly moves, so that nothing of its servo is shown")
     if unloaded:
@@ -352,6 +359,7 @@ class ServoEstimate:
 _GUESSES, _SPREAD = 192, 1.0  # values to start from, and the deviation of their logarithms
 _LIMITED = 0.025  # of twice the largest torque of the motor: the least torque limit to start from
 _TRIED, _TAKEN = 3, 12  # of the guesses, and iterations
+_GRID = 15  # torque limits
 _CONTINUED, _REPEATS, _AGAIN = 40, 2, 15  # iterations, and those with the motion of the fitted servos
 _LIMITS = tuple(np.array([getattr(q, end) for q in QUANTITIES]) for end in ("least", "most"))
 _K, _L = SYMBOLS.index("K"), SYMBOLS.index("L")
@@ -374,7 +382,16 @@ def fit_servo(windows: Windows, start: Array) -> ServoEstimate:
     best = guesses[np.argsort(errors, kind="stable")[:_TRIED]]
     tried = np.array([_descend(windows, each, start[_K], _TAKEN, _LATER)[0] for each in best])
     x = tried[np.argmin(np.abs(_residuals(windows, tried)).mean(axis=(1, 2)))]
+    for _ in range(_TRIED):
+        x = _descend(windows, _best_limit(windows, x, start), start[_K], _TAKEN)[0]
     return fitted(windows, x, start, _CONTINUED)
+
+
+def _best_limit(windows: Windows, x: Array, start: Array) -> Array:
+    """The values with the torque limit that predicts best, of many: few rows at a limit leave no slope towards it."""
+    limits = np.append(x[_L], start[_L] / start[_K] * x[_K] * np.geomspace(_LIMITED, 1.0, _GRID))
+    trials = np.where(np.arange(x.size) == _L, limits[:, None], x)
+    return np.asarray(trials[np.argmin(np.abs(_residuals(windows, trials)).mean(axis=(1, 2)))])
 
 
 def fitted(windows: Windows, x: Array, start: Array, iterations: int) -> ServoEstimate:

@@ -47,22 +47,25 @@ def small_arm() -> Robot:
         return read_urdf(path)
 
 
+UNREACHED = (4.0, 4.0, 4.0)  # limits of the motors' torques [Nm]
+
+
 @cache
-def truth() -> Any:
+def truth(limits: tuple[float, ...] = UNREACHED) -> Any:
     """What its servos are."""
     K, D, J = np.array([15.0, 12.0, 10.0]), np.array([0.6, 0.5, 0.4]), np.array([0.010, 0.008, 0.006])
     Fc, b = np.array([0.12, 0.10, 0.08]), np.array([0.005, -0.008, 0.002])
-    return plant().Truth(K, D, J, Fc, np.full(3, 4.0), b, 0.022)
+    return plant().Truth(K, D, J, Fc, np.array(limits), b, 0.022)
 
 
 @cache
-def servo_log(seed: int, duration: float = 60.0) -> Log:
+def servo_log(seed: int, duration: float = 60.0, limits: tuple[float, ...] = UNREACHED) -> Log:
     """What is measured of a motion of its own, at 50 Hz, in steps of the encoder."""
     with tempfile.TemporaryDirectory() as folder:
         (path := Path(folder) / "small.urdf").write_text(URDF, encoding="utf-8")
-        model = plant().plant(path, JOINTS, truth())
+        model = plant().plant(path, JOINTS, truth(limits))
     command = plant().motion(np.random.default_rng(seed), 3, duration, np.zeros(3))
-    log: Log = plant().play(model, JOINTS, truth(), command, f"log-{seed}")
+    log: Log = plant().play(model, JOINTS, truth(limits), command, f"log-{seed}")
     return log
 
 

@@ -46,15 +46,16 @@ def test_servos_are_identified_and_verified_end_to_end(here: Here) -> None:
 
 
 def test_settings_of_torques_are_refused_in_words(here: Here) -> None:
-    words = "the model servo has no such setting"
+    words = "is of torques: the model servo has no such setting; see"
     (here.cwd / "small.urdf").write_text(URDF, encoding="utf-8")
     for option, named in (
         (("--cutoff", "5"), "--cutoff"),
         (("--repeat", "3"), "--repeat"),
         (("--offset",), "--offset"),
+        (("--gains", "each"), "--gains"),
     ):
         refused = here.refused("identify", "small.urdf", "run.csv", "--model", "servo", *option, "--out", "servos")
-        assert refused == f"excite: {named}: {words}\n"
+        assert refused.startswith(f"excite: {named} {words}")
 
 
 def test_logs_without_commands_are_refused_in_words(here: Here) -> None:

@@ -56,6 +56,14 @@ def test_a_torque_limit_that_no_motion_reaches_is_not_claimed() -> None:
 
 
 @pytest.mark.slow
+def test_torque_limits_that_few_rows_reach_are_found() -> None:
+    reached = (1.8, 0.8, 4.0)
+    result = identify_servos(small_arm(), servo_log(0, limits=reached))
+    np.testing.assert_allclose(result.of("L")[LOADED], reached[:ROLL], rtol=0.05)
+    np.testing.assert_allclose(result.of("K")[LOADED], truth().K[LOADED], rtol=0.05)
+
+
+@pytest.mark.slow
 def test_identified_again_it_is_the_same_whatever_the_order_of_columns() -> None:
     log, result = servo_log(0), identified_servos()
     assert log.command is not None
