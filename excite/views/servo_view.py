@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import PurePath
 
-from excite.identification.servo_response import QUANTITIES
+from excite.identification.servo_response import QUANTITIES, Quantity
 from excite.identification.servo_result import MotionFit, ServoResult, unit_of
 from excite.verification.verify_servos import ServoVerification
 from excite.views.view import Column, Drawing, View, ViewTable, headed, texts
@@ -53,12 +53,17 @@ def _shown(result: ServoResult) -> ViewTable:
 
 def _quantities(result: ServoResult) -> ViewTable:
     rows = tuple(
-        (joint.name, q.name, q.symbol, value, half, unit_of(q, joint.kind), "yes" if known else "no")
+        (joint.name, q.name, q.symbol, _stated(q, value), half, unit_of(q, joint.kind), "yes" if known else "no")
         for joint, *numbers in zip(result.robot.joints, result.values, result.half_width, result.known, strict=True)
         for q, value, half, known in zip(QUANTITIES, *(each.tolist() for each in numbers), strict=True)
     )
     columns = headed("joint:text, quantity:text, symbol:text, value:4, +-:2, unit:unit, shown:text")
     return ViewTable("quantities", _QUANTITIES, columns, rows)
+
+
+def _stated(quantity: Quantity, value: float) -> float | None:
+    """A value; None for a limit that no motion reaches."""
+    return value if value < quantity.most else None
 
 
 def _errors(fits: Sequence[MotionFit]) -> ViewTable:
