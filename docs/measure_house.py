@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 80_914,
-    "lines of code": 49_960,
+    "lines": 80_919,
+    "lines of code": 49_962,
     "files": 373,
     "classes": 669,
     "public names": 95,
