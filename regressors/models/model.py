@@ -69,8 +69,8 @@ class RegressorModel(ABC):
         Composition of the first columns from standard ones; None where they are standard ones themselves.
     window : Window or None
         Time windows that the equations are integrated over; None for equations at single instants.
-    channel : {"effort", "wrench", "command"}
-        Channel of a log that `right_side` needs.
+    channel : str
+        Channel of a log that `right_side` needs: ``effort``, ``wrench`` or ``command``.
     keeps_all_links : bool
         True if no link may be merged with the one before, even where the joint between them is locked.
     rows_are_joint_torques : bool
