@@ -44,6 +44,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, metavar="FOLDER")
     folder, before, rows, runs = parser.parse_args().folder, record.load(), [], []
+    sys.argv[1] = "FOLDER"  # in the command that the results state
     with tempfile.TemporaryDirectory() as target:
         logs = {name: unpacked(folder, name, Path(target)) for name in (*TRAINING, *UNSEEN)}
         cpu = time.process_time()
