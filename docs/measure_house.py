@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 80_919,
+    "lines": 80_917,
     "lines of code": 49_962,
     "files": 373,
     "classes": 669,

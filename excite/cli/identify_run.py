@@ -109,7 +109,7 @@ def _show(result: Identification, files: Sequence[Path] | Drawn, out: Path) -> N
 def identify_servos_and_write(robot: str, logs: Sequence[Path], out: Path, given: Mapping[str, Any]) -> NoReturn:
     """Identify servos from commanded and measured positions, and write them into a folder."""
     typed = set(typed_options(ModelChoice, Recipe)) - {"model"}
-    check_not_typed((*typed, *_OF_TORQUES), "is of torques: the model servo has no such setting")
+    check_not_typed((*typed, *_OF_TORQUES), "is not for servos: their model has no such setting")
     with result_folder(out), one_interrupt():
         check_not_taken(out, SERVOS, "servos", replace=given["force"])
         names = ("base_link", "tip", "snap_angles", "xacro", "mapping", "drop")
@@ -262,7 +262,7 @@ def verify_servos_and_write(
 ) -> NoReturn:
     """Judge servos on logs, and write each verdict."""
     of_torques = ("torque", "motion", "horizon", "rows", "signals", "temperature", "part")
-    check_not_typed(of_torques, "is of torques: servos are judged by their motion")
+    check_not_typed(of_torques, "is not for servos: they are judged by their motion")
     target, stems = out or folder, _stems(logs)
     chosen = {name: options[name] for name in ("mapping", "drop", "training_too")}
     with result_folder(target):

@@ -13,9 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import scipy.optimize
-import scipy.signal
-import scipy.special
+import scipy
 from threadpoolctl import threadpool_limits
 
 from excite.identification.estimator import CONFIDENCE

@@ -46,7 +46,7 @@ def test_servos_are_identified_and_verified_end_to_end(here: Here) -> None:
 
 
 def test_settings_of_torques_are_refused_in_words(here: Here) -> None:
-    words = "is of torques: the model servo has no such setting; see"
+    words = "is not for servos: their model has no such setting; see"
     (here.cwd / "small.urdf").write_text(URDF, encoding="utf-8")
     for option, named in (
         (("--cutoff", "5"), "--cutoff"),
