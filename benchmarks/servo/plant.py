@@ -22,7 +22,7 @@ class Truth:
     """Parameters of each servo, shape (n,)."""
 
     K: Array  # kp [Nm/rad]
-    D: Array  # kv [Nm s/rad]
+    D: Array  # damping of the joint [Nm s/rad]
     J: Array  # armature [kg m^2]
     Fc: Array  # frictionloss [Nm]
     L: Array  # forcerange [Nm]
@@ -51,11 +51,11 @@ def plant(urdf: Path, joints: tuple[str, ...], truth: Truth) -> mujoco.MjModel:
         joint = spec.joint(name)
         joint.limited, joint.actfrclimited = 0, 0
         actuator = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        actuator.set_to_position(kp=truth.K[k], kv=truth.D[k])
+        actuator.set_to_position(kp=truth.K[k])
         actuator.forcelimited, actuator.forcerange = 1, [-truth.L[k], truth.L[k]]
     model = spec.compile()
     place = [model.joint(name).dofadr[0] for name in joints]
-    model.dof_armature[place], model.dof_frictionloss[place], model.dof_damping[place] = truth.J, truth.Fc, 0.0
+    model.dof_armature[place], model.dof_frictionloss[place], model.dof_damping[place] = truth.J, truth.Fc, truth.D
     model.dof_solref[place] = [2 * STEP, 1.0]  # friction as stiff as the step allows, so that it hardly creeps
     model.dof_solimp[place, :2] = 0.9999
     return model

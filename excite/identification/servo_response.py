@@ -4,11 +4,12 @@ A servo is told an angle u and holds it with a stiffness. Of a joint with the ar
 that gravity and the other joints need,
 
     ``e = dead(u(t - d) - q - b)``                                    tracking error beyond the dead band delta
-    ``tau_m = clip(K e - D dq, -L, L)``                                torque of the motor, at the joint
+    ``tau_m = clip(K e, -L, L) - D dq``                                torque of the motor, at the joint
     ``(m + J) ddq = tau_m - tau - (Fc + mu |tau| + Fs exp(-(dq / V)^2)) sign(dq)``
 
-Commands are held between two rows. Each step is by the implicit midpoint rule, of second order; friction has the
-direction of the velocity after it, so that friction that can hold the joint, holds it.
+L is the torque of the largest voltage at rest; a motor that turns has less, and none at the speed ``L / D``. Commands
+are held between two rows. Each step is by the implicit midpoint rule, of second order; friction has the direction of
+the velocity after it, so that friction that can hold the joint, holds it.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -99,33 +101,32 @@ def response(values: Array, windows: Windows) -> Array:
     q, dq = (np.array(np.broadcast_to(each, shape)) for each in (windows.measured[:, 0], windows.speed))
     path = np.empty((rows, *shape))
     path[0] = q
-    damped = 0.5 * h * D
-    stiff = damped + 0.25 * h * h * K
+    damped, quarter = 0.5 * h * D, 0.25 * h * K
     told, late = windows.command.T, d / (windows.step if d.shape[1] > 1 else windows.step.mean())
     for k in range(1, rows):
         own, before = windows.inertia[:, k] + J, windows.load[:, k - 1]
         for part in range(1, substeps + 1):
             load = before + (part - 0.5) / substeps * (windows.load[:, k] - before)
-            e = _held(told, windows.lead + k - 1 + part / substeps - late, substeps)
-            e -= q
-            e -= b
-            e = np.copysign(np.maximum(np.abs(e) - delta, 0.0), e)
-            wanted = K * e - D * dq
-            free = np.abs(wanted) <= L
-            pull = np.where(free, wanted + (0.5 * D - 0.25 * h * K * (e != 0.0)) * dq, np.copysign(L, wanted))
-            pull -= load
+            ahead = q + b + 0.5 * h * dq
+            pull, springs = -0.5 * D * dq - load, np.zeros(shape)
+            for share, u in _held(told, windows.lead + k - 1 + part / substeps - late, substeps):
+                e = u - ahead
+                spring = K * np.copysign(np.maximum(np.abs(e) - delta, 0.0), e)
+                pull += share * np.clip(spring, -L, L)
+                springs += share * ((spring != 0.0) & (np.abs(spring) < L))
+            pull += springs * quarter * dq
             pull *= h
             pull += own * dq
             resisting = h * (Fc + mu * np.abs(load) + Fs * np.exp(-np.square(dq * (1.0 / STRIBECK_SPEED))))
             last, dq = dq, np.copysign(np.maximum(np.abs(pull) - resisting, 0.0), pull)
-            dq /= own + free * np.where(e != 0.0, stiff, damped)
+            dq /= own + damped + springs * (h * quarter)
             q = q + 0.5 * h * (last + dq)
         path[k] = q
     return np.moveaxis(path, 0, -1)
 
 
-def _held(told: Array, row: Array, substeps: int) -> Array:
-    """Commands at rows that need not be whole; a step of them is passed within one substep, shape (B, w)."""
+def _held(told: Array, row: Array, substeps: int) -> list[tuple[Any, Array]]:
+    """Commands, each (B, w), in the substep before rows that need not be whole, and their shares of its time."""
     # told (lead + T, w); row (B, 1 or w)
     before = np.clip(np.floor(row), 1, len(told) - 1).astype(np.intp)
     passed = np.clip((row - before) * substeps, 0.0, 1.0)
@@ -134,7 +135,9 @@ def _held(told: Array, row: Array, substeps: int) -> Array:
     else:
         every = np.arange(told.shape[1])
         last, now = told[before - 1, every], told[before, every]
-    return np.asarray(last + passed * (now - last))
+    if ((passed == 0.0) | (passed == 1.0)).all():
+        return [(1.0, np.where(passed == 1.0, now, last))]
+    return [(1.0 - passed, last), (passed, now)]
 
 
 def arm_torques(robot: Robot) -> Callable[[Array, Array, Array], tuple[Array, Array]]:

@@ -16,7 +16,7 @@ import numpy as np
 from excite.identification.procedure import LogLike, log_of
 from excite.identification.servo_response import Windows, arm_torques, response
 from excite.identification.servo_result import MotionFit, ServoResult, load_servos, motion_fits
-from excite.identification.servos import ServoMotion, servo_motion
+from excite.identification.servo_windows import ServoMotion, servo_motion
 from excite.logs.log import LogReference
 from excite.logs.mapping import LogMapping
 from excite.storage.records import check_replaceable, every, read_record, short, write_record

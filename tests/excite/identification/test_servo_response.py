@@ -113,6 +113,13 @@ def test_at_the_limit_of_torque_the_acceleration_is_that_torque_over_the_inertia
     np.testing.assert_allclose(pulled, sign * (0.4 - 0.05 - 0.1) / own * t**2 / 2, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_damping_takes_from_a_motor_at_its_limit_until_no_torque_is_left(sign: float) -> None:
+    path = response(servo(L=0.4, Fc=0.1), windows(np.full(60, sign * 50.0), load=0.05 * sign))[0, 0]
+    speed = sign * (0.4 - 0.1 - 0.05) / PLAIN["D"]
+    np.testing.assert_allclose(np.diff(path)[-20:] * RATE, speed, rtol=1e-6)
+
+
 def test_within_the_dead_band_a_servo_does_not_pull() -> None:
     commands = np.array([-0.0051, -0.0049, 0.0, 0.0049, 0.0051])
     path = response(servo(delta=0.005), windows(np.repeat(commands[:, None], 200, axis=1)))[0]

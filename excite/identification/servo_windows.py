@@ -1,0 +1,122 @@
+"""Logs of commanded and measured positions, cut into windows that begin as measured.
+
+Derivatives are those of cubics through the rows about each. A window lies within a log without a gap, and has the
+commands of the longest delay before it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from excite.identification.servo_response import LONGEST_DELAY, QUANTITIES, Windows, arm_torques
+from excite.identification.servo_result import LEAST_MOTION, encoder_step
+from excite.logs.log import Log
+from regressors.errors import InputError
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Index, Samples
+
+_WINDOW = 2.0  # [s]
+_MOST_WINDOWS = 150
+_SMOOTHED = 0.12  # over which positions are fitted by cubics for their derivatives [s]
+_GAP = 1.5  # median steps
+
+
+@dataclass(frozen=True, eq=False)
+class ServoMotion:
+    """A log, with what the described arm needs along the measured motion."""
+
+    log: Log
+    samples: Samples  # measured, with smoothed derivatives
+    load: Array  # (N, n) torque that gravity and the other joints need [Nm or N]
+    inertia: Array  # (N, n) own inertia of the arm at the joint
+
+    @property
+    def command(self) -> Array:
+        """Commanded positions, shape (N, n)."""
+        assert self.log.command is not None
+        return self.log.command
+
+
+def servo_motion(log: Log, robot: Robot) -> ServoMotion:
+    """Motion of a log that has commands."""
+    log = log.of(robot.joint_names)
+    if log.command is None:
+        raise InputError(
+            f"{log.source} has no commanded positions, which the model servo needs: columns NAME.command, or "
+            "`command:` in the mapping"
+        )
+    step = log.duration / (log.count - 1)
+    q, dq, ddq = derivatives(log.q, step)
+    samples = Samples(log.time, log.q, dq, ddq, np.zeros_like(q))
+    return ServoMotion(log, samples, *arm_torques(robot)(q, dq, ddq))
+
+
+def derivatives(q: Array, step: float) -> tuple[Array, Array, Array]:
+    """Positions, velocities and accelerations of cubics through the rows about each."""
+    rows = max(5, 2 * round(_SMOOTHED / step / 2) + 1)
+    if len(q) < rows:
+        raise InputError(f"{len(q)} rows without a gap are too few; a servo needs {rows} or more")
+    q, dq, ddq = (scipy.signal.savgol_filter(q, rows, 3, order, step, axis=0) for order in range(3))
+    return q, dq, ddq
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where windows are: of as many rows each."""
+
+    log: Index  # (w,) number of the log
+    first: Index  # (w,) first row
+    count: int  # rows of each
+    lead: int  # rows before, of commands
+
+    @property
+    def rows(self) -> Index:
+        """Rows of every window, shape (w, T)."""
+        return self.first[:, None] + np.arange(self.count)
+
+
+def windows_in(motions: Sequence[ServoMotion]) -> Places:
+    """Windows without a gap, of all logs; of many, some that are spread evenly."""
+    steps = [float(np.median(np.diff(motion.log.time))) for motion in motions]
+    rows, lead = max(3, round(_WINDOW / min(steps))), int(np.ceil(LONGEST_DELAY / min(steps))) + 1
+    places = []
+    for number, (motion, step) in enumerate(zip(motions, steps, strict=True)):
+        gaps = np.diff(motion.log.time) > _GAP * step
+        starts = range(lead, motion.log.count - rows + 1, rows)
+        places += [(number, first) for first in starts if not gaps[first - lead : first + rows - 1].any()]
+    if len(places) <= len(QUANTITIES):
+        names = ", ".join(motion.log.source for motion in motions)
+        raise InputError(
+            f"{names}: {len(places)} windows of {_WINDOW:g} s without a gap are too few for the {len(QUANTITIES)} "
+            "unknowns of each servo; give longer logs"
+        )
+    chosen = np.unique(np.linspace(0, len(places) - 1, min(_MOST_WINDOWS, len(places))).round().astype(int))
+    log, first = np.array(places)[chosen].T
+    return Places(log, first, rows, lead)
+
+
+def windows_of(motions: Sequence[ServoMotion], places: Places, joint: int) -> Windows:
+    """The windows of one joint."""
+
+    def cut(values: Callable[[ServoMotion], Array], before: int = 0) -> Array:
+        pairs = zip(places.log, places.first, strict=True)
+        return np.array([values(motions[k])[first - before : first + places.count, joint] for k, first in pairs])
+
+    ends = [motions[k].log.time[rows[[0, -1]]] for k, rows in zip(places.log, places.rows, strict=True)]
+    return Windows(
+        np.diff(ends, axis=1)[:, 0] / (places.count - 1),
+        cut(lambda m: m.command, places.lead),
+        cut(lambda m: m.load),
+        cut(lambda m: m.inertia),
+        cut(lambda m: m.log.q),
+        cut(lambda m: m.samples.dq)[:, 0],
+    )
+
+
+def moves(windows: Windows) -> bool:
+    """Whether a joint moves by more than some steps of its encoder."""
+    return bool(np.ptp(windows.measured) > LEAST_MOTION * encoder_step(windows.measured))
