@@ -118,6 +118,7 @@ Examples:
   excite export results/ur10e --format urdf --robot-file mine.urdf --out models/ur10e.urdf
   excite export results/ur10e --format mjcf --out models/ur10e.xml
   excite export results/ur10e --format mjcf --samples 100 --out models/ensemble
+  excite export results/servos --format mjcf --robot-file so101.xml --out models/so101.xml
 
 \b
 Motions, of a design:
@@ -136,7 +137,15 @@ Models, of a result:
   npz    arrays in the conventions of Pinocchio   csv, md, tex  tables with intervals
 
 \b
-Bodies are the physically possible ones nearest the description; what a format cannot express is named.
+Servos, of 'excite identify --model servo':
+  mjcf   copy of --robot-file, or an MJCF written from the robot's description, with the servos as actuators: gains,
+         torque limits, offsets and delays; inertia and friction of the joints
+  urdf   friction, damping, limits                drake     the same with the inertia of the servos
+  isaac  actuator configuration of Isaac Lab      bam       parameters of Better Actuator Models, by servo
+  yaml   every quantity with its unit and the half of its interval
+
+\b
+Bodies of a result are the physically possible ones nearest the description; what a format cannot express is named.
 
 \b
 With --samples, FILE is a folder of robots that the data allow, each of them possible: what the data determine
@@ -176,9 +185,10 @@ document what it makes of the samples (rtde, krl, rapid), and a curve through th
 @click.option("--force", is_flag=True, help="Replace files that are already there.")
 @runs("exchange_run:export_and_show")
 def export() -> None:
-    """Export the design or the result in DIR as a FILE that other programs take.
+    """Export the design, the result or the servos in DIR as a FILE that other programs take.
 
-    DIR is the folder of a design or of a result; where it holds both, name its design.json or its result.json.
+    DIR is the folder of a design, of a result or of servos; where it holds several, name its design.json, result.json
+    or servos.json.
     """
 
 

@@ -1,0 +1,88 @@
+"""Servos of a real SO-101, exported to MuJoCo: how well the arm follows the commands of unseen logs there.
+
+``python benchmarks/servo/export.py FOLDER``: FOLDER as of ``real_arm.py``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+os.environ |= {"OPENBLAS_NUM_THREADS": "1"}
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import mujoco
+import numpy as np
+import record
+from plant import replay
+from real_arm import ARM, TRAINING, UNSEEN, unpacked
+
+import excite
+from excite.identification.servo_response import STRIBECK_SPEED
+from excite.identification.servo_result import ServoResult
+from excite.identification.servos import identify_servos, servo_motion
+from excite.verification.verify_servos import verify_servos
+from regressors.samples import Array
+
+
+def all_of(model: mujoco.MjModel, result: ServoResult) -> Callable[[mujoco.MjData], None]:
+    """What an MJCF does not hold, to be called before each step: dead band, Stribeck friction, and share of the load."""
+    K, b, delta, Fc, Fs, mu = map(result.of, ("K", "b", "delta", "Fc", "Fs", "mu"))
+    joints = [model.joint(name) for name in result.robot.joint_names]
+    place, dof = ([int(getattr(joint, name)[0]) for joint in joints] for name in ("qposadr", "dofadr"))
+
+    def before_step(data: mujoco.MjData) -> None:
+        u = np.array([mujoco.mj_readCtrl(model, data, k, data.time, -1) for k in range(len(K))]).ravel()
+        e = u - data.qpos[place] - b
+        model.actuator_biasprm[:, 0] = -K * (b + np.clip(e, -delta, delta))
+        share, slow = mu * np.abs(data.qfrc_bias[dof]), np.exp(-((data.qvel[dof] / STRIBECK_SPEED) ** 2))
+        model.dof_frictionloss[dof] = Fc + share + Fs * slow
+
+    return before_step
+
+
+def errors(file: Path, result: ServoResult, log: Path) -> dict[str, Array]:
+    """Root mean square errors of the motion of each joint [rad]: predicted, and in MuJoCo."""
+    measured = excite.read_log(log, result.robot)
+    motion = servo_motion(measured, result.robot)
+    found = {"excite verify": np.array([fit.position_error for fit in verify_servos(result, log).fits])}
+    for name, extend in (("MJCF", lambda *_: lambda _: None), ("MJCF and callback", all_of)):
+        model = mujoco.MjModel.from_xml_path(str(file))
+        path = replay(model, motion.log, motion.samples.dq[0], extend(model, result))
+        found[name] = np.sqrt(np.mean((path - motion.log.q) ** 2, axis=0))
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, metavar="FOLDER")
+    folder, before, rows, runs = parser.parse_args().folder, record.load(), [], {}
+    sys.argv[1] = "FOLDER"  # in the command that the results state
+    with tempfile.TemporaryDirectory() as target:
+        logs = {name: unpacked(folder, name, Path(target)) for name in (*TRAINING, *UNSEEN)}
+        result = identify_servos("so101", [logs[name] for name in TRAINING])
+        file = Path(target) / "so101.xml"
+        excite.export_model(result, "mjcf", file)
+        for name in UNSEEN:
+            runs[name] = errors(file, result, logs[name])
+            for what, error in runs[name].items():
+                excess = 100.0 * (error[:ARM].mean() / runs[name]["excite verify"][:ARM].mean() - 1.0)
+                rows.append([name, what, *(f"{1e3 * x:.1f}" for x in (*error, error[:ARM].mean())), f"{excess:+.0f}"])
+                print(*rows[-1], flush=True)
+    head = ["unseen log", "simulated by", *result.robot.joint_names, "mean of the arm", "more [%]"]
+    text = f"Errors of the motion under the commands of a log, root mean square [mrad]:\n\n{record.table(head, rows)}"
+    limitations = (
+        "One arm. How much of Stribeck friction and dead band the constant friction of the MJCF has was chosen on the two "
+        "logs of the identification.",
+        "The callback (`all_of`) sets friction and the dead band before every step of 1 ms.",
+    )
+    content = {name: {what: error.tolist() for what, error in each.items()} for name, each in runs.items()}
+    record.save("servo_export", before, {"runs": content}, text, limitations)
+
+
+if __name__ == "__main__":
+    main()
