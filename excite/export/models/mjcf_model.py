@@ -74,13 +74,13 @@ class MjcfFormat(ModelFormat):
         return ModelText(document.edited((*servos.comment, *servos.notes, *notes)), notes)
 
 
-_STEP, _LEAST_STEP = 0.001, 0.0005  # of the simulation, and the least that histories of commands are for [s]
+_STEP, _LEAST_STEP = 0.001, 0.0001  # of the simulation, and the least that histories of commands are for [s]
 _SERVO_NOTES = (
     f"{FRICTION}; the solver settings of the joints make it hold what rests",
     "K, D and b are gainprm and biasprm of the actuators; D is within their limit of torque, and the joints have none",
     "the integrator is implicitfast: with Euler the damping of actuators makes light joints unstable",
-    "delay and nsample need MuJoCo 3.5 or later; until the delay is over, the command is zero, or what "
-    "mujoco.mj_initCtrlHistory sets",
+    "delay, which is d and half a step more, by which the integrator is early, needs MuJoCo 3.5 or later; until it is "
+    "over, the command is zero, or what mujoco.mj_initCtrlHistory sets",
     "limits of the set-point (V, A), where there are any, are not in an MJCF: limit the commands",
 )
 
@@ -117,10 +117,11 @@ def _servo(servos: ServoRobot, k: int, step: float, name: str) -> dict[str, str]
     joint = servos.robot.joint_names[k]
     K, D, b, d, L = (float(values[k]) for values in (*map(servos.result.of, "KDbd"), servos.result.limit("L")))
     limited = {"forcelimited": "true", "forcerange": numbers([-L, L])} if np.isfinite(L) else {"forcelimited": "false"}
-    delayed = {"delay": number(d), "nsample": str(ceil(d / min(step, _LEAST_STEP)) + 1)} if d > 0.0 else {}
+    # between two samples, and half a step more, by which the semi-implicit integration is early
+    history = {"delay": number(d + step / 2.0), "nsample": str(ceil(d / _LEAST_STEP) + 2), "interp": "linear"}
     affine = {"gainprm": numbers([K, 0, 0]), "biastype": "affine", "biasprm": numbers([-K * b, -K, -D])}
     plain = {"gear": "1", "dyntype": "none", "gaintype": "fixed"}
-    return {"name": name, "joint": joint, **plain, **affine, **limited, **delayed}
+    return {"name": name, "joint": joint, **plain, **affine, **limited, **(history if d else {})}
 
 
 _NO_MASS = 1e-9  # of a moving body without inertia, which MuJoCo refuses
