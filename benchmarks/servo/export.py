@@ -23,7 +23,6 @@ from real_arm import ARM, TRAINING, UNSEEN, unpacked
 
 import excite
 from excite.identification.procedure import log_of
-from excite.identification.servo_response import STRIBECK_SPEED
 from excite.identification.servo_result import ServoResult
 from excite.identification.servos import identify_servos, servo_motion
 from excite.verification.verify_servos import verify_servos
@@ -31,8 +30,8 @@ from regressors.samples import Array
 
 
 def all_of(model: mujoco.MjModel, result: ServoResult) -> Callable[[mujoco.MjData], None]:
-    """What an MJCF does not hold, to be called before each step: dead band, Stribeck friction, share of the load."""
-    K, b, delta, Fc, Fs, mu = map(result.of, ("K", "b", "delta", "Fc", "Fs", "mu"))
+    """What an MJCF does not hold, to be called before each step: the dead band, and friction by the load."""
+    K, b, delta, Fc, mu = map(result.of, ("K", "b", "delta", "Fc", "mu"))
     joints = [model.joint(name) for name in result.robot.joint_names]
     place, dof = ([int(getattr(joint, name)[0]) for joint in joints] for name in ("qposadr", "dofadr"))
 
@@ -41,9 +40,8 @@ def all_of(model: mujoco.MjModel, result: ServoResult) -> Callable[[mujoco.MjDat
     def before_step(data: mujoco.MjData) -> None:
         u = [np.ravel(mujoco.mj_readCtrl(model, data, k, data.time, one, 0))[0] for k in range(len(K))]  # delayed
         e = np.array(u) - data.qpos[place] - b
-        model.actuator_biasprm[:, 0] = -K * (b + np.clip(e, -delta, delta))
-        share, slow = mu * np.abs(data.qfrc_bias[dof]), np.exp(-((data.qvel[dof] / STRIBECK_SPEED) ** 2))
-        model.dof_frictionloss[dof] = Fc + share + Fs * slow
+        model.actuator_biasprm[: len(K), 0] = -K * (b + np.clip(e, -delta, delta))
+        model.dof_frictionloss[dof] = Fc + mu * np.abs(data.qfrc_bias[dof])
 
     return before_step
 
@@ -78,8 +76,8 @@ def main() -> None:
     head = ["unseen log", "simulated by", *result.robot.joint_names, "mean of the arm", "more [%]"]
     text = f"Errors of the motion under the commands of a log, root mean square [mrad]:\n\n{record.table(head, rows)}"
     limitations = (
-        "One arm. How much of Stribeck friction and dead band the constant friction of the MJCF has, was chosen on the "
-        "two logs of the identification.",
+        "One arm. What stands for the dead band and the load share in the MJCF was chosen on the two logs of the "
+        "identification.",
         "The callback (`all_of`) sets friction and the dead band before every step of 1 ms.",
     )
     content = {name: {what: error.tolist() for what, error in each.items()} for name, each in runs.items()}

@@ -138,11 +138,10 @@ Models, of a result:
 
 \b
 Servos, of 'excite identify --model servo':
-  mjcf   copy of --robot-file, or an MJCF written from the robot's description, with the servos as actuators: gains,
-         torque limits, offsets and delays; inertia and friction of the joints
-  urdf   friction, damping, limits                drake     the same with the inertia of the servos
-  isaac  actuator configuration of Isaac Lab      bam       parameters of Better Actuator Models, by servo
-  yaml   every quantity with its unit and the half of its interval
+  mjcf   copy of --robot-file, or a new MJCF, with the servos as actuators
+  urdf   friction, damping, limits of joints      drake     the same with the inertia of the servos
+  isaac  actuator configuration of Isaac Lab      bam       parameters of Better Actuator Models
+  yaml   every quantity with its unit and interval
 
 \b
 Bodies of a result are the physically possible ones nearest the description; what a format cannot express is named.

@@ -19,6 +19,7 @@ from excite.export.models.exported_model import about_centre, number, numbers, q
 from excite.export.models.identified_model import COUPLED, DrivenRobot, IdentifiedModel
 from excite.export.models.servo_model import FRICTION, ServoRobot
 from excite.export.models.xml_copy import XmlDocument, XmlSpan, chain_in, comment, pose_error, share_inertia, start
+from excite.identification.servo_response import STRIBECK_SPEED
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
 from regressors.readers.mjcf import tree_of_mjcf
@@ -57,7 +58,7 @@ class MjcfFormat(ModelFormat):
         """See `excite.export.models.export_model.ModelFormat.servo_text`."""
         names, count = servos.robot.joint_names, None
         if robot_file is None:
-            step, options, own = _STEP, {"timestep": number(_STEP)}, mjcf_notes(servos.robot)
+            step, options, own = _STEP, {"timestep": number(_STEP)}, (*mjcf_notes(servos.robot), *servos.left_out)
             document = XmlDocument(mjcf_text(servos, ()).encode("utf-8"), self.name)
             elements = {element.attributes.get("name"): element for element in document.root.all()}
         else:
@@ -67,7 +68,8 @@ class MjcfFormat(ModelFormat):
         document.set_child(document.root, "option", {**options, "integrator": "implicitfast"}, first=True)
         stuck = {"solreffriction": numbers([2.0 * step, 1.0]), "solimpfriction": "0.9999 0.9999 0.001 0.5 2"}
         for k, name in enumerate(names):
-            values = {**joint_values(servos, k), "damping": "0", **stuck}
+            friction = number(float(servos.resisting[k]))
+            values = {**joint_values(servos, k), "damping": "0", "frictionloss": friction, **stuck}
             document.set(_found(elements, name, "joint", document), values)
         _set_actuators(document, servos, count, step)
         notes = (*own, *_SERVO_NOTES)
@@ -77,6 +79,8 @@ class MjcfFormat(ModelFormat):
 _STEP, _LEAST_STEP = 0.001, 0.0001  # of the simulation, and the least that histories of commands are for [s]
 _SERVO_NOTES = (
     f"{FRICTION}; the solver settings of the joints make it hold what rests",
+    "Fs (Stribeck friction) is LuGre's in passive actuators, JOINT_stribeck, which have no control and need MuJoCo 3.12 "
+    "or later; for earlier ones and for MJX remove them, and add 3/4 of Fs to frictionloss",
     "K, D and b are gainprm and biasprm of the actuators; D is within their limit of torque, and the joints have none",
     "the integrator is implicitfast: with Euler the damping of actuators makes light joints unstable",
     "delay, which is d and half a step more, by which the integrator is early, needs MuJoCo 3.5 or later; until it is "
@@ -87,11 +91,16 @@ _SERVO_NOTES = (
 
 def _set_actuators(document: XmlDocument, servos: ServoRobot, count: list[int] | None, step: float) -> None:
     """Write the servos in the place of the actuators of a file, of which each joint has a count, or as new ones."""
-    sections = list(document.root.below("actuator"))
+    sections, former = list(document.root.below("actuator")), []
     given: dict[str | None, list[XmlSpan]] = {}
     for element in (element for section in sections for element in section.children):
         joint = element.attributes.get("joint", element.attributes.get("jointinparent"))
-        given.setdefault(joint, []).append(element)
+        if element.attributes.get("name") == f"{joint}{_PASSIVE}":  # of an earlier export
+            document.replace(element, "")
+            former.append(joint)
+        else:
+            given.setdefault(joint, []).append(element)
+    count = count and [each - (name in former) for name, each in zip(servos.robot.joint_names, count, strict=True)]
     added = []
     for k, name in enumerate(servos.robot.joint_names):
         own = given.get(name, [])
@@ -106,10 +115,34 @@ def _set_actuators(document: XmlDocument, servos: ServoRobot, count: list[int] |
             document.replace(own[0], text)
         else:
             added.append(text)
+    added += _passive(servos)
     if added and sections:
         document.insert_in(sections[0], "\n".join(added))
     elif added:
         document.insert_in(document.root, "\n".join(["<actuator>", *(f"  {text}" for text in added), "</actuator>"]))
+
+
+_PASSIVE, _BRISTLE = "_stribeck", 1e-3  # deflection of LuGre's bristles that hold a joint [rad or m]
+
+
+def _passive(servos: ServoRobot) -> list[str]:
+    """Actuators of the friction ``Fs exp(-(dq / V)^2)``, without a control."""
+    return [
+        start(
+            "dcmotor",
+            {
+                "name": f"{name}{_PASSIVE}",
+                "joint": name,
+                "input": "none",
+                "motorconst": "1e-9",  # one that is positive is wanted
+                "resistance": "1",
+                "lugre": numbers([Fs / _BRISTLE, 0.0, 1e-3 * Fs, Fs, STRIBECK_SPEED]),
+            },
+            empty=True,
+        )
+        for name, Fs in zip(servos.robot.joint_names, servos.result.of("Fs"), strict=True)
+        if Fs
+    ]
 
 
 def _servo(servos: ServoRobot, k: int, step: float, name: str) -> dict[str, str]:

@@ -142,7 +142,7 @@ _SERVO_NOTES = (
     "take the group actuators, which has no delay, or in its place delayed_actuators, whose delays are counted in "
     f"steps of {_STEP:g} s of the physics; these are explicit, and unstable where a step is above 2 J / D, unless the "
     "arm adds inertia",
-    f"{FRICTION}; but all of Fs where it holds a joint, and nothing of Fs where it is dynamic",
+    f"{FRICTION}; what holds a joint has Fs (Stribeck friction) beside",
     "the offset b is not in an actuator configuration: subtract it from the commands",
 )
 

@@ -1,11 +1,12 @@
 """Identified servos as drives and limits that files can hold, and comments that tell all of them.
 
 Simulators know a constant friction ``F``. It stands for all that resists a slow motion: the constant part, the share of
-a typical load, half of what is there near standstill only, and the torque that the dead band withholds,
+a typical load, and the torque that the dead band withholds,
 
-    ``F = Fc + mu tau + Fs / 2 + K delta``
+    ``F = Fc + mu tau + K delta``
 
-where tau is the root mean square of the torque of gravity over poses within the limits of the joints.
+where tau is the root mean square of the torque of gravity over poses within the limits of the joints; and where friction
+cannot depend on the speed, 3/4 of Fs is in it too.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class ServoRobot(DrivenRobot):
     """A robot with identified servos, its bodies as described."""
 
     result: ServoResult
-    resisting: Array  # (n,) F without the Stribeck part [Nm or N]
+    resisting: Array  # (n,) F without a part of Fs [Nm or N]
     origin: str
 
     @property
@@ -44,6 +45,16 @@ class ServoRobot(DrivenRobot):
         unknown = "; ".join(f"{name}: {symbols}" for name, symbols in rows.items())
         words = "the logs do not show these, which are written as what predicts best together with the rest"
         return (f"{words}: {unknown}",) if unknown else ()
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What a file that is written from the description does not hold."""
+        bodies = ", ".join(branch.name for branch in self.robot.branches)
+        return (
+            (f"the bodies beside the chain ({bodies}) are not written; give a file of your own as `robot_file`",)
+            if bodies
+            else ()
+        )
 
     @property
     def comment(self) -> tuple[str, ...]:
@@ -75,7 +86,7 @@ def servo_robot(result: ServoResult, sha256: str | None) -> ServoRobot:
     """Robot with the drives and limits that servos make of it."""
     robot, K, D, J = result.robot, *map(result.of, "KDJ")
     resisting = result.of("Fc") + result.of("mu") * gravity_load(robot) + K * result.of("delta")
-    friction, rows = resisting + result.of("Fs") / 2, np.eye(robot.n)
+    friction, rows = resisting + _STRIBECK * result.of("Fs"), np.eye(robot.n)
     drives = [
         ModelDrive(k + 1, name, rows[k], ConstantRatio(), True, float(J[k]), float(friction[k]), float(D[k]))
         for k, name in enumerate(robot.joint_names)
@@ -98,9 +109,10 @@ def servo_robot(result: ServoResult, sha256: str | None) -> ServoRobot:
 
 
 FRICTION = (
-    "the friction is constant: Fc, half of Fs (Stribeck friction), K delta (what the dead band withholds), and mu (the "
-    "load share) times the root mean square of gravity's torque over poses"
+    "friction that does not depend on the speed is Fc, K delta (what the dead band withholds), and mu (the load share) "
+    "times the root mean square of gravity's torque over poses"
 )
+_STRIBECK = 0.75  # of Fs, from the two logs that benchmarks/servo/export.py identifies from
 _POSES = 1000
 _FREE = np.pi  # of joints without limits [rad or m]
 

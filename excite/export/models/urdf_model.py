@@ -48,7 +48,7 @@ class UrdfFormat(ModelFormat):
         """See `excite.export.models.export_model.ModelFormat.servo_text`."""
         own = (*_SERVO_NOTES, *self.further)
         if robot_file is None:
-            notes = (*urdf_notes(servos.robot), *own)
+            notes = (*urdf_notes(servos.robot), *servos.left_out, *own)
             lines = (*servos.comment, *servos.notes, *notes)
             return ModelText(urdf_text(servos, lines, self.drives(servos), self.namespace), notes)
         document, notes = urdf_copy(servos, robot_file)
@@ -71,7 +71,7 @@ class UrdfFormat(ModelFormat):
 
 
 _SERVO_NOTES = (
-    FRICTION,
+    f"{FRICTION}, and, since a URDF has no other, 3/4 of Fs (Stribeck friction)",
     "damping is D of the servo: give a position controller of the simulator the stiffness K, and no damping of its own",
     "a URDF has no place for K, b and d, and a plain one none for J: they are in the comment of the file",
 )
