@@ -116,9 +116,8 @@ Examples:
   excite export designs/ur10e --format urscript --rate 125 --out play/excite.script
   excite export designs/panda --format franka --out play/panda.csv
   excite export results/ur10e --format urdf --robot-file mine.urdf --out models/ur10e.urdf
-  excite export results/ur10e --format mjcf --out models/ur10e.xml
+  excite export servos --format mjcf --out arm.xml   (or urdf, isaac, yaml, bam)
   excite export results/ur10e --format mjcf --samples 100 --out models/ensemble
-  excite export results/servos --format mjcf --robot-file so101.xml --out models/so101.xml
 
 \b
 Motions, of a design:
@@ -184,10 +183,9 @@ document what it makes of the samples (rtde, krl, rapid), and a curve through th
 @click.option("--force", is_flag=True, help="Replace files that are already there.")
 @runs("exchange_run:export_and_show")
 def export() -> None:
-    """Export the design, the result or the servos in DIR as a FILE that other programs take.
+    """Export the design, result or servos in DIR as a FILE for other programs.
 
-    DIR is the folder of a design, of a result or of servos; where it holds several, name its design.json, result.json
-    or servos.json.
+    DIR is the folder of a design, of a result or of servos; where it holds several, name the JSON file of one.
     """
 
 

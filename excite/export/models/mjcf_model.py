@@ -79,8 +79,8 @@ class MjcfFormat(ModelFormat):
 _STEP, _LEAST_STEP = 0.001, 0.0001  # of the simulation, and the least that histories of commands are for [s]
 _SERVO_NOTES = (
     f"{FRICTION}; the solver settings of the joints make it hold what rests",
-    "Fs (Stribeck friction) is LuGre's in passive actuators, JOINT_stribeck, which have no control and need MuJoCo 3.12 "
-    "or later; for earlier ones and for MJX remove them, and add 3/4 of Fs to frictionloss",
+    "Fs (Stribeck friction) is in passive actuators, JOINT_stribeck, without a control, of MuJoCo 3.12 or later; "
+    "for earlier ones and for MJX remove them, and add 3/4 of Fs to frictionloss",
     "K, D and b are gainprm and biasprm of the actuators; D is within their limit of torque, and the joints have none",
     "the integrator is implicitfast: with Euler the damping of actuators makes light joints unstable",
     "delay, which is d and half a step more, by which the integrator is early, needs MuJoCo 3.5 or later; until it is "

@@ -5,7 +5,7 @@ a typical load, and the torque that the dead band withholds,
 
     ``F = Fc + mu tau + K delta``
 
-where tau is the root mean square of the torque of gravity over poses within the limits of the joints; and where friction
+where tau is the root mean square of the torque of gravity over poses within the limits of the joints. Where friction
 cannot depend on the speed, 3/4 of Fs is in it too.
 """
 
