@@ -116,7 +116,7 @@ Examples:
   excite export designs/ur10e --format urscript --rate 125 --out play/excite.script
   excite export designs/panda --format franka --out play/panda.csv
   excite export results/ur10e --format urdf --robot-file mine.urdf --out models/ur10e.urdf
-  excite export servos --format mjcf --out arm.xml   (or urdf, isaac, yaml, bam)
+  excite export servos --format mjcf --out a.xml  (urdf, isaac, yaml, bam)
   excite export results/ur10e --format mjcf --samples 100 --out models/ensemble
 
 \b
