@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -78,7 +77,7 @@ def play(model: mujoco.MjModel, joints: tuple[str, ...], truth: Truth, command: 
     return Log(source, "", joints, np.arange(len(command)) / RATE, measured, command=command)
 
 
-def replay(model: mujoco.MjModel, log: Log, speed: Array, before_step: Callable[[mujoco.MjData], None]) -> Array:
+def replay(model: mujoco.MjModel, log: Log, speed: Array) -> Array:
     """Positions (N, n) of an arm with its servos under the commands of a log, from its first row on."""
     data, step, command = mujoco.MjData(model), model.opt.timestep, log.command
     assert command is not None
@@ -92,9 +91,7 @@ def replay(model: mujoco.MjModel, log: Log, speed: Array, before_step: Callable[
     path, ends = np.empty_like(command), np.round((log.time - log.time[0]) / step).astype(int)
     for row, each in enumerate(np.diff(ends, append=ends[-1])):
         path[row], data.ctrl[actuators] = data.qpos[place], command[row]
-        for _ in range(each):
-            before_step(data)
-            mujoco.mj_step(model, data)
+        mujoco.mj_step(model, data, each)
     return path
 
 

@@ -126,7 +126,7 @@ _PASSIVE, _BRISTLE = "_stribeck", 1e-3  # deflection of LuGre's bristles that ho
 
 
 def _passive(servos: ServoRobot) -> list[str]:
-    """Actuators of the friction ``Fs exp(-(dq / V)^2)``, without a control."""
+    """Actuators of the friction ``Fs exp(-(dq / v)^2)``, without a control."""
     return [
         start(
             "dcmotor",

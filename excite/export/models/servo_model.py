@@ -50,11 +50,8 @@ class ServoRobot(DrivenRobot):
     def left_out(self) -> tuple[str, ...]:
         """What a file that is written from the description does not hold."""
         bodies = ", ".join(branch.name for branch in self.robot.branches)
-        return (
-            (f"the bodies beside the chain ({bodies}) are not written; give a file of your own as `robot_file`",)
-            if bodies
-            else ()
-        )
+        words = "the bodies beside the chain are not written; give a file of your own as `robot_file`"
+        return (f"{words}: {bodies}",) if bodies else ()
 
     @property
     def comment(self) -> tuple[str, ...]:

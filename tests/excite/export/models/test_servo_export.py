@@ -45,7 +45,7 @@ def in_mujoco(result: ServoResult, folder: Path) -> mujoco.MjModel:
 def error_in_mujoco(result: ServoResult, folder: Path, seed: int) -> tuple[Array, Array]:
     """Errors of the motion of an unseen log: in MuJoCo, and as it is verified [rad]."""
     motion = servo_motion(servo_log(seed, 12.0), result.robot)
-    path = plant().replay(in_mujoco(result, folder), motion.log, motion.samples.dq[0], lambda _: None)
+    path = plant().replay(in_mujoco(result, folder), motion.log, motion.samples.dq[0])
     fits = verify_servos(result, motion.log).fits
     return np.sqrt(np.mean((path - motion.log.q) ** 2, axis=0)), np.array([fit.position_error for fit in fits])
 
