@@ -89,6 +89,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "csv": "excite.export.models.plain_models:CsvTable",
         "md": "excite.export.models.plain_models:MarkdownTable",
         "tex": "excite.export.models.plain_models:LatexTable",
+        "bam": "excite.export.models.plain_models:BamFormat",
     },
     "motion format": {
         "ros2-yaml": "excite.export.motions.ros2:Ros2Yaml",

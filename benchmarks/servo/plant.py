@@ -77,6 +77,28 @@ def play(model: mujoco.MjModel, joints: tuple[str, ...], truth: Truth, command: 
     return Log(source, "", joints, np.arange(len(command)) / RATE, measured, command=command)
 
 
+def replay(model: mujoco.MjModel, log: Log, speed: Array) -> Array:
+    """Positions (N, n) of an arm with its servos under the commands of a log, from its first row on."""
+    data, step, command = mujoco.MjData(model), model.opt.timestep, log.command
+    assert command is not None
+    joints = [model.joint(name) for name in log.joints]
+    place, actuators = [joint.qposadr[0] for joint in joints], [_actuator_of(model, joint.id) for joint in joints]
+    data.qpos[place], data.qvel[[joint.dofadr[0] for joint in joints]] = log.q[0], speed
+    for k, actuator in enumerate(actuators):  # what was commanded before
+        if count := model.actuator_history[actuator, 0]:
+            times, commands = step * (np.arange(count) - count), np.full(count, command[0, k])
+            mujoco.mj_initCtrlHistory(model, data, actuator, times, commands)
+    path, ends = np.empty_like(command), np.round((log.time - log.time[0]) / step).astype(int)
+    for row, each in enumerate(np.diff(ends, append=ends[-1])):
+        path[row], data.ctrl[actuators] = data.qpos[place], command[row]
+        mujoco.mj_step(model, data, each)
+    return path
+
+
+def _actuator_of(model: mujoco.MjModel, joint: int) -> int:
+    return int(np.flatnonzero(model.actuator_trnid[:, 0] == joint)[0])
+
+
 def motion(rng: np.random.Generator, n: int, duration: float, middle: Array) -> Array:
     """Commands: sums of sines, then transitions of 0.3 to 0.8 s between poses that are held, shape (N, n) [rad]."""
     time = np.arange(round(duration * RATE)) / RATE

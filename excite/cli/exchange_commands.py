@@ -116,7 +116,7 @@ Examples:
   excite export designs/ur10e --format urscript --rate 125 --out play/excite.script
   excite export designs/panda --format franka --out play/panda.csv
   excite export results/ur10e --format urdf --robot-file mine.urdf --out models/ur10e.urdf
-  excite export results/ur10e --format mjcf --out models/ur10e.xml
+  excite export servos --format mjcf --out a.xml  (urdf, isaac, yaml, bam)
   excite export results/ur10e --format mjcf --samples 100 --out models/ensemble
 
 \b
@@ -136,7 +136,14 @@ Models, of a result:
   npz    arrays in the conventions of Pinocchio   csv, md, tex  tables with intervals
 
 \b
-Bodies are the physically possible ones nearest the description; what a format cannot express is named.
+Servos, of 'excite identify --model servo':
+  mjcf   copy of --robot-file, or a new MJCF, with the servos as actuators
+  urdf   friction, damping, limits of joints      drake     the same with the inertia of the servos
+  isaac  actuator configuration of Isaac Lab      bam       parameters of Better Actuator Models
+  yaml   every quantity with its unit and interval
+
+\b
+Bodies of a result are the physically possible ones nearest the description; what a format cannot express is named.
 
 \b
 With --samples, FILE is a folder of robots that the data allow, each of them possible: what the data determine
@@ -176,9 +183,9 @@ document what it makes of the samples (rtde, krl, rapid), and a curve through th
 @click.option("--force", is_flag=True, help="Replace files that are already there.")
 @runs("exchange_run:export_and_show")
 def export() -> None:
-    """Export the design or the result in DIR as a FILE that other programs take.
+    """Export the design, result or servos in DIR as a FILE for other programs.
 
-    DIR is the folder of a design or of a result; where it holds both, name its design.json or its result.json.
+    DIR is the folder of a design, of a result or of servos; where it holds several, name the JSON file of one.
     """
 
 

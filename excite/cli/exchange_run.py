@@ -23,7 +23,7 @@ from excite.tasks.further_settings import EnsembleSettings
 from excite.views.view import View, ViewTable, number, texts
 from regressors.errors import printable
 
-_DESIGN, _RESULT = "design.json", "result.json"
+_DESIGN, _RESULT, _SERVOS = "design.json", "result.json", "servos.json"
 
 
 def export_and_show(folder: Path, form: str, out: Path, **given: Any) -> None:
@@ -36,14 +36,17 @@ def export_and_show(folder: Path, form: str, out: Path, **given: Any) -> None:
 
 
 def _holds_result(folder: Path, form: str) -> bool:
-    """Whether a result is meant, and not a design."""
+    """Whether a result or servos are meant, and not a design."""
     if folder.suffix == ".json":
-        return folder.name == _RESULT
-    design, result = ((folder / name).exists() for name in (_DESIGN, _RESULT))
+        return folder.name in (_RESULT, _SERVOS)
+    design, *results = ((folder / name).exists() for name in (_DESIGN, _RESULT, _SERVOS))
+    if all(results) and form in MODEL_FORMATS:
+        raise click.UsageError(f"{folder} holds a result and servos: name {folder / _RESULT} or {folder / _SERVOS}")
+    result = any(results)
     if design and result and form in MOTION_FORMATS and form in MODEL_FORMATS:
         raise click.UsageError(
             f"{folder} holds a design and a result, and {form} is a format of both: name {folder / _DESIGN} or "
-            f"{folder / _RESULT}"
+            f"{folder / (_RESULT if results[0] else _SERVOS)}"
         )
     return result and (not design or form in MODEL_FORMATS)
 
@@ -69,7 +72,10 @@ def _model(folder: Path, form: str, out: Path, given: Mapping[str, Any]) -> Any:
         )
     if given["rate"] is not None:
         raise click.UsageError("--rate is for the motion of a design, and DIR holds a result")
-    result = excite.load_result(folder, given["parts"]) if given["parts"] else excite.load_result(folder)
+    servos = folder.name == _SERVOS or (folder / _SERVOS).exists()
+    if servos and given["samples"] is not None:
+        raise click.UsageError("--samples is for the result of torques, and DIR holds servos")
+    result = folder if servos else excite.load_result(folder, given["parts"])
     shared = {"robot_file": given["robot_file"], "replace": given["force"]}
     if given["samples"] is None:
         return built_in("exporter", "model")(result, form, out, **shared)
@@ -103,6 +109,8 @@ def _verdict(exported: Exported) -> str:
     if "robots" in facts:
         ended = ", interrupted" if facts.get("interrupted") else ""
         return f"Ensemble of {facts['robots']} possible robots exported as {exported.format}{ended}"
+    if "servos" in facts:
+        return f"{len(facts['servos'])} servos exported as {exported.format}"
     if "closest_limit" not in facts:
         return f"Model exported as {exported.format}"
     label, used = facts["closest_limit"], facts["closest_limit_used"]

@@ -132,6 +132,12 @@ class ServoResult:
         """One quantity of all servos, shape (n,)."""
         return np.asarray(self.values[:, SYMBOLS.index(symbol)])
 
+    def limit(self, symbol: str) -> Array:
+        """One limit of all servos, shape (n,); infinite where the logs do not reach it or it does not exist."""
+        if symbol not in SYMBOLS:
+            return np.full(len(self.values), np.inf)
+        return np.where(self.of(symbol) < QUANTITIES[SYMBOLS.index(symbol)].most, self.of(symbol), np.inf)
+
     def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
         """Write ``servos.json`` into a folder, made if it does not exist.
 

@@ -10,7 +10,9 @@ from typing import Any, ClassVar
 from excite.export.exported import Exported
 from excite.export.models.exported_model import model_of_result
 from excite.export.models.identified_model import Feature, IdentifiedModel
+from excite.export.models.servo_model import ServoRobot, servos_in
 from excite.identification.identification import Identification
+from excite.identification.servo_result import ServoResult
 from excite.registry import check_name, instance, name_of
 from excite.storage.atomic import write_bytes
 from excite.storage.result_folder import check_free, replace_files, result_file
@@ -23,26 +25,26 @@ KIND = "model format"
 
 @checked
 def export_model(
-    result: Identification | str | Path,
+    result: Identification | ServoResult | str | Path,
     format: str | ModelFormat,
     out: str | Path,
     *,
     robot_file: str | Path | None = None,
     replace: bool = False,
 ) -> Exported:
-    """Write an identified model in a format of other programs.
+    """Write an identified model, or identified servos, in a format of other programs.
 
     The standard parameters of bodies and drives are the physically consistent ones nearest the robot's description that
     reproduce the base parameters (`excite.export.models.nearest_bodies`). What the format cannot express is named in
-    the notes, and in the file's own comment with the hash of ``result.json``.
+    the notes, and in the file's own comment with the hash of ``result.json``. Of servos the bodies stay as described.
 
     Parameters
     ----------
-    result : Identification or path
-        Or the folder of a result.
+    result : Identification, ServoResult or path
+        Or the folder of a result or of servos.
     format : str or ModelFormat
-        Registered name: ``urdf``, ``mjcf``, ``drake``, ``isaac``, ``yaml``, ``npz``, ``csv``, ``md``, ``tex``; or
-        ``module:Name`` or object of your own.
+        Registered name: ``urdf``, ``mjcf``, ``drake``, ``isaac``, ``yaml``, ``npz``, ``csv``, ``md``, ``tex``; of
+        servos ``mjcf``, ``urdf``, ``drake``, ``isaac``, ``yaml``, ``bam``; or ``module:Name`` or object of your own.
     out : path
         File to write.
     robot_file : path, optional
@@ -60,20 +62,26 @@ def export_model(
     UnknownName
         No such format.
     InputError
-        A result of a load, a robot file of another robot, or a file that is there already or cannot be written.
+        A result of a load, servos in a format that does not hold them, a robot file of another robot, or a file that
+        is there already or cannot be written.
     """
     chosen = chosen_format(format)
     path, template = Path(out), None if robot_file is None else Path(robot_file)
     chosen.check_template(template)
     _check_free(path, replace=replace)
-    model = model_of_result(chosen_result(result))
-    own = (*chosen.left_out(model.features), *model.notes)
-    written = chosen.text(model, comment_of(model, own), template)
+    if (servos := servos_in(result)) is not None:
+        own, written = servos.notes, chosen.servo_text(servos, template)
+    else:
+        assert not isinstance(result, ServoResult)
+        model = model_of_result(chosen_result(result))
+        own = (*chosen.left_out(model.features), *model.notes)
+        written = chosen.text(model, comment_of(model, own), template)
     with result_file(path):
         _check_free(path, replace=replace)
         with replace_files(path) as staged:
             write_bytes(staged / path.name, written.encoded)
-    return Exported(name_of(format), (path,), (*own, *written.notes))
+    facts = {} if servos is None else {"servos": list(servos.robot.joint_names)}
+    return Exported(name_of(format), (path,), (*own, *written.notes), facts)
 
 
 def comment_of(model: IdentifiedModel, notes: tuple[str, ...]) -> tuple[str, ...]:
@@ -148,6 +156,10 @@ class ModelFormat(ABC):
         robot_file : Path, optional
             The user's own file, into a copy of which the parameters are written.
         """
+
+    def servo_text(self, servos: ServoRobot, robot_file: Path | None = None) -> ModelText:
+        """Content of the file of identified servos; refused by a format that does not hold them."""
+        raise InputError(f"{self.name} does not hold servos; choose mjcf, urdf, drake, isaac, yaml or bam")
 
     def check_template(self, robot_file: Path | None) -> None:
         """Raise `InputError` for a robot file that the format does not take."""

@@ -209,30 +209,16 @@ class IdentifiedParameter:
 
 
 @dataclass(frozen=True, eq=False)
-class IdentifiedModel:
-    """An identified robot."""
+class DrivenRobot:
+    """A robot as files of simulators hold it: bodies, drives and limits."""
 
-    robot: Robot  # the whole one, with the identified bodies and drives in the place of the described ones
+    robot: Robot  # the whole one, with the identified bodies, drives and limits in the place of the described ones
     described: Robot  # as its description says
-    target: IdentificationTarget  # the moving robot, with the model at single instants
-    coefficients: Array  # (b,) base parameters
-    standard: Mapping[str, float]  # standard parameters of the moving robot for them, see `nearest_bodies`
     composites: Mapping[str, Array]  # (10,) of each moving body with all that moves with it, by the name of the link
     # of every body of the robot: the one that it moved with, and its pose in that one's frame, see `carriers`
     carriers: tuple[tuple[int | None, Array], ...]
     drives: tuple[ModelDrive, ...]
-    parameters: tuple[IdentifiedParameter, ...]
-    features: tuple[Feature, ...]
-    change: float  # relative, of the predicted torques by the bodies' physical consistency, over random states
-    sha256: str | None  # of ``result.json``; None for a result that was not saved
     program: str  # name and version of this program
-    training_error: float | None
-    notes: tuple[str, ...]
-
-    @property
-    def moving(self) -> tuple[str, ...]:
-        """Names of the joints that moved, from base to tip."""
-        return self.target.robot.joint_names
 
     def joint_drives(self, joint: int) -> tuple[ModelDrive, ...]:
         """Drives that move one joint of the robot, stated by its index, and no other."""
@@ -249,6 +235,26 @@ class IdentifiedModel:
     def friction(self, joint: int) -> float | None:
         """Coulomb friction at a joint [Nm or N]; None where none is known."""
         return _sum_of_known((abs(d.factor), d.coulomb) for d in self.joint_drives(joint))
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiedModel(DrivenRobot):
+    """An identified robot."""
+
+    target: IdentificationTarget  # the moving robot, with the model at single instants
+    coefficients: Array  # (b,) base parameters
+    standard: Mapping[str, float]  # standard parameters of the moving robot for them, see `nearest_bodies`
+    parameters: tuple[IdentifiedParameter, ...]
+    features: tuple[Feature, ...]
+    change: float  # relative, of the predicted torques by the bodies' physical consistency, over random states
+    sha256: str | None  # of ``result.json``; None for a result that was not saved
+    training_error: float | None
+    notes: tuple[str, ...]
+
+    @property
+    def moving(self) -> tuple[str, ...]:
+        """Names of the joints that moved, from base to tip."""
+        return self.target.robot.joint_names
 
 
 def _sum_of_known(parts: Iterable[tuple[float, float | None]]) -> float | None:

@@ -8,6 +8,7 @@ own), ``actuator/motor``.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,10 @@ import numpy as np
 
 from excite.export.models.export_model import ModelFormat, ModelText
 from excite.export.models.exported_model import about_centre, number, numbers, quaternion_of, stated
-from excite.export.models.identified_model import COUPLED, IdentifiedModel
+from excite.export.models.identified_model import COUPLED, DrivenRobot, IdentifiedModel
+from excite.export.models.servo_model import FRICTION, ServoRobot
 from excite.export.models.xml_copy import XmlDocument, XmlSpan, chain_in, comment, pose_error, share_inertia, start
+from excite.identification.servo_response import STRIBECK_SPEED
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
 from regressors.readers.mjcf import tree_of_mjcf
@@ -51,16 +54,118 @@ class MjcfFormat(ModelFormat):
         notes = (*mjcf_notes(model.robot), *zone)
         return ModelText(mjcf_text(model, (*comment, *notes)), notes)
 
+    def servo_text(self, servos: ServoRobot, robot_file: Path | None = None) -> ModelText:
+        """See `excite.export.models.export_model.ModelFormat.servo_text`."""
+        names, count = servos.robot.joint_names, None
+        if robot_file is None:
+            step, options, own = _STEP, {"timestep": number(_STEP)}, (*mjcf_notes(servos.robot), *servos.left_out)
+            document = XmlDocument(mjcf_text(servos, ()).encode("utf-8"), self.name)
+            elements = {element.attributes.get("name"): element for element in document.root.all()}
+        else:
+            document, compiled, elements, own = open_mjcf(servos, robot_file)
+            joints, acting = names_of(compiled, "joint"), joint_actuators(compiled)
+            step, options, count = compiled.opt.timestep, {}, [len(acting[joints.index(name)]) for name in names]
+        document.set_child(document.root, "option", {**options, "integrator": "implicitfast"}, first=True)
+        stuck = {"solreffriction": numbers([2.0 * step, 1.0]), "solimpfriction": "0.9999 0.9999 0.001 0.5 2"}
+        for k, name in enumerate(names):
+            friction = number(float(servos.resisting[k]))
+            values = {**joint_values(servos, k), "damping": "0", "frictionloss": friction, **stuck}
+            document.set(_found(elements, name, "joint", document), values)
+        _set_actuators(document, servos, count, step)
+        notes = (*own, *_SERVO_NOTES)
+        return ModelText(document.edited((*servos.comment, *servos.notes, *notes)), notes)
+
+
+_STEP, _LEAST_STEP = 0.001, 0.0001  # of the simulation, and the least that histories of commands are for [s]
+_SERVO_NOTES = (
+    f"{FRICTION}; the solver settings of the joints make it hold what rests",
+    "Fs (Stribeck friction) is in passive actuators, JOINT_stribeck, without a control, of MuJoCo 3.12 or later; "
+    "for earlier ones and for MJX remove them, and add 3/4 of Fs to frictionloss",
+    "K, D and b are gainprm and biasprm of the actuators; D is within their limit of torque, and the joints have none",
+    "the integrator is implicitfast: with Euler the damping of actuators makes light joints unstable",
+    "delay, which is d and half a step more, by which the integrator is early, needs MuJoCo 3.5 or later; until it is "
+    "over, the command is zero, or what mujoco.mj_initCtrlHistory sets",
+    "limits of the set-point (V, A), where there are any, are not in an MJCF: limit the commands",
+)
+
+
+def _set_actuators(document: XmlDocument, servos: ServoRobot, count: list[int] | None, step: float) -> None:
+    """Write the servos in the place of the actuators of a file, of which each joint has a count, or as new ones."""
+    sections, former = list(document.root.below("actuator")), []
+    given: dict[str | None, list[XmlSpan]] = {}
+    for element in (element for section in sections for element in section.children):
+        joint = element.attributes.get("joint", element.attributes.get("jointinparent"))
+        if element.attributes.get("name") == f"{joint}{_PASSIVE}":  # of an earlier export
+            document.replace(element, "")
+            former.append(joint)
+        else:
+            given.setdefault(joint, []).append(element)
+    count = count and [each - (name in former) for name, each in zip(servos.robot.joint_names, count, strict=True)]
+    added = []
+    for k, name in enumerate(servos.robot.joint_names):
+        own = given.get(name, [])
+        if count is not None and not len(own) == count[k] <= 1:
+            raise InputError(
+                f"{document.source}: joint {name!r} has {count[k]} actuators, {len(own)} of them in the file itself; "
+                "leave one in the file, or leave `robot_file` out"
+            )
+        kept = own[0].attributes.get("name", name) if own and count is not None else name
+        text = start("general", _servo(servos, k, step, kept), empty=True)
+        if own:
+            document.replace(own[0], text)
+        else:
+            added.append(text)
+    added += _passive(servos)
+    if added and sections:
+        document.insert_in(sections[0], "\n".join(added))
+    elif added:
+        document.insert_in(document.root, "\n".join(["<actuator>", *(f"  {text}" for text in added), "</actuator>"]))
+
+
+_PASSIVE, _BRISTLE = "_stribeck", 1e-3  # deflection of LuGre's bristles that hold a joint [rad or m]
+
+
+def _passive(servos: ServoRobot) -> list[str]:
+    """Actuators of the friction ``Fs exp(-(dq / v)^2)``, without a control."""
+    return [
+        start(
+            "dcmotor",
+            {
+                "name": f"{name}{_PASSIVE}",
+                "joint": name,
+                "input": "none",
+                "motorconst": "1e-9",  # one that is positive is wanted
+                "resistance": "1",
+                "lugre": numbers([Fs / _BRISTLE, 0.0, 1e-3 * Fs, Fs, STRIBECK_SPEED]),
+            },
+            empty=True,
+        )
+        for name, Fs in zip(servos.robot.joint_names, servos.result.of("Fs"), strict=True)
+        if Fs
+    ]
+
+
+def _servo(servos: ServoRobot, k: int, step: float, name: str) -> dict[str, str]:
+    """Attributes of an actuator with the torque ``clip(K (u(t - d) - q - b) - D dq, -L, L)``."""
+    joint = servos.robot.joint_names[k]
+    K, D, b, d, L = (float(values[k]) for values in (*map(servos.result.of, "KDbd"), servos.result.limit("L")))
+    limited = {"forcelimited": "true", "forcerange": numbers([-L, L])} if np.isfinite(L) else {"forcelimited": "false"}
+    # between two samples, and half a step more, by which the semi-implicit integration is early
+    history = {"delay": number(d + step / 2.0), "nsample": str(ceil(d / _LEAST_STEP) + 2), "interp": "linear"}
+    affine = {"gainprm": numbers([K, 0, 0]), "biastype": "affine", "biasprm": numbers([-K * b, -K, -D])}
+    plain = {"gear": "1", "dyntype": "none", "gaintype": "fixed"}
+    return {"name": name, "joint": joint, **plain, **affine, **limited, **(history if d else {})}
+
 
 _NO_MASS = 1e-9  # of a moving body without inertia, which MuJoCo refuses
 
 
-def mjcf_text(model: IdentifiedModel, lines: tuple[str, ...]) -> str:
+def mjcf_text(model: DrivenRobot, lines: tuple[str, ...]) -> str:
     """The whole document."""
     robot = model.robot
     return "\n".join(
         [
-            comment(lines),
+            *([comment(lines)] if lines else []),
             start("mujoco", {"model": robot.name}),
             "  " + start("compiler", {"angle": "radian", "autolimits": "true", "balanceinertia": "false"}, empty=True),
             "  " + start("option", {"gravity": numbers(robot.gravity)}, empty=True),
@@ -93,12 +198,12 @@ def inertial_values(theta: Array) -> dict[str, str]:
     return {"pos": numbers(centre), "mass": number(mass), "fullinertia": numbers(full)}
 
 
-def joint_values(model: IdentifiedModel, joint: int) -> dict[str, str]:
+def joint_values(model: DrivenRobot, joint: int) -> dict[str, str]:
     """Attributes of a joint that hold its drive's rotor inertia and friction, those that the model knows."""
     return stated(armature=model.armature(joint), damping=model.damping(joint), frictionloss=model.friction(joint))
 
 
-def _bodies(model: IdentifiedModel) -> Iterator[str]:
+def _bodies(model: DrivenRobot) -> Iterator[str]:
     robot = model.robot
     for k, (joint, link) in enumerate(zip(robot.joints, robot.links, strict=True)):
         indent = "    " + "  " * k
@@ -113,7 +218,7 @@ def _bodies(model: IdentifiedModel) -> Iterator[str]:
         yield "    " + "  " * k + "</body>"
 
 
-def _joint(model: IdentifiedModel, k: int, joint: Joint) -> dict[str, str]:
+def _joint(model: DrivenRobot, k: int, joint: Joint) -> dict[str, str]:
     limits = model.robot.limits
     attributes = {
         "name": joint.name,
@@ -127,7 +232,7 @@ def _joint(model: IdentifiedModel, k: int, joint: Joint) -> dict[str, str]:
     return {**attributes, **joint_values(model, k)}
 
 
-def _tendons(model: IdentifiedModel) -> Iterator[str]:
+def _tendons(model: DrivenRobot) -> Iterator[str]:
     """Drives that move several joints, as tendons whose length is the drive coordinate."""
     coupled = [drive for drive in model.drives if drive.joint is None and np.any(drive.row)]
     if coupled:
@@ -151,8 +256,19 @@ def _motors(robot: Robot) -> Iterator[str]:
     yield "  </actuator>"
 
 
-def mjcf_copy(model: IdentifiedModel, file: Path) -> tuple[XmlDocument, tuple[str, ...]]:
+def mjcf_copy(model: DrivenRobot, file: Path) -> tuple[XmlDocument, tuple[str, ...]]:
     """Write the parameters of a model into a user's MJCF."""
+    document, compiled, elements, notes = open_mjcf(model, file)
+    joints = names_of(compiled, "joint")
+    for k, name in enumerate(model.robot.joint_names):
+        if values := joint_values(model, k):
+            element = _found(elements, name, "joint", document)
+            document.set(element, _without_actuators(values, compiled, joints.index(name)))
+    return document, notes
+
+
+def open_mjcf(model: DrivenRobot, file: Path) -> tuple[XmlDocument, Any, dict[str | None, XmlSpan], tuple[str, ...]]:
+    """A user's MJCF with the inertia of a model, MuJoCo's model of the file, its elements of joints, and notes."""
     if xml_kind(str(file)) != MJCF:
         raise InputError(f"{str(file)!r} is no MJCF; leave `robot_file` out, and a new MJCF is written")
     compiled, tree = tree_of_mjcf(file, snap_angles=False)
@@ -173,13 +289,8 @@ def mjcf_copy(model: IdentifiedModel, file: Path) -> tuple[XmlDocument, tuple[st
         _set_inertial(document, _found(bodies, body, "body", document), theta, _anchor(compiled, body))
 
     notes = share_inertia(tree, chain, model, write)
-    joints = names_of(compiled, "joint")
     elements = {e.attributes.get("name"): e for body in every_body for e in body.below("joint")}
-    for k, name in enumerate(model.robot.joint_names):
-        if values := joint_values(model, k):
-            own = _without_actuators(values, compiled, joints.index(name))
-            document.set(_found(elements, name, "joint", document), own)
-    return document, tuple(notes)
+    return document, compiled, elements, tuple(notes)
 
 
 def _found(elements: dict[str | None, XmlSpan], name: str, kind: str, document: XmlDocument) -> XmlSpan:

@@ -1,8 +1,9 @@
-"""Identified models as plain data: robot YAML, actuators of Isaac Lab, arrays, and tables as CSV, LaTeX, Markdown.
+"""Identified models as plain data: robot YAML, actuators of Isaac Lab, BAM, arrays, tables as CSV, LaTeX, Markdown.
 
 Isaac Lab 2.3 documentation, ``isaaclab.actuators.ImplicitActuatorCfg``: ``joint_names_expr``, ``effort_limit_sim``,
 ``velocity_limit_sim``, ``armature``, ``friction`` (static), ``dynamic_friction`` and ``viscous_friction``, each by
-joint name; from Isaac Sim 5.0 on the frictions are efforts [Nm or N], the viscous one [Nm s/rad or N s/m].
+joint name; from Isaac Sim 5.0 on the frictions are efforts [Nm or N], the viscous one [Nm s/rad or N s/m]. An explicit
+`DelayedPDActuatorCfg` has ``effort_limit`` beside, and ``min_delay`` and ``max_delay`` in steps of the physics.
 
 Pinocchio's `Inertia` has mass, lever (the centre of mass) and rotational inertia about it; `toDynamicParameters` is
 (m, mcx, mcy, mcz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz) about the joint's frame. `Model.rotorInertia`, `rotorGearRatio`,
@@ -16,7 +17,7 @@ import io
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,10 @@ from excite.export.models.identified_model import (
     IdentifiedModel,
 )
 from excite.export.models.robot_yaml import robot_text
+from excite.export.models.servo_model import FRICTION, ServoRobot
+from excite.identification.servo_response import STRIBECK_SPEED
 from excite.storage.records import zipped_arrays
+from regressors.errors import InputError, listed_names
 from regressors.models.reduction import inertial_columns
 from regressors.readers.documents import yaml_float
 from regressors.robot.columns import COULOMB, ROTOR, VISCOUS, drive_column
@@ -53,6 +57,26 @@ class YamlFormat(ModelFormat):
         """See `excite.export.models.export_model.ModelFormat.text`."""
         robot = model.robot.replace(source=f"{model.described.source}, with identified parameters")
         return ModelText("".join(f"# {line}\n" for line in comment) + robot_text(robot))
+
+    def servo_text(self, servos: ServoRobot, robot_file: Path | None = None) -> ModelText:
+        """See `excite.export.models.export_model.ModelFormat.servo_text`: not a robot, but every quantity by name."""
+        lines = [f"# {line}" for line in (servos.comment[0], _EQUATIONS, *servos.notes)]
+        lines += [f"robot: {json.dumps(servos.robot.name)}", f"stribeck_speed: {STRIBECK_SPEED}", "servos:"]
+        rows = zip(servos.result.stated.items(), servos.result.known.tolist(), strict=True)
+        for (joint, quantities), known in rows:
+            lines.append(f"  {json.dumps(joint)}:")
+            for (name, each), shown in zip(quantities.items(), known, strict=True):
+                value, half = (_yaml(each[key]) for key in ("value", "half_width"))
+                ends = f"unit: {each['unit']}, known: {str(shown).lower()}"
+                lines.append(f"    {name}: {{symbol: {each['symbol']}, value: {value}, half_width: {half}, {ends}}}")
+        return ModelText("\n".join([*lines, ""]))
+
+
+_EQUATIONS = "the equations of these quantities are those of excite.identification.servo_response"
+
+
+def _yaml(value: float) -> str:
+    return yaml_float(value) if math.isfinite(value) else ".inf"
 
 
 _NOTES = (
@@ -82,15 +106,101 @@ class IsaacFormat(ModelFormat):
             "dynamic_friction": friction,
             "viscous_friction": [model.damping(k) for k in range(robot.n)],
         }
-        names = [json.dumps(re.escape(name), ensure_ascii=False) for name in robot.joint_names]
-        lines = [f"# {line}" for line in (*comment, *_NOTES)]
-        lines += ["actuators:", "  identified:", "    class_type: ImplicitActuatorCfg"]
-        lines += [f"    joint_names_expr: [{', '.join(names)}]", "    stiffness: null", "    damping: null"]
-        for field, values in columns.items():
-            rows = zip(names, values, strict=True)
-            known = [f"      {name}: {yaml_float(x + 0.0)}" for name, x in rows if x is not None and math.isfinite(x)]
-            lines += [f"    {field}:", *known] if known else []
+        lines = [*(f"# {line}" for line in (*comment, *_NOTES)), "actuators:"]
+        free = ("    stiffness: null", "    damping: null")
+        lines += _actuators("identified", "ImplicitActuatorCfg", robot.joint_names, columns, *free)
         return ModelText("\n".join([*lines, ""]), _NOTES)
+
+    def servo_text(self, servos: ServoRobot, robot_file: Path | None = None) -> ModelText:
+        """See `excite.export.models.export_model.ModelFormat.servo_text`."""
+        result, limits, names = servos.result, servos.robot.limits, servos.robot.joint_names
+        columns: dict[str, list[float | None]] = {
+            "stiffness": result.of("K").tolist(),
+            "damping": result.of("D").tolist(),
+            "effort_limit_sim": limits.torque.tolist(),
+            "velocity_limit_sim": limits.velocity.tolist(),
+            "armature": result.of("J").tolist(),
+            "friction": (servos.resisting + result.of("Fs")).tolist(),
+            "dynamic_friction": servos.resisting.tolist(),
+        }
+        notes = (_NOTES[0], *_SERVO_NOTES, _NOTES[2])
+        lines = [f"# {line}" for line in (*servos.comment, *servos.notes, *notes)]
+        lines += ["actuators:", *_actuators("servos", "ImplicitActuatorCfg", names, columns), "delayed_actuators:"]
+        steps = np.round(result.of("d") / _STEP).astype(int)
+        explicit = {"effort_limit": columns["effort_limit_sim"], **columns}
+        for count in np.unique(steps).tolist():
+            late = [k for k in range(servos.robot.n) if steps[k] == count]
+            own = {field: [values[k] for k in late] for field, values in explicit.items()}
+            delay = (f"    min_delay: {count}", f"    max_delay: {count}")
+            group = f"servos_{count}", "DelayedPDActuatorCfg", [names[k] for k in late]
+            lines += _actuators(*group, own, *delay)
+        return ModelText("\n".join([*lines, ""]), notes)
+
+
+_STEP = 0.005  # of the physics, by which delays are counted [s]
+_SERVO_NOTES = (
+    "take the group actuators, which has no delay, or in its place delayed_actuators, whose delays are counted in "
+    f"steps of {_STEP:g} s of the physics; these are explicit, and unstable where a step is above 2 J / D, unless the "
+    "arm adds inertia",
+    f"{FRICTION}; what holds a joint has Fs (Stribeck friction) beside",
+    "the offset b is not in an actuator configuration: subtract it from the commands",
+)
+
+
+def _actuators(
+    group: str, kind: str, joints: Sequence[str], columns: Mapping[str, Sequence[float | None]], *further: str
+) -> list[str]:
+    """Lines of a configuration of actuators of some joints."""
+    names = [json.dumps(re.escape(name), ensure_ascii=False) for name in joints]
+    lines = [f"  {group}:", f"    class_type: {kind}", f"    joint_names_expr: [{', '.join(names)}]", *further]
+    for field, values in columns.items():
+        rows = zip(names, values, strict=True)
+        known = [f"      {name}: {yaml_float(x + 0.0)}" for name, x in rows if x is not None and math.isfinite(x)]
+        lines += [f"    {field}:", *known] if known else []
+    return lines
+
+
+_BAM = {"Fc": "friction_base", "Fs": "friction_stribeck", "mu": "load_friction_external", "J": "armature"}
+_BAM |= {"d": "command_delay", "K": "K", "D": "D"}
+_BAM_NOTES = (
+    "friction is that of BAM's model m5 by the external torque alone",
+    "no motion shows kt and R of BAM, nor what of D is friction: write the name of your servo in BAM as actuator, and "
+    "values with vin kp error_gain error_gain_ratio kt / R = K, vin max_pwm kt / R = L and "
+    "kt^2 / R + friction_viscous = D; all such values move alike, and BAM fails where there are none",
+    "BAM has no dead band, and its q_offset turns the arm against gravity, which the offset b of a command does not: "
+    "subtract b from the commands",
+)
+
+
+class BamFormat(ModelFormat):
+    """Parameters of BAM's friction model m5, by servo.
+
+    Rhoban, Better Actuator Models, ``bam/model.py`` (`Model.compute_frictions`, `load_model_from_dict`): names that the
+    model does not have are ignored, those that are not given keep the values of the actuator.
+    """
+
+    name = "BAM"
+    expresses = frozenset()
+
+    def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:
+        """Refuse what is not of servos."""
+        raise InputError("BAM holds servos, and this result is of torques: identify with the model servo")
+
+    def servo_text(self, servos: ServoRobot, robot_file: Path | None = None) -> ModelText:
+        """See `excite.export.models.export_model.ModelFormat.servo_text`."""
+        if linear := [joint.name for joint in servos.robot.joints if joint.kind == "prismatic"]:
+            raise InputError(f"BAM's servos turn, and {listed_names(linear)} slides; choose mjcf, urdf, isaac or yaml")
+        filled = {"model": "m5", "actuator": None, "kt": None, "R": None, "friction_viscous": None, "q_offset": 0.0}
+        filled |= {"dtheta_stribeck": STRIBECK_SPEED, "alpha": 2.0, "load_friction_motor": 0.0}
+        filled |= {"load_friction_motor_stribeck": 0.0, "load_friction_external_stribeck": 0.0}
+        columns = {name: servos.result.of(symbol) for symbol, name in _BAM.items()}
+        columns |= {"L": servos.result.limit("L"), "max_velocity": servos.result.limit("V")}
+        each = {
+            joint: filled | {name: float(x[k]) for name, x in columns.items() if np.isfinite(x[k])}
+            for k, joint in enumerate(servos.robot.joint_names)
+        }
+        content = {"source": servos.comment, "notes": (*servos.notes, *_BAM_NOTES), "servos": each}
+        return ModelText(json.dumps(content, indent=1, ensure_ascii=False) + "\n", _BAM_NOTES)
 
 
 _PINOCCHIO = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]  # its order of the ten parameters

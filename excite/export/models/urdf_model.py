@@ -13,7 +13,8 @@ import numpy as np
 
 from excite.export.models.export_model import ModelFormat, ModelText
 from excite.export.models.exported_model import about_centre, number, numbers, rpy_of, stated
-from excite.export.models.identified_model import IdentifiedModel
+from excite.export.models.identified_model import DrivenRobot, IdentifiedModel
+from excite.export.models.servo_model import FRICTION, ServoRobot
 from excite.export.models.xml_copy import XmlDocument, XmlSpan, chain_in, comment, pose_error, share_inertia, start
 from regressors.errors import reading
 from regressors.input_files import read_bytes
@@ -43,12 +44,37 @@ class UrdfFormat(ModelFormat):
         notes = (*urdf_notes(model.robot), *self.further)
         return ModelText(urdf_text(model, (*comment, *notes), self.drives(model), self.namespace), notes)
 
-    def drives(self, model: IdentifiedModel) -> tuple[str, ...]:
+    def servo_text(self, servos: ServoRobot, robot_file: Path | None = None) -> ModelText:
+        """See `excite.export.models.export_model.ModelFormat.servo_text`."""
+        own = (*_SERVO_NOTES, *self.further)
+        if robot_file is None:
+            notes = (*urdf_notes(servos.robot), *servos.left_out, *own)
+            lines = (*servos.comment, *servos.notes, *notes)
+            return ModelText(urdf_text(servos, lines, self.drives(servos), self.namespace), notes)
+        document, notes = urdf_copy(servos, robot_file)
+        self.add_drives(document, servos)
+        found = servos.result.limit("L"), servos.result.limit("V")
+        joints = {element.attributes.get("name"): element for element in document.root.below("joint")}
+        for name, effort, velocity in zip(servos.robot.joint_names, *found, strict=True):
+            known = {"effort": effort, "velocity": velocity}
+            if limits := {key: number(value) for key, value in known.items() if np.isfinite(value)}:
+                document.set_child(joints[name], "limit", limits)
+        notes = (*notes, *own)
+        return ModelText(document.edited((*servos.comment, *servos.notes, *notes)), notes)
+
+    def drives(self, model: DrivenRobot) -> tuple[str, ...]:
         """Elements of the drives, behind the joints."""
         return ()
 
-    def add_drives(self, document: XmlDocument, model: IdentifiedModel) -> None:
+    def add_drives(self, document: XmlDocument, model: DrivenRobot) -> None:
         """Write what is known of the drives into a user's file."""
+
+
+_SERVO_NOTES = (
+    f"{FRICTION}, and, since a URDF has no other, 3/4 of Fs (Stribeck friction)",
+    "damping is D of the servo: give a position controller of the simulator the stiffness K, and no damping of its own",
+    "a URDF has no place for K, b and d, and a plain one none for J: they are in the comment of the file",
+)
 
 
 class DrakeFormat(UrdfFormat):
@@ -67,11 +93,11 @@ class DrakeFormat(UrdfFormat):
         "written for programs that read it",
     )
 
-    def drives(self, model: IdentifiedModel) -> tuple[str, ...]:
+    def drives(self, model: DrivenRobot) -> tuple[str, ...]:
         """A transmission of every joint."""
         return tuple(_transmission(model, k) for k in range(model.robot.n))
 
-    def add_drives(self, document: XmlDocument, model: IdentifiedModel) -> None:
+    def add_drives(self, document: XmlDocument, model: DrivenRobot) -> None:
         """Rotor inertia and gear ratio in the transmissions of the file, or in new ones."""
         with_rotors = {k: rotor for k in range(model.robot.n) if (rotor := _rotor(model, k))}
         if with_rotors:
@@ -90,7 +116,7 @@ class DrakeFormat(UrdfFormat):
                 document.set_child(actuator, tag, {"value": value})
 
 
-def _transmission(model: IdentifiedModel, joint: int) -> str:
+def _transmission(model: DrivenRobot, joint: int) -> str:
     name = model.robot.joint_names[joint]
     rotor = [f"    {start(tag, {'value': value}, empty=True)}" for tag, value in _rotor(model, joint).items()]
     return "\n".join(
@@ -108,7 +134,7 @@ def _transmission(model: IdentifiedModel, joint: int) -> str:
     )
 
 
-def _rotor(model: IdentifiedModel, joint: int) -> dict[str, str]:
+def _rotor(model: DrivenRobot, joint: int) -> dict[str, str]:
     """Rotor inertia and gear ratio of a joint: those of its only drive, or all reflected behind a gear of ratio 1."""
     drives = [drive for drive in model.joint_drives(joint) if drive.reflected is not None]
     if not drives:
@@ -125,7 +151,7 @@ _STANDARD = 9.81
 
 
 def urdf_text(
-    model: IdentifiedModel, lines: tuple[str, ...], drives: tuple[str, ...], attributes: Mapping[str, str]
+    model: DrivenRobot, lines: tuple[str, ...], drives: tuple[str, ...], attributes: Mapping[str, str]
 ) -> str:
     """The whole document."""
     robot = model.robot
@@ -225,12 +251,12 @@ def _inertial(theta: Array | None) -> Iterator[str]:
         yield "  </inertial>"
 
 
-def dynamics_attributes(model: IdentifiedModel, joint: int) -> dict[str, str]:
+def dynamics_attributes(model: DrivenRobot, joint: int) -> dict[str, str]:
     """Attributes of ``<dynamics>`` of a joint, those that the model knows."""
     return stated(damping=model.damping(joint), friction=model.friction(joint))
 
 
-def _joint(model: IdentifiedModel, k: int, joint: Joint, parent: str) -> Iterator[str]:
+def _joint(model: DrivenRobot, k: int, joint: Joint, parent: str) -> Iterator[str]:
     limits, robot = model.robot.limits, model.robot
     bounded = bool(np.isfinite(limits.lower[k]))
     kind = "prismatic" if joint.kind == "prismatic" else "revolute" if bounded else "continuous"
@@ -253,7 +279,7 @@ def _joint(model: IdentifiedModel, k: int, joint: Joint, parent: str) -> Iterato
 _NEAR = 1e-9  # of a pose that is the same
 
 
-def urdf_copy(model: IdentifiedModel, file: Path) -> tuple[XmlDocument, tuple[str, ...]]:
+def urdf_copy(model: DrivenRobot, file: Path) -> tuple[XmlDocument, tuple[str, ...]]:
     """Write the parameters of a model into a user's URDF."""
     with reading(repr(str(file))):
         content = read_bytes(file)

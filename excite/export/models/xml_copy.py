@@ -14,7 +14,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from excite.export.models.identified_model import IdentifiedModel
+from excite.export.models.identified_model import DrivenRobot
 from excite.export.models.nearest_bodies import held_note, own_part
 from regressors.errors import InputError, shortened
 from regressors.readers.chain_ends import carried, kind_of
@@ -157,6 +157,10 @@ class XmlDocument:
         """Replace the start tag of an element, or the whole of one without content."""
         self._edits.append((element.begin, element.inner, self.bytes_of(text)))
 
+    def replace(self, element: XmlSpan, text: str) -> None:
+        """Replace an element and all that it holds."""
+        self._edits.append((element.begin, element.end, self.bytes_of(text)))
+
     def insert_before(self, element: XmlSpan, text: str) -> None:
         """Insert lines in front of an element."""
         self._edits.append((element.begin, element.begin, self.bytes_of(f"{text}\n{self.indent_of(element)}")))
@@ -245,7 +249,7 @@ def _distance(path: list[TreeJoint], joint: Joint) -> float:
 
 
 def share_inertia(
-    tree: UrdfTree, chain: list[TreeJoint], model: IdentifiedModel, write: Callable[[str, Array, float], None]
+    tree: UrdfTree, chain: list[TreeJoint], model: DrivenRobot, write: Callable[[str, Array, float], None]
 ) -> list[str]:
     """Write the inertia of every link whose group moved; the others of a group keep theirs, or a factor of theirs."""
     names, notes = {joint.name for joint in chain}, []

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from commands import Here
 from recordings import so101_folder
-from servo_arm import URDF, servo_log
+from servo_arm import URDF, servo_log, true_servos
 
 from excite.logs.log_reading import write_log
 
@@ -65,6 +65,31 @@ def test_logs_without_commands_are_refused_in_words(here: Here) -> None:
     (here.cwd / "small.urdf").write_text(URDF, encoding="utf-8")
     refused = here.refused("identify", "small.urdf", "run.csv", "--model", "servo", "--out", "servos")
     assert "run.csv has no commanded positions, which the model servo needs: columns NAME.command" in refused
+
+
+SERVO_FORMATS = ("mjcf", "urdf", "drake", "isaac", "yaml", "bam")
+
+
+def test_servos_are_exported(here: Here) -> None:
+    true_servos().save(here.cwd / "servos")
+    for form in SERVO_FORMATS:
+        ended = here.run("export", "servos", "--format", form, "--out", f"arm.{form}")
+        assert ended.returncode == 0, ended.stderr
+        assert ended.stdout.startswith(f"3 servos exported as {form}\nservos: lift, elbow, roll\n")
+        assert (here.cwd / f"arm.{form}").exists()
+    for options, words in {
+        "--format csv": "CSV does not hold servos; choose mjcf",
+        "--format krl": "krl is a format of motions",
+        "--format mjcf --rate 50": "--rate",
+        "--format mjcf --samples 3": "--samples is for the result of torques, and DIR holds servos",
+        "--format mjcf --robot-file a.urdf": "takes one that ends in .xml, .mjcf",
+    }.items():
+        assert words in here.refused("export", "servos", *options.split(), "--out", "new.xml")
+    (here.cwd / "servos" / "result.json").write_text("{}", encoding="utf-8")
+    assert "name servos/result.json or servos/servos.json" in here.refused(
+        "export", "servos", "--format", "mjcf", "--out", "new.xml"
+    )
+    assert here.run("export", "servos/servos.json", "--format", "mjcf", "--out", "new.xml").returncode == 0
 
 
 @pytest.mark.slow

@@ -29,7 +29,7 @@ from regressors.robot.friction.curve import CoulombViscous, Stribeck, TableFrict
 from regressors.robot.friction.curves import FrictionCurves, Side
 from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm
 
-FORMATS = tuple(BUILT_IN["model format"])
+FORMATS = tuple(name for name in BUILT_IN["model format"] if name != "bam")  # which is of servos alone
 SIMULATORS = ("urdf", "mjcf", "drake", "isaac", "yaml", "npz")
 SCARA = Path(__file__).resolve().parents[3] / "arms" / "scara.urdf"
 FEW = {"joints": ("2", "3", "5")}  # quick
