@@ -132,11 +132,16 @@ class ServoResult:
         """One quantity of all servos, shape (n,)."""
         return np.asarray(self.values[:, SYMBOLS.index(symbol)])
 
-    def limit(self, symbol: str) -> Array:
-        """One limit of all servos, shape (n,); infinite where the logs do not reach it or it does not exist."""
-        if symbol not in SYMBOLS:
-            return np.full(len(self.values), np.inf)
-        return np.where(self.of(symbol) < QUANTITIES[SYMBOLS.index(symbol)].most, self.of(symbol), np.inf)
+    @property
+    def torque_limit(self) -> Array:
+        """L of all servos, shape (n,); infinite where the logs do not reach it."""
+        L = self.of("L")
+        return np.where(QUANTITIES[SYMBOLS.index("L")].most > L, L, np.inf)
+
+    @property
+    def speed_limit(self) -> Array:
+        """At which damping takes all of the torque limit, ``L / D``, shape (n,); infinite where none is reached."""
+        return np.asarray(self.torque_limit / np.maximum(self.of("D"), 1e-12))
 
     def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
         """Write ``servos.json`` into a folder, made if it does not exist.

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import PurePath
 
-from excite.identification.servo_response import QUANTITIES, Quantity
+import numpy as np
+
+from excite.identification.servo_response import QUANTITIES, SYMBOLS, Quantity
 from excite.identification.servo_result import MotionFit, ServoResult, unit_of
 from excite.verification.verify_servos import ServoVerification
 from excite.views.view import Column, Drawing, View, ViewTable, headed, texts
@@ -42,13 +44,21 @@ def _shown(result: ServoResult) -> ViewTable:
     columns = (
         *texts("joint", brief=True),
         *(Column(f"{q.symbol} [{unit}]", brief=q.symbol in _BRIEF) for q, unit in zip(QUANTITIES, units, strict=True)),
+        Column("L/D [rad/s or m/s]" if linear else "L/D [rad/s]"),
     )
+    speeds = np.where(result.known[:, [SYMBOLS.index(s) for s in "DL"]].all(axis=1), result.speed_limit, np.nan)
     rows = tuple(
-        (joint.name, *(value if known else None for value, known in zip(values.tolist(), shown, strict=True)))
-        for joint, values, shown in zip(result.robot.joints, result.values, result.known, strict=True)
+        (joint.name, *(value if known else None for value, known in zip(values, shown, strict=True)))
+        for joint, values, shown in zip(
+            result.robot.joints,
+            np.column_stack([result.values, speeds]).tolist(),
+            np.column_stack([result.known, np.isfinite(speeds)]),
+            strict=True,
+        )
     )
     named = ", ".join(f"{q.symbol} {q.name}" for q in QUANTITIES)
-    return ViewTable("servos", "What the logs show of each servo", columns, rows, note=f"{named}; - is not shown")
+    note = f"{named}, L/D speed limit; - is not shown"
+    return ViewTable("servos", "What the logs show of each servo", columns, rows, note=note)
 
 
 def _quantities(result: ServoResult) -> ViewTable:

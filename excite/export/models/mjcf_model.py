@@ -69,7 +69,7 @@ class MjcfFormat(ModelFormat):
         stuck = {"solreffriction": numbers([2.0 * step, 1.0]), "solimpfriction": "0.9999 0.9999 0.001 0.5 2"}
         for k, name in enumerate(names):
             friction = number(float(servos.resisting[k]))
-            values = {**joint_values(servos, k), "damping": "0", "frictionloss": friction, **stuck}
+            values = {**joint_values(servos, k), "frictionloss": friction, **stuck}
             document.set(_found(elements, name, "joint", document), values)
         _set_actuators(document, servos, count, step)
         notes = (*own, *_SERVO_NOTES)
@@ -81,11 +81,9 @@ _SERVO_NOTES = (
     f"{FRICTION}; the solver settings of the joints make it hold what rests",
     "Fs (Stribeck friction) is in passive actuators, JOINT_stribeck, without a control, of MuJoCo 3.12 or later; "
     "for earlier ones and for MJX remove them, and add 3/4 of Fs to frictionloss",
-    "K, D and b are gainprm and biasprm of the actuators; D is within their limit of torque, and the joints have none",
-    "the integrator is implicitfast: with Euler the damping of actuators makes light joints unstable",
+    "K and b are gainprm and biasprm of the actuators; D is the damping of the joints, beyond any limit of torque",
     "delay, which is d and half a step more, by which the integrator is early, needs MuJoCo 3.5 or later; until it is "
     "over, the command is zero, or what mujoco.mj_initCtrlHistory sets",
-    "limits of the set-point (V, A), where there are any, are not in an MJCF: limit the commands",
 )
 
 
@@ -146,13 +144,13 @@ def _passive(servos: ServoRobot) -> list[str]:
 
 
 def _servo(servos: ServoRobot, k: int, step: float, name: str) -> dict[str, str]:
-    """Attributes of an actuator with the torque ``clip(K (u(t - d) - q - b) - D dq, -L, L)``."""
+    """Attributes of an actuator with the torque ``clip(K (u(t - d) - q - b), -L, L)``."""
     joint = servos.robot.joint_names[k]
-    K, D, b, d, L = (float(values[k]) for values in (*map(servos.result.of, "KDbd"), servos.result.limit("L")))
+    K, b, d, L = (float(values[k]) for values in (*map(servos.result.of, "Kbd"), servos.result.torque_limit))
     limited = {"forcelimited": "true", "forcerange": numbers([-L, L])} if np.isfinite(L) else {"forcelimited": "false"}
     # between two samples, and half a step more, by which the semi-implicit integration is early
     history = {"delay": number(d + step / 2.0), "nsample": str(ceil(d / _LEAST_STEP) + 2), "interp": "linear"}
-    affine = {"gainprm": numbers([K, 0, 0]), "biastype": "affine", "biasprm": numbers([-K * b, -K, -D])}
+    affine = {"gainprm": numbers([K, 0, 0]), "biastype": "affine", "biasprm": numbers([-K * b, -K, 0])}
     plain = {"gear": "1", "dyntype": "none", "gaintype": "fixed"}
     return {"name": name, "joint": joint, **plain, **affine, **limited, **(history if d else {})}
 

@@ -116,12 +116,13 @@ class IsaacFormat(ModelFormat):
         result, limits, names = servos.result, servos.robot.limits, servos.robot.joint_names
         columns: dict[str, list[float | None]] = {
             "stiffness": result.of("K").tolist(),
-            "damping": result.of("D").tolist(),
+            "damping": [0.0] * servos.robot.n,
             "effort_limit_sim": limits.torque.tolist(),
             "velocity_limit_sim": limits.velocity.tolist(),
             "armature": result.of("J").tolist(),
             "friction": (servos.resisting + result.of("Fs")).tolist(),
             "dynamic_friction": servos.resisting.tolist(),
+            "viscous_friction": result.of("D").tolist(),
         }
         notes = (_NOTES[0], *_SERVO_NOTES, _NOTES[2])
         lines = [f"# {line}" for line in (*servos.comment, *servos.notes, *notes)]
@@ -140,8 +141,7 @@ class IsaacFormat(ModelFormat):
 _STEP = 0.005  # of the physics, by which delays are counted [s]
 _SERVO_NOTES = (
     "take the group actuators, which has no delay, or in its place delayed_actuators, whose delays are counted in "
-    f"steps of {_STEP:g} s of the physics; these are explicit, and unstable where a step is above 2 J / D, unless the "
-    "arm adds inertia",
+    f"steps of {_STEP:g} s of the physics; these are explicit",
     f"{FRICTION}; what holds a joint has Fs (Stribeck friction) beside",
     "the offset b is not in an actuator configuration: subtract it from the commands",
 )
@@ -194,7 +194,7 @@ class BamFormat(ModelFormat):
         filled |= {"dtheta_stribeck": STRIBECK_SPEED, "alpha": 2.0, "load_friction_motor": 0.0}
         filled |= {"load_friction_motor_stribeck": 0.0, "load_friction_external_stribeck": 0.0}
         columns = {name: servos.result.of(symbol) for symbol, name in _BAM.items()}
-        columns |= {"L": servos.result.limit("L"), "max_velocity": servos.result.limit("V")}
+        columns |= {"L": servos.result.torque_limit, "max_velocity": servos.result.speed_limit}
         each = {
             joint: filled | {name: float(x[k]) for name, x in columns.items() if np.isfinite(x[k])}
             for k, joint in enumerate(servos.robot.joint_names)

@@ -88,7 +88,7 @@ def servo_robot(result: ServoResult, sha256: str | None) -> ServoRobot:
         ModelDrive(k + 1, name, rows[k], ConstantRatio(), True, float(J[k]), float(friction[k]), float(D[k]))
         for k, name in enumerate(robot.joint_names)
     ]
-    torque, speed = result.limit("L"), np.minimum(result.limit("V"), robot.limits.velocity)
+    torque, speed = result.torque_limit, np.minimum(result.speed_limit, robot.limits.velocity)
     limits = replace(robot.limits, torque=np.where(np.isfinite(torque), torque, robot.limits.torque), velocity=speed)
     program = f"{PACKAGE} {version(PACKAGE)}"
     source = "servos that were not saved" if sha256 is None else f"servos.json with SHA-256 {sha256}"

@@ -53,7 +53,8 @@ class UrdfFormat(ModelFormat):
             return ModelText(urdf_text(servos, lines, self.drives(servos), self.namespace), notes)
         document, notes = urdf_copy(servos, robot_file)
         self.add_drives(document, servos)
-        found = servos.result.limit("L"), servos.result.limit("V")
+        speed = np.where(np.isfinite(servos.result.speed_limit), servos.robot.limits.velocity, np.inf)
+        found = servos.result.torque_limit, speed
         joints = {element.attributes.get("name"): element for element in document.root.below("joint")}
         for name, effort, velocity in zip(servos.robot.joint_names, *found, strict=True):
             known = {"effort": effort, "velocity": velocity}

@@ -65,9 +65,9 @@ def test_mujoco_is_told_what_the_servos_are(tmp_path: Path) -> None:
     model, told = in_mujoco(true_servos(), tmp_path), truth()
     np.testing.assert_allclose(model.dof_armature, told.J)
     np.testing.assert_allclose(model.dof_frictionloss, told.Fc)
-    np.testing.assert_array_equal(model.dof_damping, 0.0)  # within the limit of torque it is the actuator's
+    np.testing.assert_allclose(model.dof_damping, told.D)  # outside the limit of torque
     np.testing.assert_allclose(model.actuator_gainprm[:, 0], told.K)
-    np.testing.assert_allclose(model.actuator_biasprm[:, :3], np.column_stack([told.K * told.b, -told.K, -told.D]))
+    np.testing.assert_allclose(model.actuator_biasprm[:, :3], np.column_stack([told.K * told.b, -told.K, 0 * told.D]))
     np.testing.assert_allclose(model.actuator_forcerange, np.column_stack([-told.L, told.L]))
     np.testing.assert_allclose(model.actuator_delay, told.d + 0.0005)  # half a step
     assert (model.actuator_history[:, 0] * 0.0001 > told.d).all()  # enough where steps are made shorter
@@ -198,7 +198,7 @@ def test_isaac_labs_groups_have_delays_in_steps(tmp_path: Path) -> None:
     (late,) = content["delayed_actuators"].values()
     assert (group["class_type"], late["class_type"]) == ("ImplicitActuatorCfg", "DelayedPDActuatorCfg")
     assert late["min_delay"] == late["max_delay"] == 4  # 22 ms
-    for field, values in {"stiffness": truth().K, "damping": truth().D, "armature": truth().J}.items():
+    for field, values in {"stiffness": truth().K, "viscous_friction": truth().D, "armature": truth().J}.items():
         assert group[field] == late[field] == dict(zip(JOINTS, values.tolist(), strict=True))
     assert set(group["effort_limit_sim"].values()) == set(late["effort_limit"].values()) == {4.0}
     assert group["friction"]["lift"] == pytest.approx(0.22)
