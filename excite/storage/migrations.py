@@ -407,6 +407,14 @@ def _log_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Co
     return {**begun, **unknown, "settings": {}, "truth": {}, **content}, arrays
 
 
+def _servos_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+    """The limit of torque was of spring and damping together; that of the spring alone is not known from it."""
+    values = [[*each[:-1], 1e5] for each in content["values"]]
+    half_width = [[*each[:-1], "inf"] for each in content["half_width"]]
+    note = "the limits of torque were of another form and are left out: identify again where a servo reaches its limit"
+    return {**content, "values": values, "half_width": half_width, "notes": [*content["notes"], note]}, arrays
+
+
 # of each kind, what makes a file of schema 1, 2, ... one of the next; today's number is one more than there are
 _MIGRATIONS: dict[str, tuple[Migration, ...]] = {
     "accuracy": (_accuracy_2,),
@@ -422,7 +430,7 @@ _MIGRATIONS: dict[str, tuple[Migration, ...]] = {
     "precision": (_precision_2,),
     "result": (_result_2,),
     "servo-verification": (),
-    "servos": (),
+    "servos": (_servos_2,),
     "study": (_study_2,),
     "verification": (_verification_2,),
 }

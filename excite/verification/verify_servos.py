@@ -162,7 +162,11 @@ class ServoVerification:
             )
         if not self.confirmed:
             return "Nothing is shown: no joint moves enough in this log"
-        return f"The servos of {listed_names(self.confirmed)} predict this motion: you can rely on them for its kind"
+        worst = max((fit for fit in self.fits if fit.moves), key=lambda fit: fit.position_error / fit.travel)
+        return (
+            f"The servos of {listed_names(self.confirmed)} predict this motion within {worst.position_error:.2g} "
+            f"{worst.unit} ({worst.joint}) or better: you can rely on them for its kind"
+        )
 
     def stored(self) -> ServoVerification:
         """What a file keeps: seven digits of the curves, and of long ones a part of their instants."""

@@ -165,3 +165,15 @@ def test_a_file_holds_the_same_record_bit_for_bit(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="servos"):
         result.save(tmp_path / "servos")
     result.save(tmp_path / "servos", replace=True)
+
+
+def test_servos_of_the_first_schema_are_read_without_their_limits_of_torque(tmp_path: Path) -> None:
+    (path,) = true_servos().save(tmp_path / "servos")
+    text = path.read_text(encoding="utf-8")
+    assert '"excite.servos/2"' in text
+    (older := tmp_path / "servos.json").write_text(text.replace("excite.servos/2", "excite.servos/1"), encoding="utf-8")
+    old = load_servos(older)
+    assert np.isinf(old.torque_limit).all()
+    assert np.isinf(old.speed_limit).all()
+    np.testing.assert_array_equal(old.values[:, :-1], true_servos().values[:, :-1])
+    assert "identify again where a servo reaches its limit" in old.notes[-1]
