@@ -37,6 +37,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "waypoints": "excite.trajectories.waypoints:Waypoints",
         "sines": "excite.trajectories.sines:Sines",
         "polynomial": "excite.trajectories.polynomial:Polynomial",
+        "point-to-point": "excite.trajectories.point_to_point:PointToPoint",
     },
     "criterion": {
         "condition": "excite.tasks.criteria:ConditionNumber",
@@ -100,6 +101,8 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "rsi": "excite.export.motions.industrial:RsiCsv",
         "rapid": "excite.export.motions.industrial:RapidModule",
         "egm": "excite.export.motions.industrial:EgmCsv",
+        "lerobot": "excite.export.motions.servo_arms:LeRobotDataset",
+        "sage": "excite.export.motions.servo_arms:SageCommands",
         "npz": "excite.export.motions.motion_arrays:NpzMotion",
         "mujoco": "excite.export.motions.motion_arrays:MujocoMotion",
         "mat": "excite.export.motions.motion_arrays:MatMotion",

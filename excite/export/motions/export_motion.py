@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from constraints.interpolation import curves_text
@@ -54,7 +55,7 @@ def export_motion(
     format : MotionFormat or str
         A format, or the name of one.
     out : path
-        File to write. ``OUT.record.*``, for the recorder that belongs to the controller, and ``OUT.mapping.yaml``,
+        File, or folder where the format is one, to write. ``OUT.record.*``, for the recorder that belongs to the controller, and ``OUT.mapping.yaml``,
         by which `identify` reads its recording, are written beside it.
     rate : float, optional
         Samples per second [Hz]; that of the format if not given, or faster where its interpolation would break a limit.
@@ -85,24 +86,35 @@ def export_motion(
     recorder = chosen.recorder(motion, out.name)
     with result_file(out):
         file = chosen.file(motion, out.stem)
-        contents = {out.name: file.content}
+        contents = {} if file.folder else {out.name: file.content}
         if recorder.suffix:
             contents[f"{out.name}.record{recorder.suffix}"] = recorder.content.encode()
         contents[f"{out.name}{MAPPING}"] = recorder.mapping_text(motion).encode()
-        there = [str(out.parent / name) for name in contents if (out.parent / name).exists()]
+        paths = [*(out.parent / name for name in contents), *(out / name for name in file.folder)]
+        there = [str(path) for path in paths if path.exists()]
         if there and not replace:
             raise TakenError(f"{', '.join(there)} already there")
         with replace_files(out, remove=[f"{out.name}.record{suffix}" for suffix in _RECORDS]) as staged:
             for name, content in contents.items():
                 write_bytes(staged / name, content)
+        _write_folder(out, file.folder)
     played = chosen.interpolation is not Interpolation.NONE
     return Exported(
         name_of(format) if isinstance(format, str) else chosen.name,
-        tuple(out.parent / name for name in contents),
+        tuple(out.parent / name for name in dict.fromkeys((out.name, *contents))),
         (*notes, *file.notes, *recorder.notes, chosen.checked),
         _facts(motion, certificate),
         holds=not (played and closest_first(certificate, broken=True)),
     )
+
+
+def _write_folder(out: Path, files: Mapping[str, bytes]) -> None:
+    """Write files below a folder, each whole; the last is written when all others are there."""
+    for name in reversed(files):
+        (out / name).unlink(missing_ok=True)
+    for name, content in files.items():
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(out / name, content)
 
 
 def _format(given: MotionFormat | str) -> MotionFormat:
