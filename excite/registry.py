@@ -37,7 +37,6 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "waypoints": "excite.trajectories.waypoints:Waypoints",
         "sines": "excite.trajectories.sines:Sines",
         "polynomial": "excite.trajectories.polynomial:Polynomial",
-        "point-to-point": "excite.trajectories.point_to_point:PointToPoint",
     },
     "criterion": {
         "condition": "excite.tasks.criteria:ConditionNumber",

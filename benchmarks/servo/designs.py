@@ -9,8 +9,11 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from concurrent.futures import ProcessPoolExecutor
 from importlib.metadata import distribution
+from itertools import repeat
 from pathlib import Path
+from typing import Any
 
 os.environ |= {"OPENBLAS_NUM_THREADS": "1"}
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -23,11 +26,13 @@ from plant import RATE, motion, plant, play, random_truth
 import excite
 from excite.identification.servo_response import QUANTITIES, SYMBOLS
 from excite.identification.servos import identify_servos
+from excite.tasks.installation import Installation
 from excite.verification.verify_servos import verify_servos
 from regressors.readers.library import load_robot
 from regressors.samples import Array
 
 DURATION, UNSEEN = 60.0, 30.0  # [s]
+HELD = (0.2, 0.0, -0.05, 0.1)  # mass [kg] and its place in the frame of the moving jaw [m]
 COMPARED = ("K", "D", "J", "Fc", "b", "d", "L")  # what the plant has
 
 
@@ -42,25 +47,38 @@ def sweeps(n: int) -> Array:
     return np.asarray(MIDDLE + 0.15 * np.concatenate([chirp, slow, steps]))
 
 
-def designed(**options: object) -> Array:
-    """A design, played for as long as the other motions last."""
-    design = excite.design_trajectory("so101", model="servo", seed=0, **options)
+DESIGNS: dict[str, dict[str, Any]] = {
+    "design of the condition number": {"criterion": "condition", "harmonics": 5},
+    "design": {},
+    "design of 2 rad/s": {"velocity": (2.0,)},
+    "design with a mass in hand": {"joints": ("1", "2", "3", "4", "5"), "payload": HELD},
+}
+
+
+def designed(**options: Any) -> Array:
+    """A design of all joints or of some, played for as long as the other motions last."""
+    design = excite.design_trajectory("so101", model="servo", seed=0, starts=8, **options)
     assert design.feasible, design.broken
-    time = np.arange(round(DURATION * RATE)) / RATE
-    return np.asarray(design.trajectory.samples(time % design.trajectory.duration).q)
+    motion = design.sequence.at(
+        np.linspace(0.0, design.trajectory.duration, round(design.trajectory.duration * RATE) + 1)
+    )
+    return np.resize(motion[0].q[:-1], (round(DURATION * RATE), design.robot.n))
 
 
 def run(seed: int, commands: dict[str, Array]) -> list[dict[str, object]]:
     """Intervals and errors of one set of servos, from each motion."""
     robot, rng = load_robot("so101"), np.random.default_rng(seed)
-    truth = random_truth(rng, robot.n)
-    model = plant(Path(str(distribution("example-robot-data").locate_file(URDF))), robot.joint_names, truth)
+    truth, urdf = random_truth(rng, robot.n), Path(str(distribution("example-robot-data").locate_file(URDF)))
     commands = {"random": motion(rng, robot.n, DURATION, MIDDLE), **commands}
-    other = play(model, robot.joint_names, truth, motion(rng, robot.n, UNSEEN, MIDDLE), f"{seed} unseen")
-    runs, true = [], values_of(truth)
+    unseen, runs, true = motion(rng, robot.n, UNSEEN, MIDDLE), [], values_of(truth)
+    size = np.where(true == 0, 1.0, np.abs(true))
     for name, command in commands.items():
-        result = identify_servos(robot, play(model, robot.joint_names, truth, command, f"{seed} {name}"))
-        verification, size = verify_servos(result, other), np.where(true == 0, 1.0, np.abs(true))
+        held = DESIGNS.get(name, {}).get("payload", ())
+        model = plant(urdf, robot.joint_names, truth, held)
+        log, other = (
+            play(model, robot.joint_names, truth, each, f"{seed} {name} {len(each)}") for each in (command, unseen)
+        )
+        result = identify_servos("so101", log, installation=Installation(payload=held or None))
         runs.append(
             {
                 "seed": seed,
@@ -69,7 +87,7 @@ def run(seed: int, commands: dict[str, Array]) -> list[dict[str, object]]:
                 "inside": (np.abs(result.values - true) <= result.half_width).tolist(),
                 "half_width": (result.half_width / size).tolist(),
                 "error": (np.abs(result.values - true) / size).tolist(),
-                "unseen": [fit.position_error for fit in verification.fits],
+                "unseen": [fit.position_error for fit in verify_servos(result, other).fits],
             }
         )
     return runs
@@ -97,11 +115,11 @@ def main() -> None:
     parser.add_argument("--seeds", default="200-204", metavar="FIRST-LAST")
     first, last = map(int, parser.parse_args().seeds.split("-"))
     before, runs, robot = record.load(), [], load_robot("so101")
-    commands = {"sweeps by hand": sweeps(robot.n), "design": designed()}
-    for seed in range(first, last + 1):
-        runs += run(seed, commands)
-        for row in rows_of(runs)[0]:
-            print(seed, *row, flush=True)
+    commands = {"sweeps by hand": sweeps(robot.n), **{name: designed(**options) for name, options in DESIGNS.items()}}
+    with ProcessPoolExecutor(2) as pool:
+        for some in pool.map(run, range(first, last + 1), repeat(commands)):
+            runs += some
+            print(*rows_of(some)[0], sep="\n", flush=True)
     by_quantity, by_joint = rows_of(runs)
     names = [next(q.name for q in QUANTITIES if q.symbol == symbol) for symbol in COMPARED]
     head = ["motion of 60 s", "known [%]", "inside [%]", *names, "unseen motion [mrad]"]
@@ -117,7 +135,10 @@ def main() -> None:
         before,
         {"runs": runs},
         "\n\n".join(texts),
-        ["Simulated servos, with the limitations of servo_coverage; the speed of set-points has no limit."],
+        [
+            "Simulated servos, with the limitations of servo_coverage; the speed of set-points has no limit.",
+            "The mass in hand is a point that the hand holds rigidly; the gripper does not move in that design.",
+        ],
     )
 
 

@@ -55,8 +55,8 @@ def export_motion(
     format : MotionFormat or str
         A format, or the name of one.
     out : path
-        File, or folder where the format is one, to write. ``OUT.record.*``, for the recorder that belongs to the controller, and ``OUT.mapping.yaml``,
-        by which `identify` reads its recording, are written beside it.
+        File to write, or folder where the format is one. ``OUT.record.*``, for the recorder that belongs to the
+        controller, and ``OUT.mapping.yaml``, by which `identify` reads its recording, are written beside it.
     rate : float, optional
         Samples per second [Hz]; that of the format if not given, or faster where its interpolation would break a limit.
     replace : bool
@@ -110,7 +110,7 @@ def export_motion(
 
 def _write_folder(out: Path, files: Mapping[str, bytes]) -> None:
     """Write files below a folder, each whole; the last is written when all others are there."""
-    for name in reversed(files):
+    for name in list(files)[-1:]:
         (out / name).unlink(missing_ok=True)
     for name, content in files.items():
         (out / name).parent.mkdir(parents=True, exist_ok=True)

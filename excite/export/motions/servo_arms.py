@@ -70,7 +70,7 @@ class LeRobotDataset(_ServoArm):
 
     name = "lerobot"
     checked = (
-        "when excite is tested, pyarrow reads such data sets back; LeRobot 0.4.4 has read one, and no arm has played one"
+        "when excite is tested, pyarrow reads such data sets back; LeRobot 0.4.4 has read one, no arm has played one"
     )
 
     def check_rate(self, rate: float) -> None:
@@ -142,7 +142,8 @@ def _replaying(motion: SampledDesign) -> tuple[str, ...]:
 
 def _parquet(columns: Mapping[str, Any], index: str | None = None) -> bytes:
     """A table in Parquet, and which of its columns is the index that pandas gives it."""
-    arrow, parquet = (optional_package(name, "parquet", "the format lerobot") for name in ("pyarrow", "pyarrow.parquet"))
+    arrow = optional_package("pyarrow", "parquet", "the format lerobot")
+    parquet = optional_package("pyarrow.parquet", "parquet", "the format lerobot")
     lists = {name: list(values) if np.ndim(values) > 1 else values for name, values in columns.items()}
     table = arrow.table({name: arrow.array(values) for name, values in lists.items()})
     if index is not None:

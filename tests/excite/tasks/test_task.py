@@ -46,6 +46,19 @@ def test_an_option_has_one_place() -> None:
     assert max(len(dataclasses.fields(part)) for part in PARTS.values()) <= 21
 
 
+def test_motions_for_servos_are_quick_and_of_much_information_where_nothing_else_is_asked_for() -> None:
+    def chosen(task: Task) -> tuple[object, object]:
+        return task.objective.criterion, task.trajectory.harmonics
+
+    plain = Task("so101", model="servo")
+    assert chosen(plain) == ("logdet", 15)
+    assert Task("so101").changed(model="servo", period=8).changed(starts=3) == plain.changed(period=8, starts=3)
+    assert chosen(plain.changed(harmonics=5)) == ("logdet", 5)
+    given = Task("so101", model="servo", criterion="condition", harmonics=5)
+    assert chosen(given) == chosen(given.changed(starts=3)) == chosen(Task("so101")) == ("condition", 5)
+    assert task_from_options(task_content(given), stored=True) == given
+
+
 def test_options_and_parts_say_the_same() -> None:
     flat = Task("irp6", period=8, starts=3, model="energy", joints=["1", 3], noise=0.5)
     parts = Task(
