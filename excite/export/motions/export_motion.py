@@ -23,7 +23,7 @@ from excite.export.motions.motion_format import (
 from excite.export.motions.sampled_design import SampledDesign
 from excite.logs.mapping import MAPPING
 from excite.registry import instance, name_of
-from excite.storage.atomic import write_bytes
+from excite.storage.atomic import write_bytes, writing
 from excite.storage.result_folder import replace_files, result_file
 from regressors.arguments import checked
 from regressors.errors import InputError, TakenError
@@ -109,11 +109,13 @@ def export_motion(
 
 
 def _write_folder(out: Path, files: Mapping[str, bytes]) -> None:
-    """Write files below a folder, each whole; the last is written when all others are there."""
-    for name in list(files)[-1:]:
-        (out / name).unlink(missing_ok=True)
+    """Write files below a folder, each whole; the last is there only when all others are."""
+    with writing(out):
+        for name in list(files)[-1:]:
+            (out / name).unlink(missing_ok=True)
+        for name in files:
+            (out / name).parent.mkdir(parents=True, exist_ok=True)
     for name, content in files.items():
-        (out / name).parent.mkdir(parents=True, exist_ok=True)
         write_bytes(out / name, content)
 
 

@@ -21,10 +21,7 @@ from regressors.errors import InputError
 from regressors.samples import Array
 
 _GRIPPER = "gripper"  # whose positions LeRobot states in per cent of the range
-_FRAME = ("timestamp", "frame_index", "episode_index", "index", "task_index")
-_DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
-_FIRST = {"chunk_index": 0, "file_index": 0}
-_INFO = "meta/info.json"
+_FRAMES = "data/chunk-000/file-000.parquet"
 
 
 class _ServoArm(MotionFormat):
@@ -42,7 +39,7 @@ class _ServoArm(MotionFormat):
             channels(("time", "s"), motion.joints, **units),
             (
                 "record: time [s], then NAME.command and NAME.position of every joint [rad], as a CSV file with this "
-                "header; a folder of sage and a data set of LeRobot with `observation.state` are read without it",
+                "header, or a folder of sage, which is read without this mapping",
                 f"rate: {motion.rate:g} Hz, that of the commands",
                 "start marker: none; the arm rests before the motion and after it",
             ),
@@ -81,40 +78,66 @@ class LeRobotDataset(_ServoArm):
 
     def file(self, motion: SampledDesign, stem: str) -> MotionFile:
         """The files of the folder; ``meta/info.json``, without which there is no data set, is the last."""
-        count, names = motion.time.size, [f"{name}.pos" for name in motion.joints]
-        first = dict.fromkeys(("episode_index", "task_index"), 0)
-        frames: dict[str, Any] = {
-            "action": _degrees(motion).astype(np.float32),
-            "timestamp": motion.time.astype(np.float32),
-            **{name: np.full(count, first[name]) if name in first else np.arange(count) for name in _FRAME[1:]},
-        }
         task = f"exciting motion of {motion.robot.name}, design {motion.sha256}"
-        episode = {
-            "episode_index": [0],
-            "tasks": [[task]],
-            "length": [count],
-            "dataset_from_index": [0],
-            "dataset_to_index": [count],
-            **{f"{part}/{name}": [0] for part in ("data", "meta/episodes") for name in _FIRST},
-        }
-        action = {"dtype": "float32", "shape": [len(names)], "names": names}
-        clock = {name: {"dtype": str(frames[name].dtype), "shape": [1], "names": None} for name in _FRAME}
-        info = {
-            "codebase_version": "v3.0",
-            "robot_type": motion.robot.name,
-            **{"total_episodes": 1, "total_frames": count, "total_tasks": 1, "chunks_size": 1000},
-            **{"data_files_size_in_mb": 100, "video_files_size_in_mb": 200, "fps": round(motion.rate)},
-            **{"splits": {"train": "0:1"}, "data_path": _DATA, "video_path": None},
-            "features": {"action": action, **clock},
-            "excite": {"design_sha256": motion.sha256, "coefficients_sha256": motion.design.coefficients_sha256},
-        }
+        frames = _frames(motion)
         folder = {
-            _DATA.format(**_FIRST): _parquet(frames),
+            _FRAMES: _parquet(frames),
             "meta/tasks.parquet": _parquet({"task_index": [0], "task": [task]}, index="task"),
-            "meta/episodes/chunk-000/file-000.parquet": _parquet(episode),
-            _INFO: json.dumps(info, indent=1).encode(),
+            "meta/episodes/chunk-000/file-000.parquet": _parquet(_episode(motion.time.size, task)),
+            "meta/info.json": json.dumps(_info(motion, frames), indent=1).encode(),
         }
         return MotionFile(b"", _replaying(motion), folder)
+
+
+def _frames(motion: SampledDesign) -> dict[str, Array]:
+    """A row per frame: the action, shape (N, n), its time [s], and its numbers."""
+    number, zero = np.arange(motion.time.size), np.zeros(motion.time.size, dtype=int)
+    return {
+        "action": _degrees(motion).astype(np.float32),
+        "timestamp": motion.time.astype(np.float32),
+        "frame_index": number,
+        "episode_index": zero,
+        "index": number,
+        "task_index": zero,
+    }
+
+
+def _episode(count: int, task: str) -> dict[str, Any]:
+    """The row of the one episode: its frames, and in which files they are."""
+    return {
+        "episode_index": [0],
+        "tasks": [[task]],
+        "length": [count],
+        "dataset_from_index": [0],
+        "dataset_to_index": [count],
+        "data/chunk_index": [0],
+        "data/file_index": [0],
+        "meta/episodes/chunk_index": [0],
+        "meta/episodes/file_index": [0],
+    }
+
+
+def _info(motion: SampledDesign, frames: Mapping[str, Array]) -> dict[str, Any]:
+    """What ``meta/info.json`` says of the data set and its features, and the hashes of the design."""
+    names = [f"{name}.pos" for name in motion.joints]
+    features = {name: {"dtype": str(x.dtype), "shape": [1], "names": None} for name, x in frames.items()}
+    features["action"] |= {"shape": [len(names)], "names": names}
+    return {
+        "codebase_version": "v3.0",
+        "robot_type": motion.robot.name,
+        "total_episodes": 1,
+        "total_frames": motion.time.size,
+        "total_tasks": 1,
+        "chunks_size": 1000,
+        "data_files_size_in_mb": 100,
+        "video_files_size_in_mb": 200,
+        "fps": round(motion.rate),
+        "splits": {"train": "0:1"},
+        "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
+        "video_path": None,
+        "features": features,
+        "excite": {"design_sha256": motion.sha256, "coefficients_sha256": motion.design.coefficients_sha256},
+    }
 
 
 def _degrees(motion: SampledDesign) -> Array:

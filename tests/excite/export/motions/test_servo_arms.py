@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from functools import cache
 from pathlib import Path
 
@@ -55,6 +56,23 @@ def test_a_data_set_is_replaced_only_where_that_is_asked_for_by_the_same_bytes(t
         excite.export_motion(design(), "lerobot", tmp_path / "arm")
     excite.export_motion(design(), "lerobot", tmp_path / "arm", replace=True)
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
+def test_where_no_folder_can_be_made_one_line_says_so(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    (tmp_path / "arm").write_text("a file")
+    with pytest.raises(InputError, match=r"cannot write .*arm: Not a directory"):
+        excite.export_motion(design(), "lerobot", tmp_path / "arm", replace=True)
+    assert (tmp_path / "arm").read_text() == "a file"
+
+
+def test_without_pyarrow_the_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(
+        InputError, match=r"the format lerobot needs pyarrow: pip install 'excite-trajectories\[parquet\]'"
+    ):
+        excite.export_motion(design(), "lerobot", tmp_path / "arm")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_rate_must_be_a_whole_number_of_frames(tmp_path: Path) -> None:
