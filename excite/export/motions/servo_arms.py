@@ -89,7 +89,7 @@ class LeRobotDataset(_ServoArm):
         return MotionFile(b"", _replaying(motion), folder)
 
 
-def _frames(motion: SampledDesign) -> dict[str, Array]:
+def _frames(motion: SampledDesign) -> dict[str, Any]:
     """A row per frame: the action, shape (N, n), its time [s], and its numbers."""
     number, zero = np.arange(motion.time.size), np.zeros(motion.time.size, dtype=int)
     return {
@@ -117,10 +117,12 @@ def _episode(count: int, task: str) -> dict[str, Any]:
     }
 
 
-def _info(motion: SampledDesign, frames: Mapping[str, Array]) -> dict[str, Any]:
+def _info(motion: SampledDesign, frames: Mapping[str, Any]) -> dict[str, Any]:
     """What ``meta/info.json`` says of the data set and its features, and the hashes of the design."""
     names = [f"{name}.pos" for name in motion.joints]
-    features = {name: {"dtype": str(x.dtype), "shape": [1], "names": None} for name, x in frames.items()}
+    features: dict[str, Any] = {
+        name: {"dtype": str(x.dtype), "shape": [1], "names": None} for name, x in frames.items()
+    }
     features["action"] |= {"shape": [len(names)], "names": names}
     return {
         "codebase_version": "v3.0",
