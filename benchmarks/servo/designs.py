@@ -48,10 +48,10 @@ def sweeps(n: int) -> Array:
 
 
 DESIGNS: dict[str, dict[str, Any]] = {
-    "design of the condition number": {"criterion": "condition", "harmonics": 5},
-    "design": {},
+    "design of the condition number": {"criterion": "condition", "harmonics": 5, "velocity_scaling": 1.0},
+    "design": {"velocity_scaling": 1.0},
     "design of 2 rad/s": {"velocity": (2.0,)},
-    "design with a mass in hand": {"joints": ("1", "2", "3", "4", "5"), "payload": HELD},
+    "design with a mass in hand": {"velocity_scaling": 1.0, "joints": ("1", "2", "3", "4", "5"), "payload": HELD},
 }
 
 

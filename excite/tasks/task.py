@@ -31,9 +31,12 @@ PARTS: Mapping[str, type] = {
     "output": Output,
 }
 PLACE = {field.name: part for part, kind in PARTS.items() for field in dataclasses.fields(kind)}
-# Options of what a model takes from a log, where none are given. How far servos stay behind is known per stiffness, so
-# that parameters have no common size, and inertia and delay show in quick motions only: see benchmarks/servo/designs.py
-OF_CHANNEL: Mapping[str, Mapping[str, Any]] = {"command": {"criterion": "logdet", "harmonics": 15}}
+# Options that suit what a model takes from a log, where none are given. What servos are has no size that is known
+# beforehand, which a condition number needs; inertia and delay show in quick reversals, but the speed that a servo has
+# without load is beyond what it reaches with one: see benchmarks/servo/designs.py
+OF_CHANNEL: Mapping[str, Mapping[str, Any]] = {
+    "command": {"criterion": "logdet", "harmonics": 15, "velocity_scaling": 0.4}
+}
 
 
 @checked
