@@ -140,7 +140,8 @@ def main() -> None:
             "Simulated servos, with the limitations of servo_coverage; the speed of set-points has no limit.",
             "Designs use all of the stated speed of 4.7 rad/s where no other is named, and the best of 8 starts; the "
             "default of `excite design` is 0.4 of the stated speed, nearly that of 2 rad/s.",
-            "The mass in hand is a point that the hand holds rigidly; the gripper does not move in that design.",
+            "The mass in hand is a point that the hand holds rigidly. The gripper does not move in these designs; the "
+            "unseen motion moves it, and asks for more torque than some servos have with the mass.",
         ],
     )
 
