@@ -101,6 +101,8 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "rsi": "excite.export.motions.industrial:RsiCsv",
         "rapid": "excite.export.motions.industrial:RapidModule",
         "egm": "excite.export.motions.industrial:EgmCsv",
+        "lerobot": "excite.export.motions.servo_arms:LeRobotDataset",
+        "sage": "excite.export.motions.servo_arms:SageCommands",
         "npz": "excite.export.motions.motion_arrays:NpzMotion",
         "mujoco": "excite.export.motions.motion_arrays:MujocoMotion",
         "mat": "excite.export.motions.motion_arrays:MatMotion",

@@ -99,6 +99,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "acceleration": Quantity("rad/s^2 or m/s^2", 1e-9, 1e9),
     "jerk": Quantity("rad/s^3 or m/s^3", 1e-9, 1e12),
     "torque_uncertainty": Quantity("", 1e-6, 10.0),
+    "velocity_scaling": Quantity("", 1e-3, 1.0),
     "tool_speed": Quantity("m/s", 1e-9, 1e6),
     # search
     "starts": Quantity("", 1, 10**7, whole=True),

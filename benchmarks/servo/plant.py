@@ -41,8 +41,8 @@ def random_truth(rng: np.random.Generator, n: int) -> Truth:
     return Truth(K, K * spread(0.04), spread(0.01), spread(0.1), spread(2.0), offset, float(rng.uniform(0.005, 0.04)))
 
 
-def plant(urdf: Path, joints: tuple[str, ...], truth: Truth) -> mujoco.MjModel:
-    """The arm of a URDF with these servos, without contacts."""
+def plant(urdf: Path, joints: tuple[str, ...], truth: Truth, held: tuple[float, ...] = ()) -> mujoco.MjModel:
+    """The arm of a URDF with these servos, without contacts; held is a mass [kg] and its place in the last link [m]."""
     text = re.sub(r"<(visual|collision)>.*?</\1>", "", urdf.read_text(), flags=re.S)
     spec = mujoco.MjSpec.from_string(text)
     spec.option.timestep = STEP
@@ -53,6 +53,9 @@ def plant(urdf: Path, joints: tuple[str, ...], truth: Truth) -> mujoco.MjModel:
         actuator = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         actuator.set_to_position(kp=truth.K[k])
         actuator.forcelimited, actuator.forcerange = 1, [-truth.L[k], truth.L[k]]
+    if held:
+        body = next(body for body in spec.bodies if any(joint.name == joints[-1] for joint in body.joints))
+        body.add_body(mass=held[0], ipos=held[1:], inertia=[1e-9] * 3, explicitinertial=1)
     model = spec.compile()
     place = [model.joint(name).dofadr[0] for name in joints]
     model.dof_armature[place], model.dof_frictionloss[place], model.dof_damping[place] = truth.J, truth.Fc, truth.D

@@ -115,6 +115,7 @@ Examples:
   excite export designs/ur10e --format ros2-yaml --out play/goal.yaml
   excite export designs/ur10e --format urscript --rate 125 --out play/excite.script
   excite export designs/panda --format franka --out play/panda.csv
+  excite export designs/so101 --format lerobot --out play/so101
   excite export results/ur10e --format urdf --robot-file mine.urdf --out models/ur10e.urdf
   excite export servos --format mjcf --out a.xml  (urdf, isaac, yaml, bam)
   excite export results/ur10e --format mjcf --samples 100 --out models/ensemble
@@ -127,6 +128,7 @@ Motions, of a design:
   rsi        CSV for KUKA RSI (6 axes), FRI (7)   rapid     ABB module of MoveAbsJ
   egm        CSV for ABB EGM                      npz, mat  arrays for NumPy and MATLAB
   mujoco     arrays with the rows of qpos and ctrl by joint
+  lerobot    folder that lerobot-replay takes     sage      control.csv of positions for servos
 
 \b
 Models, of a result:
@@ -173,7 +175,7 @@ document what it makes of the samples (rtde, krl, rapid), and a curve through th
     type=PartName("export format", tuple(dict.fromkeys((*MOTION_FORMATS, *MODEL_FORMATS)))),
     help="Format; see below.",
 )
-@file_option("--out", required=True, help="File to write.")
+@file_option("--out", required=True, help="File to write; a folder for lerobot.")
 @click.option(
     "--rate", type=Number(), metavar="HZ", help="Samples per second of a motion.  [default: that of the format]"
 )

@@ -24,7 +24,10 @@ from regressors.readers.documents import described, read_document, validate, wit
 from regressors.robot.friction.curves import FrictionCurves
 
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
-_FORMERLY = {"reflected_rotors": False}  # what files of results without these options were made with
+_FORMERLY = {
+    "reflected_rotors": False,
+    "velocity_scaling": 1.0,
+}  # what files of results without these options were made with
 _REMOVED = {("solver", "slsqp"): "ipopt"}  # parts that files of results may name, and what is taken instead
 _FILES = ("world", "friction_curves", "payload", "task_motion", "begin")  # options that may be names of files
 _ENDS = ("base_link", "tip")  # of the chain, beside the options of the parts

@@ -155,6 +155,11 @@ def precise_task(task: Task) -> Task:
     """The task whose criterion is the largest half-width over its allowed one."""
     if task.objective.precision is None:
         raise InputError("no precision is asked for; give `precision`, such as 0.05")
+    if task.model.channel == "command":
+        raise InputError(
+            "precision: no design predicts the intervals of servos, which follow from their simulated response; leave "
+            "`precision` out, and give `excite identify` more logs until the intervals are as narrow as you need"
+        )
     asked = task.objective.precision
     along = isinstance(asked, PrecisionTarget) and asked.torques is not None
     own, given = "trace" if along else "max-deviation", name_of(task.objective.criterion)

@@ -35,6 +35,8 @@ class LimitChoice:
         Lower and upper bound per joint [rad or m].
     velocity, acceleration, jerk : tuple of float, optional
         One per joint, or one for all [rad/s, rad/s^2, rad/s^3, or with m].
+    velocity_scaling : float
+        Share of the description's velocity limits that the motion may use, where `velocity` gives no others.
     torque_margin : float, "auto" or "none"
         Part of the torque limits of joints and drives that is kept in reserve. ``"auto"`` keeps 10 %, and leaves the
         limits out where the description does not state them, or no inertial parameters to check them with; a number
@@ -78,6 +80,13 @@ class LimitChoice:
         None, "numbers", "Acceleration limits.", metavar="A,...", flag="acceleration-limit"
     )
     jerk: tuple[float, ...] | None = option(None, "numbers", "Jerk limits.", metavar="J,...", flag="jerk-limit")
+    velocity_scaling: float = option(
+        1.0,
+        "number",
+        "Share of the description's velocity limits to use, if no others are given; 0.4 for the model servo.",
+        metavar="X",
+        late=True,
+    )
     torque_margin: float | str | None = essential(
         AUTO,
         "margin",
@@ -149,6 +158,8 @@ class LimitChoice:
             values = getattr(self, name)
             if values is not None:
                 changes[name] = np.array(_one_per_joint(values, name, robot))
+        if self.velocity is None and self.velocity_scaling != 1.0:
+            changes["velocity"] = self.velocity_scaling * robot.limits.velocity
         if self.position is not None:
             if len(self.position) != robot.n:
                 raise InputError(f"limits: position needs {robot.n} pairs, one per joint, given {len(self.position)}")

@@ -93,7 +93,9 @@ class Objective:
     """
 
     base: str = essential("gautier", "name", "Base columns of the criterion.", choices=CONVENTIONS)
-    criterion: str | Criterion = essential("condition", "name", "Criterion to minimise.", part="criterion")
+    criterion: str | Criterion = essential(
+        "condition", "name", "Criterion to minimise; logdet for the model servo.", part="criterion"
+    )
     noise: tuple[float, ...] | None = essential(
         None,
         "numbers",

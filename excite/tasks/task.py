@@ -31,6 +31,12 @@ PARTS: Mapping[str, type] = {
     "output": Output,
 }
 PLACE = {field.name: part for part, kind in PARTS.items() for field in dataclasses.fields(kind)}
+# Options that suit what a model takes from a log, where none are given. What servos are has no size that is known
+# beforehand, which a condition number needs; inertia and delay show in quick reversals, but the speed that a servo has
+# without load is beyond what it reaches with one: see benchmarks/servo/designs.py
+OF_CHANNEL: Mapping[str, Mapping[str, Any]] = {
+    "command": {"criterion": "logdet", "harmonics": 15, "velocity_scaling": 0.4}
+}
 
 
 @checked
@@ -147,6 +153,8 @@ class Task:
 
 def _parts(options: Mapping[str, Any], parts: dict[str, Any]) -> dict[str, Any]:
     """Parts of a task from options, some of which may be complete parts."""
+    if "model" in options:
+        options = {**_suited(options, parts), **options}
     chosen: dict[str, dict[str, Any]] = {name: {} for name in PARTS}
     for name, value in options.items():
         if name in PARTS and isinstance(value, PARTS[name]):
@@ -156,3 +164,14 @@ def _parts(options: Mapping[str, Any], parts: dict[str, Any]) -> dict[str, Any]:
         else:
             chosen[PLACE[name]][name] = value
     return {name: dataclasses.replace(part, **chosen[name]) for name, part in parts.items()}
+
+
+def _suited(options: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
+    """Options that suit the model that is chosen, of parts that have their defaults."""
+    model = options["model"]
+    choice = model if isinstance(model, ModelChoice) else ModelChoice(model=model)
+    plain = {name for name, part in parts.items() if part == PARTS[name]()} - {
+        name for name, value in options.items() if name in PARTS and isinstance(value, PARTS[name])
+    }
+    suited = OF_CHANNEL.get(choice.channel, {})
+    return {name: value for name, value in suited.items() if PLACE[name] in plain}

@@ -47,7 +47,7 @@ class TrajectoryChoice:
     harmonics: int | str = essential(
         FEWEST,
         "count",
-        "Harmonics of the series; number of sines; auto raises it from 5 until that does not pay.",
+        "Harmonics of the series; number of sines; auto raises it from 5 until that does not pay; for servos 15.",
         metavar="N|auto",
     )
     bandwidth: float | None = option(

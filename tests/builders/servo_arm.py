@@ -59,11 +59,13 @@ def truth(limits: tuple[float, ...] = UNREACHED) -> Any:
 
 
 @cache
-def servo_log(seed: int, duration: float = 60.0, limits: tuple[float, ...] = UNREACHED) -> Log:
-    """What is measured of a motion of its own, at 50 Hz, in steps of the encoder."""
+def servo_log(
+    seed: int, duration: float = 60.0, limits: tuple[float, ...] = UNREACHED, held: tuple[float, ...] = ()
+) -> Log:
+    """What is measured of a motion of its own, at 50 Hz, in steps of the encoder, with a mass in hand or without."""
     with tempfile.TemporaryDirectory() as folder:
         (path := Path(folder) / "small.urdf").write_text(URDF, encoding="utf-8")
-        model = plant().plant(path, JOINTS, truth(limits))
+        model = plant().plant(path, JOINTS, truth(limits), held)
     command = plant().motion(np.random.default_rng(seed), 3, duration, np.zeros(3))
     log: Log = plant().play(model, JOINTS, truth(limits), command, f"log-{seed}")
     return log

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from constraints.interpolation import curves_text
@@ -22,7 +23,7 @@ from excite.export.motions.motion_format import (
 from excite.export.motions.sampled_design import SampledDesign
 from excite.logs.mapping import MAPPING
 from excite.registry import instance, name_of
-from excite.storage.atomic import write_bytes
+from excite.storage.atomic import write_bytes, writing
 from excite.storage.result_folder import replace_files, result_file
 from regressors.arguments import checked
 from regressors.errors import InputError, TakenError
@@ -54,8 +55,8 @@ def export_motion(
     format : MotionFormat or str
         A format, or the name of one.
     out : path
-        File to write. ``OUT.record.*``, for the recorder that belongs to the controller, and ``OUT.mapping.yaml``,
-        by which `identify` reads its recording, are written beside it.
+        File to write, or folder where the format is one. ``OUT.record.*``, for the recorder that belongs to the
+        controller, and ``OUT.mapping.yaml``, by which `identify` reads its recording, are written beside it.
     rate : float, optional
         Samples per second [Hz]; that of the format if not given, or faster where its interpolation would break a limit.
     replace : bool
@@ -85,24 +86,37 @@ def export_motion(
     recorder = chosen.recorder(motion, out.name)
     with result_file(out):
         file = chosen.file(motion, out.stem)
-        contents = {out.name: file.content}
+        contents = {} if file.folder else {out.name: file.content}
         if recorder.suffix:
             contents[f"{out.name}.record{recorder.suffix}"] = recorder.content.encode()
         contents[f"{out.name}{MAPPING}"] = recorder.mapping_text(motion).encode()
-        there = [str(out.parent / name) for name in contents if (out.parent / name).exists()]
+        paths = [*(out.parent / name for name in contents), *(out / name for name in file.folder)]
+        there = [str(path) for path in paths if path.exists()]
         if there and not replace:
             raise TakenError(f"{', '.join(there)} already there")
         with replace_files(out, remove=[f"{out.name}.record{suffix}" for suffix in _RECORDS]) as staged:
             for name, content in contents.items():
                 write_bytes(staged / name, content)
+        _write_folder(out, file.folder)
     played = chosen.interpolation is not Interpolation.NONE
     return Exported(
         name_of(format) if isinstance(format, str) else chosen.name,
-        tuple(out.parent / name for name in contents),
+        tuple(out.parent / name for name in dict.fromkeys((out.name, *contents))),
         (*notes, *file.notes, *recorder.notes, chosen.checked),
         _facts(motion, certificate),
         holds=not (played and closest_first(certificate, broken=True)),
     )
+
+
+def _write_folder(out: Path, files: Mapping[str, bytes]) -> None:
+    """Write files below a folder, each whole; the last is there only when all others are."""
+    with writing(out):
+        for name in list(files)[-1:]:
+            (out / name).unlink(missing_ok=True)
+        for name in files:
+            (out / name).parent.mkdir(parents=True, exist_ok=True)
+    for name, content in files.items():
+        write_bytes(out / name, content)
 
 
 def _format(given: MotionFormat | str) -> MotionFormat:

@@ -6,7 +6,7 @@ import json
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, ClassVar
 
@@ -27,10 +27,11 @@ from regressors.samples import Array
 
 @dataclass(frozen=True)
 class MotionFile:
-    """Content of the file of a motion, and what has to be known of it."""
+    """Content of the file or the folder of a motion, and what has to be known of it."""
 
     content: bytes
     notes: tuple[str, ...] = ()  # one sentence each
+    folder: Mapping[str, bytes] = field(default_factory=dict)  # files below it, the last of which makes it complete
 
 
 class MotionFormat(ABC):

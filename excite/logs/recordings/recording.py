@@ -178,7 +178,7 @@ def numbers_of(values: NDArray[Any]) -> Numbers:
     return np.ascontiguousarray(values, dtype=np.int64 if whole else float)
 
 
-def optional_package(module: str, extra: str, source: Path) -> Any:
+def optional_package(module: str, extra: str, source: Path | str) -> Any:
     """A module, such as ``pyarrow.parquet``, of a package that an extra of this distribution installs."""
     try:
         return import_module(module)

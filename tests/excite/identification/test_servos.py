@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from servo_arm import JOINTS, identified_servos, servo_log, small_arm, true_servos, truth
+from servo_arm import JOINTS, URDF, identified_servos, servo_log, small_arm, true_servos, truth
 
 import excite
 from excite.identification.servo_response import QUANTITIES, SYMBOLS
@@ -47,6 +47,18 @@ def test_a_joint_that_no_mass_loads_shows_only_ratios_and_is_said_to() -> None:
     for symbol in ("D", "J", "Fc"):
         ratio, true_ratio = (of(symbol)[ROLL] / of("K")[ROLL] for of in (result.of, lambda s: getattr(told, s)))
         assert ratio == pytest.approx(true_ratio, rel=0.15), symbol
+
+
+@pytest.mark.slow
+def test_a_known_mass_in_hand_shows_the_scale_of_a_joint_that_nothing_loads(tmp_path: Path) -> None:
+    held, told = (0.2, 0.02, 0.1, 0.0), truth()
+    (tmp_path / "small.urdf").write_text(URDF, encoding="utf-8")
+    payload = excite.Installation(payload=held)
+    result = identify_servos(str(tmp_path / "small.urdf"), servo_log(0, held=held), installation=payload)
+    for symbol in ("K", "D"):
+        assert result.of(symbol)[ROLL] == pytest.approx(getattr(told, symbol)[ROLL], rel=0.1), symbol
+    assert result.known[ROLL, [SYMBOLS.index(symbol) for symbol in ("K", "D", "Fc")]].all()
+    assert not any("only the ratios are shown" in note for note in result.notes)
 
 
 @pytest.mark.slow

@@ -46,6 +46,24 @@ def test_an_option_has_one_place() -> None:
     assert max(len(dataclasses.fields(part)) for part in PARTS.values()) <= 21
 
 
+def test_motions_for_servos_are_quick_and_of_much_information_where_nothing_else_is_asked_for() -> None:
+    def chosen(task: Task) -> tuple[object, object]:
+        return task.objective.criterion, task.trajectory.harmonics
+
+    plain, robot = Task("so101", model="servo"), built_in("so101")
+    assert chosen(plain) == ("logdet", 15)
+    assert plain.limits.applied(robot).limits.velocity == pytest.approx(0.4 * robot.limits.velocity)
+    assert Task("so101", model="servo", velocity=(2.0,)).limits.applied(robot).limits.velocity == pytest.approx(2.0)
+    assert Task("so101").limits.applied(robot).limits == robot.limits
+    assert Task("so101").changed(model="servo", period=8).changed(starts=3) == plain.changed(period=8, starts=3)
+    assert chosen(plain.changed(harmonics=5)) == ("logdet", 5)
+    given = Task("so101", model="servo", criterion="condition", harmonics=5)
+    assert chosen(given) == chosen(given.changed(starts=3)) == chosen(Task("so101")) == ("condition", 5)
+    older = task_from_options(task_content(given.changed(velocity_scaling=1.0)), stored=True)
+    assert older.limits.velocity_scaling == 1.0
+    assert task_from_options(task_content(given), stored=True) == given
+
+
 def test_options_and_parts_say_the_same() -> None:
     flat = Task("irp6", period=8, starts=3, model="energy", joints=["1", 3], noise=0.5)
     parts = Task(
