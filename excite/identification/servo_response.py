@@ -30,7 +30,7 @@ from regressors.samples import Array
 
 STRIBECK_SPEED = 0.1  # V [rad/s or m/s]
 LONGEST_DELAY = 0.12  # [s]
-_STEP = 0.0055  # longest integration step [s]
+FINE, COARSE = 0.0034, 0.0101  # longest integration steps: to judge by, and to search with [s]
 
 
 @dataclass(frozen=True)
@@ -72,6 +72,7 @@ class Windows:
     inertia: Array  # (w, T) own inertia m of the arm at the joint [kg m^2 or kg]
     measured: Array  # (w, T) [rad or m]
     speed: Array  # (w,) at the start [rad/s or m/s]
+    longest_step: float = FINE  # of the integration [s]
 
     @property
     def lead(self) -> int:
@@ -95,7 +96,7 @@ def response(values: Array, windows: Windows) -> Array:
     """
     K, D, J, Fc, Fs, mu, b, d, delta, L = np.moveaxis(values, -1, 0)
     count, rows = windows.load.shape
-    substeps = math.ceil(windows.step.max() / _STEP)
+    substeps = math.ceil(windows.step.max() / windows.longest_step)
     h = windows.step / substeps
     shape = (len(values), count)
     q, dq = (np.array(np.broadcast_to(each, shape)) for each in (windows.measured[:, 0], windows.speed))

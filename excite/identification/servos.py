@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from excite.identification.estimator import CONFIDENCE
 from excite.identification.procedure import LogLike, read_logs
 from excite.identification.result import provenance_of
-from excite.identification.servo_response import QUANTITIES, SYMBOLS, Windows, arm_torques, response
+from excite.identification.servo_response import COARSE, QUANTITIES, SYMBOLS, Windows, arm_torques, response
 from excite.identification.servo_result import ServoResult, motion_fits
 from excite.identification.servo_windows import Places, ServoMotion, moves, servo_motion, windows_in, windows_of
 from excite.logs.log import Log
@@ -267,6 +267,7 @@ def fit_servo(windows: Windows, start: Array) -> ServoEstimate:
     Values to start from are the best of many about those of the linear form, seeded. Where no load tells the scale of
     torques, the stiffness stays about that of the start, within a factor of e.
     """
+    fine, windows = windows, replace(windows, longest_step=COARSE)
     rng = np.random.default_rng(0)
     factors = np.exp(_SPREAD * rng.standard_normal((_GUESSES, start.size)))
     factors[:, _L] = factors[:, _K] * _LIMITED ** rng.uniform(0.0, 1.0, _GUESSES)
@@ -279,7 +280,7 @@ def fit_servo(windows: Windows, start: Array) -> ServoEstimate:
     x = tried[np.argmin(np.abs(_residuals(windows, tried)).mean(axis=(1, 2)))]
     for _ in range(_TRIED):
         x = _descend(windows, _best_limit(windows, x, start), start[_K], _TAKEN)[0]
-    return fitted(windows, x, start, _CONTINUED)
+    return fitted(fine, x, start, _CONTINUED)
 
 
 def _best_limit(windows: Windows, x: Array, start: Array) -> Array:
