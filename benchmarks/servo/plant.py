@@ -53,6 +53,8 @@ def plant(urdf: Path, joints: tuple[str, ...], truth: Truth) -> mujoco.MjModel:
         actuator = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         actuator.set_to_position(kp=truth.K[k], kv=truth.D[k])
         actuator.forcelimited, actuator.forcerange = 1, [-truth.L[k], truth.L[k]]
+        sensor = spec.add_sensor(name=name, type=mujoco.mjtSensor.mjSENS_JOINTPOS)
+        sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_JOINT, name
     model = spec.compile()
     place = [model.joint(name).dofadr[0] for name in joints]
     model.dof_armature[place], model.dof_frictionloss[place], model.dof_damping[place] = truth.J, truth.Fc, 0.0
