@@ -63,20 +63,28 @@ def plant(urdf: Path, joints: tuple[str, ...], truth: Truth) -> mujoco.MjModel:
     return model
 
 
-def play(model: mujoco.MjModel, joints: tuple[str, ...], truth: Truth, command: Array, source: str) -> Log:
-    """What is measured while commands (N, n) are played at `RATE`, each held until the next."""
+def play(
+    model: mujoco.MjModel,
+    joints: tuple[str, ...],
+    truth: Truth,
+    command: Array,
+    source: str,
+    rate: float = RATE,
+    encoder: float = ENCODER,
+) -> Log:
+    """What is measured while commands (N, n) are played, each held until the next, after two seconds at rest."""
     data = mujoco.MjData(model)
-    place = [model.joint(name).qposadr[0] for name in joints]
-    each, late = round(1 / RATE / STEP), round(truth.d / STEP)
+    place, dof = ([getattr(model.joint(name), adr)[0] for name in joints] for adr in ("qposadr", "dofadr"))
+    each, late, before = round(1 / rate / STEP), round(truth.d / STEP), round(2.0 / STEP)
     data.qpos[place] = command[0]
-    rows = np.empty_like(command)
-    for k in range(-100 * each, len(command) * each):  # at rest before the log begins
+    rows, effort = np.empty_like(command), np.empty_like(command)
+    for k in range(-before, len(command) * each):
         if k >= 0 and k % each == 0:
-            rows[k // each] = data.qpos[place]
+            rows[k // each], effort[k // each] = data.qpos[place], data.qfrc_actuator[dof]
         data.ctrl[:] = command[max(0, (k - late) // each)]
         mujoco.mj_step(model, data)
-    measured = ENCODER * np.round((rows + truth.b) / ENCODER)
-    return Log(source, "", joints, np.arange(len(command)) / RATE, measured, command=command)
+    measured = encoder * np.round((rows + truth.b) / encoder)
+    return Log(source, "", joints, np.arange(len(command)) / rate, measured, effort=effort, command=command)
 
 
 def motion(rng: np.random.Generator, n: int, duration: float, middle: Array) -> Array:

@@ -20,7 +20,7 @@ import scipy
 
 from excite.design.comparison import RATE
 from excite.errors import LostMotionError
-from excite.identification.servo_response import STRIBECK_SPEED, Windows, arm_torques, response
+from excite.identification.servo_response import STRIBECK_SPEED, SYMBOLS, Windows, arm_torques, response
 from excite.identification.servo_result import ServoResult
 from excite.information.matrix import MotionMeasures, noise_per_row
 from excite.information.target import target_of
@@ -35,10 +35,10 @@ from excite.tasks.task import Task
 from regressors.errors import InputError, listed_names
 from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Side, Stribeck
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.robot import Drive, transmission_of
+from regressors.robot.robot import Drive, Robot, transmission_of
 from regressors.samples import Array, Samples
 
-_PASSES, _SETTLED = 8, 1e-4  # at most, and the change of the motion from which on no more are made [rad or m]
+_PASSES, _SETTLED = 20, 1e-4  # at most, and the change of the motion from which on no more are made [rad or m]
 
 
 def followed(servos: ServoResult, command: Array, step: float, q: Array, dq: Array) -> Array:
@@ -103,9 +103,9 @@ def simulate_servos(servos: ServoResult, source: MotionSource, settings: Simulat
         truth=truth,
         torques=torque_uses(moving, run.command),
         outcome=outcome,
-        notes=tuple(sensor_notes(settings)),
+        notes=(*_notes(servos, moving), *sensor_notes(settings)),
         source=source,
-        tracked=_criteria(source, {"commanded": wanted, "tracked": run.samples}),
+        tracked={name: criteria_of(source, each) for name, each in (("commanded", wanted), ("tracked", run.samples))},
     )
 
 
@@ -127,6 +127,14 @@ def _check(servos: ServoResult, source: MotionSource, settings: SimulationSettin
             f"nothing is known of the servo of {listed_names(moved)}, which the motion moves; identify the servos from "
             "logs in which it moves"
         )
+
+
+def _notes(servos: ServoResult, moving: Robot) -> list[str]:
+    """Joints whose torques have no scale."""
+    unloaded = np.array(servos.robot.joint_names)[np.isinf(servos.half_width[:, SYMBOLS.index("K")])]
+    names = [name for name in moving.joint_names if name in unloaded]
+    text = f"{listed_names(names)}: the logs of the servos show no scale of torques; do not rely on those of this log"
+    return [text] if names else []
 
 
 def servo_plant(servos: ServoResult, task: Task) -> tuple[Plant, tuple[str, ...]]:
@@ -173,12 +181,8 @@ def _run(servos: ServoResult, plant: Plant, told: Samples, start: Array) -> Simu
     return SimulatedRun(samples, effort, effort, friction, work, loss, stored)
 
 
-def _criteria(source: MotionSource, motions: dict[str, Samples]) -> dict[str, dict[str, float]]:
-    """Metrics of motions for the parameters of their task, see `excite.information.matrix.CONVENTIONS`."""
+def criteria_of(source: MotionSource, motion: Samples) -> dict[str, float]:
+    """Metrics of a motion for the parameters of a task, see `excite.information.matrix.CONVENTIONS`."""
     target = target_of(source.robot, source.task)
-    noise = noise_per_row(source.task.objective.noise, target.model)
-    sampled = {name: SampledMotion(motion) for name, motion in motions.items()}
-    return {
-        name: MotionMeasures.of(target, motion.samples(target.model.times(motion.duration, RATE)), noise).criteria
-        for name, motion in sampled.items()
-    }
+    noise, sampled = noise_per_row(source.task.objective.noise, target.model), SampledMotion(motion)
+    return MotionMeasures.of(target, sampled.samples(target.model.times(sampled.duration, RATE)), noise).criteria
