@@ -1,7 +1,7 @@
 """Drives of a robot that measures torques, identified as servos: gains, and the motion that they make of a design.
 
 ``python benchmarks/servo/drives.py [--seeds 0-2]``: each seed is a Panda in MuJoCo with drives of random gains, a
-delay, friction and fine encoders, told a design of 40 s at 500 Hz. Its drives are identified from that log three times:
+delay, friction and fine encoders, told a design of 40 s at 250 Hz. Its drives are identified from that log three times:
 with the masses of its description, with masses that are 20 % too large, and with those that `excite identify` finds
 from the log's torques, given the description that is wrong. A second design is simulated before it is played.
 """
@@ -34,11 +34,12 @@ from excite.identification.servo_result import ServoResult
 from excite.identification.servos import identify_servos
 from excite.logs.log import Log
 from excite.simulation.servo_motion import criteria_of
+from excite.tasks.reference import SampledMotion
 from regressors.robot.robot import Robot
 from regressors.samples import Samples
 
 URDF = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"
-RATE, ENCODER = 500.0, 2 * np.pi / 2**18
+RATE, ENCODER = 250.0, 2 * np.pi / 2**18
 WRONG = 1.2  # masses of the wrong description over the true ones
 CUTOFF = 20.0  # of the measured positions [Hz]
 UNKNOWN = ("K", "D", "J", "Fc", "b", "d")  # what the plant has
@@ -70,7 +71,7 @@ def measured_criteria(simulation: excite.Simulation, log: Log) -> dict[str, floa
     dq = np.gradient(q, step, axis=0)
     motion = Samples(log.time, q, dq, np.gradient(dq, step, axis=0), np.full_like(q, np.nan))
     assert simulation.source is not None
-    return criteria_of(simulation.source, motion)
+    return criteria_of(simulation.source, SampledMotion(motion))
 
 
 def gains(result: ServoResult, truth: Truth) -> dict[str, Any]:

@@ -29,7 +29,7 @@ from excite.simulation.plant import Plant, plant_of
 from excite.simulation.sensors import joint_log, sensor_notes
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulation import Simulation, simulation_outcome, torque_uses, trackings, true_parameters
-from excite.tasks.reference import MotionSource, Repeated, SampledMotion
+from excite.tasks.reference import MotionSource, Reference, Repeated, SampledMotion
 from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
 from regressors.errors import InputError, listed_names
@@ -105,7 +105,10 @@ def simulate_servos(servos: ServoResult, source: MotionSource, settings: Simulat
         outcome=outcome,
         notes=(*_notes(servos, moving), *sensor_notes(settings)),
         source=source,
-        tracked={name: criteria_of(source, each) for name, each in (("commanded", wanted), ("tracked", run.samples))},
+        tracked={
+            "commanded": criteria_of(source, Repeated(source.motion, settings.periods)),
+            "tracked": criteria_of(source, SampledMotion(run.samples)),
+        },
     )
 
 
@@ -181,8 +184,8 @@ def _run(servos: ServoResult, plant: Plant, told: Samples, start: Array) -> Simu
     return SimulatedRun(samples, effort, effort, friction, work, loss, stored)
 
 
-def criteria_of(source: MotionSource, motion: Samples) -> dict[str, float]:
+def criteria_of(source: MotionSource, motion: Reference) -> dict[str, float]:
     """Metrics of a motion for the parameters of a task, see `excite.information.matrix.CONVENTIONS`."""
     target = target_of(source.robot, source.task)
-    noise, sampled = noise_per_row(source.task.objective.noise, target.model), SampledMotion(motion)
-    return MotionMeasures.of(target, sampled.samples(target.model.times(sampled.duration, RATE)), noise).criteria
+    samples = motion.samples(target.model.times(motion.duration, RATE))
+    return MotionMeasures.of(target, samples, noise_per_row(source.task.objective.noise, target.model)).criteria
