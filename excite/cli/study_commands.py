@@ -65,10 +65,10 @@ names contain 'stiction' the drive of the column DRIVE.effort is not held in pos
 controller's model of gravity, until it moves by --catch.
 
 \b
-With --servos, what 'excite identify --model servo' identified follows the motion as the robot's drives do: late, bent
-by gravity, and as far as friction lets it; --rate is that of the commands. The tracked motion, which is what counts for
-an identification, is compared with the commands: largest deviation of each joint, limits, condition number and other
-criteria.
+With --servos, what 'excite identify --model servo' identified follows the motion as the robot's drives do: late,
+deflected by gravity, and as far as friction lets it; --rate is that of the commands, the masses are those of the
+servos. The tracked motion, which is what counts for an identification, is compared with the commands: largest deviation
+of each joint, limits, condition number and other criteria.
 
 \b
 Friction files (schema excite.friction/1) have a curve per drive: 'model: coulomb-viscous' (coulomb, viscous, offset),

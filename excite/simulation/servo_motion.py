@@ -2,12 +2,10 @@
 
 Each servo is simulated by `excite.identification.servo_response`. What the arm needs of it follows from the motion of
 all joints, which follows from the servos; so both are computed in turn, first along the commands, until the motion
-changes no more. The torques along it are those of the servos' own equation,
-
-    ``tau_m = tau + (m + J) ddq + f``, ``f = (Fc + mu |tau| + Fs exp(-(dq / v_s)^2)) sign(dq)``,
-
-with the masses that gave the servos their scale. They are without the ripple of a command that is held between two
-rows, and at rest without what friction holds.
+changes no more. The torques along it are those of the robot's own model, with the masses that gave the servos their
+scale and the rotors and friction of its description: stiffness and inertia of a servo are known only together with
+these masses, and controllers that know the arm hide its load. They are without the ripple of a command that is held
+between two rows, and at rest without what friction holds.
 """
 
 from __future__ import annotations
@@ -20,10 +18,10 @@ import scipy
 
 from excite.design.comparison import RATE
 from excite.errors import LostMotionError
-from excite.identification.servo_response import STRIBECK_SPEED, SYMBOLS, Windows, arm_torques, response
+from excite.identification.servo_response import Windows, arm_torques, response
 from excite.identification.servo_result import ServoResult
 from excite.information.matrix import MotionMeasures, noise_per_row
-from excite.information.target import target_of
+from excite.information.target import friction_of_moving, target_of
 from excite.simulation.integration import SimulatedRun, Steps
 from excite.simulation.plant import Plant, plant_of
 from excite.simulation.sensors import joint_log, sensor_notes
@@ -31,11 +29,8 @@ from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulation import Simulation, simulation_outcome, torque_uses, trackings, true_parameters
 from excite.tasks.reference import MotionSource, Reference, Repeated, SampledMotion
 from excite.tasks.robot_of_task import moving_robot
-from excite.tasks.task import Task
 from regressors.errors import InputError, listed_names
-from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Side, Stribeck
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.robot import Drive, Robot, transmission_of
 from regressors.samples import Array, Samples
 
 _PASSES, _SETTLED = 20, 1e-4  # at most, and the change of the motion from which on no more are made [rad or m]
@@ -74,15 +69,18 @@ _OF_CONTROLLERS = (
 )
 
 
-def simulate_servos(servos: ServoResult, source: MotionSource, settings: SimulationSettings) -> Simulation:
-    """Simulate a robot whose servos are told a motion, and its sensors."""
+def simulate_servos(
+    servos: ServoResult, source: MotionSource, settings: SimulationSettings, friction: FrictionCurves | None = None
+) -> Simulation:
+    """Simulate a robot whose servos get a motion as commands, and its sensors."""
     _check(servos, source, settings)
     moving = moving_robot(servos.robot, source.task)
     start = source.motion.samples(np.zeros(1)).dq[0]
     lead = round(_HELD * settings.rate) if np.allclose(start, 0.0, atol=1e-9) else 0
     reference = Repeated(source.motion, settings.periods, lead / settings.rate)
     told = reference.samples(np.arange(round(reference.duration * settings.rate) + 1) / settings.rate)
-    plant, _ = servo_plant(servos, source.task)
+    friction = None if friction is None else friction_of_moving(friction, servos.robot, moving)
+    plant, notes = plant_of(moving, friction)
     run = _run(servos, plant, told, start).after(lead)
     wanted = replace(told.rows(slice(lead, None)), time=run.samples.time)
     # a servo that lags is no fault of the simulation
@@ -103,7 +101,7 @@ def simulate_servos(servos: ServoResult, source: MotionSource, settings: Simulat
         truth=truth,
         torques=torque_uses(moving, run.command),
         outcome=outcome,
-        notes=(*_notes(servos, moving), *sensor_notes(settings)),
+        notes=(*notes, *sensor_notes(settings)),
         source=source,
         tracked={
             "commanded": criteria_of(source, Repeated(source.motion, settings.periods)),
@@ -122,7 +120,7 @@ def _check(servos: ServoResult, source: MotionSource, settings: SimulationSettin
         own, given = ", ".join(servos.robot.joint_names), ", ".join(source.robot.joint_names)
         raise InputError(f"the servos are those of {own}, the robot of the motion has {given}")
     if source.ramps is not None:
-        raise InputError("torque ramps are for a simulated controller; servos are told positions alone")
+        raise InputError("torque ramps are for a simulated controller; servos take positions alone")
     unknown = np.array(servos.robot.joint_names)[np.isinf(servos.half_width).all(axis=1)]
     moved = [name for name in moving_robot(servos.robot, source.task).joint_names if name in unknown]
     if moved:
@@ -132,33 +130,8 @@ def _check(servos: ServoResult, source: MotionSource, settings: SimulationSettin
         )
 
 
-def _notes(servos: ServoResult, moving: Robot) -> list[str]:
-    """Joints whose torques have no scale."""
-    unloaded = np.array(servos.robot.joint_names)[np.isinf(servos.half_width[:, SYMBOLS.index("K")])]
-    names = [name for name in moving.joint_names if name in unloaded]
-    text = f"{listed_names(names)}: the logs of the servos show no scale of torques; do not rely on those of this log"
-    return [text] if names else []
-
-
-def servo_plant(servos: ServoResult, task: Task) -> tuple[Plant, tuple[str, ...]]:
-    """The moving robot with inertia and friction of the servos in the place of those of its drives."""
-    old, Fc, Fs, mu = transmission_of(servos.robot), *(servos.of(symbol) for symbol in ("Fc", "Fs", "mu"))
-    drives = tuple(Drive(d.name, rotor_inertia=J) for d, J in zip(old.drives, servos.of("J").tolist(), strict=True))
-    moving = moving_robot(servos.robot.replace(transmission=replace(old, drives=drives)), task)
-    friction = {d.name: _curve(*each) for d, *each in zip(drives, Fc, Fs, mu, strict=True)}
-    own = transmission_of(moving).drives
-    return plant_of(moving, FrictionCurves({d.name: friction[d.name] for d in own if not d.rests}))
-
-
-def _curve(Fc: float, Fs: float, mu: float) -> FrictionCurve:
-    """Friction of a servo without its share of the load; plain where it is nothing but Coulomb friction."""
-    if Fs == mu == 0.0:
-        return CoulombViscous(float(Fc))
-    return Stribeck(Side(float(Fc), 0.0, float(Fc + Fs), STRIBECK_SPEED))
-
-
 def _run(servos: ServoResult, plant: Plant, told: Samples, start: Array) -> SimulatedRun:
-    """Motion of the moving joints that are told a motion, and its torques; the others rest."""
+    """Motion of the moving joints under commands, and its torques; the others rest."""
     limits, index = servos.robot.limits, [servos.robot.joint_index(name) for name in plant.robot.joint_names]
     command = np.tile(np.clip(0.0, limits.lower, limits.upper), (told.time.size, 1))
     command[:, index], speed, step = told.q, np.zeros(servos.robot.n), float(told.time[1])
@@ -168,14 +141,14 @@ def _run(servos: ServoResult, plant: Plant, told: Samples, start: Array) -> Simu
         raise LostMotionError("the simulated motion of the servos diverges; give a higher `rate`")
     dq = np.gradient(q, step, axis=0)
     ddq = np.gradient(dq, step, axis=0)
-    load, inertia = arm_torques(servos.robot)(q, dq, ddq)
-    J, Fc, Fs, mu = (servos.of(symbol) for symbol in ("J", "Fc", "Fs", "mu"))
-    friction = (Fc + mu * np.abs(load) + Fs * np.exp(-((dq / STRIBECK_SPEED) ** 2))) * np.sign(dq)
-    effort = load + (inertia + J) * ddq + friction
-    q, dq, ddq, effort, friction = (each[:, index] for each in (q, dq, ddq, effort, friction))
-    symbols = [ca.SX.sym(name, plant.robot.n) for name in ("q", "dq")]
-    energy = ca.Function("energy", symbols, [plant.energy(*symbols)])
+    q, dq, ddq = (each[:, index] for each in (q, dq, ddq))
+    symbols = [ca.SX.sym(name, plant.robot.n) for name in ("q", "dq", "ddq")]
+    energy = ca.Function("energy", symbols[:2], [plant.energy(*symbols[:2])])
+    torque = ca.Function("torque", symbols, [plant.torque(*symbols)])
     stored = np.array(energy.map(len(q))(q.T, dq.T)).reshape(-1)
+    carried = np.array(torque.map(len(q))(q.T, dq.T, ddq.T)).T
+    friction = plant.friction.joint_torque(plant.robot, q, dq, load=carried)
+    effort = carried + friction
     work, loss = (
         scipy.integrate.cumulative_trapezoid((each * dq).sum(axis=1), dx=step, initial=0.0)
         for each in (effort, friction)

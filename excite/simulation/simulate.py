@@ -70,8 +70,8 @@ def simulate(
     load : Payload or path, optional
         Load behind the force/torque sensor.
     servos : ServoResult or path, optional
-        Identified servos, or their folder, that follow the motion as commands in the place of a controller; their robot
-        is simulated, with their friction.
+        Identified servos, or their folder, that follow the motion as commands in the place of a controller. The robot
+        is theirs, with the masses of their identification.
     trajectory : path, optional
         File to play, in the format of trajectory.csv, instead of the design's motion.
     approach_and_return : bool
@@ -103,16 +103,14 @@ def simulate(
     resolved = motion_source(source, trajectory, approach_and_return=approach_and_return)
     if not beyond_limits:
         check_played(resolved)
+    curves = read_friction(Path(friction)) if isinstance(friction, str | Path) else friction
     if servos is not None:
-        if friction is not None or load is not None:
-            raise InputError(
-                "`friction` and `load` are not for servos, which have those of their identification: leave them out"
-            )
+        if load is not None:
+            raise InputError("`load` is not for servos, which carry that of their identification: leave it out")
         known = load_servos(servos) if isinstance(servos, str | Path) else servos
-        return simulate_servos(known, resolved, settings)
+        return simulate_servos(known, resolved, settings, curves)
     if resolved.planned and settings.sign_width is None and settings.breakaway is None:
         settings = replace(settings, breakaway=AUTO)
-    curves = read_friction(Path(friction)) if isinstance(friction, str | Path) else friction
     payload = read_load(Path(load)) if isinstance(load, str | Path) else load
     given = (resolved.robot, resolved.task, resolved.motion, settings)
     simulation = simulate_motion(*given, friction=curves, load=payload, ramps=resolved.ramps, progress=progress)
