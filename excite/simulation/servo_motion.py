@@ -24,7 +24,7 @@ from excite.information.matrix import MotionMeasures, noise_per_row
 from excite.information.target import friction_of_moving, target_of
 from excite.simulation.integration import SimulatedRun, Steps
 from excite.simulation.plant import Plant, plant_of
-from excite.simulation.sensors import joint_log, sensor_notes
+from excite.simulation.sensors import friction_at, joint_log, sensor_notes
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulation import Simulation, simulation_outcome, torque_uses, trackings, true_parameters
 from excite.tasks.reference import MotionSource, Reference, Repeated, SampledMotion
@@ -80,7 +80,8 @@ def simulate_servos(
     reference = Repeated(source.motion, settings.periods, lead / settings.rate)
     told = reference.samples(np.arange(round(reference.duration * settings.rate) + 1) / settings.rate)
     friction = None if friction is None else friction_of_moving(friction, servos.robot, moving)
-    plant, notes = plant_of(moving, friction)
+    friction, notes = friction_at(friction, settings, moving)
+    plant, assumed = plant_of(moving, friction)
     run = _run(servos, plant, told, start).after(lead)
     wanted = replace(told.rows(slice(lead, None)), time=run.samples.time)
     # a servo that lags is no fault of the simulation
@@ -101,7 +102,7 @@ def simulate_servos(
         truth=truth,
         torques=torque_uses(moving, run.command),
         outcome=outcome,
-        notes=(*notes, *sensor_notes(settings)),
+        notes=(*notes, *assumed, *sensor_notes(settings)),
         source=source,
         tracked={
             "commanded": criteria_of(source, Repeated(source.motion, settings.periods)),
