@@ -77,12 +77,15 @@ def play(
     place, dof = ([getattr(model.joint(name), adr)[0] for name in joints] for adr in ("qposadr", "dofadr"))
     each, late, before = round(1 / rate / STEP), round(truth.d / STEP), round(2.0 / STEP)
     data.qpos[place] = command[0]
-    rows, effort = np.empty_like(command), np.empty_like(command)
+    rows, effort = np.empty_like(command), np.zeros_like(command)  # torques are averaged about each row
     for k in range(-before, len(command) * each):
         if k >= 0 and k % each == 0:
-            rows[k // each], effort[k // each] = data.qpos[place], data.qfrc_actuator[dof]
+            rows[k // each] = data.qpos[place]
         data.ctrl[:] = command[max(0, (k - late) // each)]
         mujoco.mj_step(model, data)
+        about = (k + each // 2) // each
+        if 0 <= about < len(command):
+            effort[about] += data.qfrc_actuator[dof] / each
     measured = encoder * np.round((rows + truth.b) / encoder)
     return Log(source, "", joints, np.arange(len(command)) / rate, measured, effort=effort, command=command)
 

@@ -34,6 +34,7 @@ from regressors.robot.friction.curves import FrictionCurves
 from regressors.samples import Array, Samples
 
 _PASSES, _SETTLED = 20, 1e-4  # at most, and the change of the motion from which on no more are made [rad or m]
+_FAR = 100.0  # of an arm that falls, since its servos are too weak [rad or m]
 
 
 def followed(servos: ServoResult, command: Array, step: float, q: Array, dq: Array) -> Array:
@@ -49,9 +50,9 @@ def followed(servos: ServoResult, command: Array, step: float, q: Array, dq: Arr
         further = response(servos.values[None], windows)[0].T - path
         last, change = change, float(np.abs(further).max())
         if change > last:  # fast motions of coupled joints would grow
-            share = 0.5
+            share *= 0.5
         path = path + share * further
-        if change < _SETTLED:
+        if change < _SETTLED or change > _FAR:
             break
     return path
 
@@ -138,8 +139,10 @@ def _run(servos: ServoResult, plant: Plant, told: Samples, start: Array) -> Simu
     command[:, index], speed, step = told.q, np.zeros(servos.robot.n), float(told.time[1])
     speed[index] = start
     q = followed(servos, command, step, command[0], speed)
-    if not np.isfinite(q).all():
-        raise LostMotionError("the simulated motion of the servos diverges; give a higher `rate`")
+    if not np.abs(q - command).max() < _FAR:
+        raise LostMotionError(
+            "the simulated arm falls: its servos are too weak for the motion, or a log of another arm was given"
+        )
     dq = np.gradient(q, step, axis=0)
     ddq = np.gradient(dq, step, axis=0)
     q, dq, ddq = (each[:, index] for each in (q, dq, ddq))
