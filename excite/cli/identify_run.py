@@ -118,8 +118,12 @@ def identify_servos_and_write(robot: str, logs: Sequence[Path], out: Path, given
         names = ("base_link", "tip", "snap_angles", "xacro", "mapping", "drop")
         read = {name: given[name] for name in names if given[name] is not None}
         installation = Installation(**typed_options(Installation))
-        arm = robot if given["result"] is None else _identified_arm(given["result"], robot, read)
-        result = identify_servos(arm, list(logs), installation=installation, progress=tell, **read)
+        arm: Robot | str = robot
+        if given["result"] is None:
+            read["installation"] = installation
+        else:
+            arm = installation.applied(_identified_arm(given["result"], robot, read))
+        result = identify_servos(arm, list(logs), progress=tell, **read)
         files = result.save(out, replace=given["force"])
     steps = [f"excite verify {out} OTHER, with a log that was not used here"]
     show(servos_view(result), files, content=lambda: json_of(result), next_steps=steps, all_in=SERVOS)

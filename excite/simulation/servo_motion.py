@@ -75,7 +75,8 @@ def simulate_servos(
 ) -> Simulation:
     """Simulate a robot whose servos get a motion as commands, and its sensors."""
     _check(servos, source, settings)
-    moving = moving_robot(servos.robot, source.task)
+    # servos whose controller compensates gravity are identified without it, and their torques have it
+    moving = moving_robot(servos.robot.replace(gravity=source.robot.gravity), source.task)
     start = source.motion.samples(np.zeros(1)).dq[0]
     lead = round(_HELD * settings.rate) if np.allclose(start, 0.0, atol=1e-9) else 0
     reference = Repeated(source.motion, settings.periods, lead / settings.rate)
