@@ -53,6 +53,8 @@ def plant(urdf: Path, joints: tuple[str, ...], truth: Truth, held: tuple[float, 
         actuator = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         actuator.set_to_position(kp=truth.K[k])
         actuator.forcelimited, actuator.forcerange = 1, [-truth.L[k], truth.L[k]]
+        sensor = spec.add_sensor(name=name, type=mujoco.mjtSensor.mjSENS_JOINTPOS)
+        sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_JOINT, name
     if held:
         body = next(body for body in spec.bodies if any(joint.name == joints[-1] for joint in body.joints))
         body.add_body(mass=held[0], ipos=held[1:], inertia=[1e-9] * 3, explicitinertial=1)
@@ -64,20 +66,31 @@ def plant(urdf: Path, joints: tuple[str, ...], truth: Truth, held: tuple[float, 
     return model
 
 
-def play(model: mujoco.MjModel, joints: tuple[str, ...], truth: Truth, command: Array, source: str) -> Log:
-    """What is measured while commands (N, n) are played at `RATE`, each held until the next."""
+def play(
+    model: mujoco.MjModel,
+    joints: tuple[str, ...],
+    truth: Truth,
+    command: Array,
+    source: str,
+    rate: float = RATE,
+    encoder: float = ENCODER,
+) -> Log:
+    """What is measured while commands (N, n) are played, each held until the next, after two seconds at rest."""
     data = mujoco.MjData(model)
-    place = [model.joint(name).qposadr[0] for name in joints]
-    each, late = round(1 / RATE / STEP), round(truth.d / STEP)
+    place, dof = ([getattr(model.joint(name), adr)[0] for name in joints] for adr in ("qposadr", "dofadr"))
+    each, late, before = round(1 / rate / STEP), round(truth.d / STEP), round(2.0 / STEP)
     data.qpos[place] = command[0]
-    rows = np.empty_like(command)
-    for k in range(-100 * each, len(command) * each):  # at rest before the log begins
+    rows, effort = np.empty_like(command), np.zeros_like(command)  # torques are averaged about each row
+    for k in range(-before, len(command) * each):
         if k >= 0 and k % each == 0:
             rows[k // each] = data.qpos[place]
         data.ctrl[:] = command[max(0, (k - late) // each)]
         mujoco.mj_step(model, data)
-    measured = ENCODER * np.round((rows + truth.b) / ENCODER)
-    return Log(source, "", joints, np.arange(len(command)) / RATE, measured, command=command)
+        about = (k + each // 2) // each
+        if 0 <= about < len(command):
+            effort[about] += (data.qfrc_actuator + data.qfrc_damper)[dof] / each
+    measured = encoder * np.round((rows + truth.b) / encoder)
+    return Log(source, "", joints, np.arange(len(command)) / rate, measured, effort=effort, command=command)
 
 
 def replay(model: mujoco.MjModel, log: Log, speed: Array) -> Array:

@@ -29,7 +29,7 @@ from excite.verification.tolerances import Tolerances
 @command(
     groups={
         "Motion": ("design_folder", "designs", "period", "harmonics"),
-        "Model": ("friction_curves",),
+        "Model": ("friction_curves", "result"),
         "Logs": ("mapping", "drop", "rows", "temperature"),
         "Signals": ("signals", "cutoff", "delay", "bias", "average", "measured_velocity", "low_pass", "every"),
         "Friction in the equations": ("sign_width", "breakaway", "standstill", "friction_scale"),
@@ -43,6 +43,7 @@ Examples:
   excite identify ur10e log.csv --mapping ur10e.yaml --joint-rotors --offset --out results/ur10e
   excite identify irp6 run.csv --model energy --out results/energy
   excite identify so101 run1 run2 --model servo --out results/servos        from commands, without torques
+  excite identify ur10e log.csv --model servo --result results/ur10e --out results/drives
   excite identify irp6 run.csv --friction-curves friction.yaml --out results/masses
 
 \b
@@ -107,6 +108,7 @@ What is written to DIR:
     "--friction-curves",
     help="Known friction curves, which are subtracted; drives without one keep their friction parameters.",
 )
+@folder_option("--result", help="With --model servo: identified model whose masses set the scale of the servos.")
 @further_option(
     "--loaded",
     multiple=True,

@@ -16,6 +16,7 @@ from excite.cli.streams import in_options, remark, say, tell
 from excite.cli.summary import Drawn, print_verdict, print_view, show
 from excite.design.design_json import find_design
 from excite.errors import LostWorkersError
+from excite.export.models.exported_model import model_of_result
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe, not_repeated
 from excite.identification.result import RepeatedParameter, RepetitionSummary
@@ -45,6 +46,7 @@ from excite.views.servo_view import servo_verification_view, servos_view
 from excite.views.verification_view import verification_view, verifications_view
 from excite.views.view import View
 from regressors.errors import InputError
+from regressors.robot.robot import Robot
 
 _LEFT_OUT = (
     "schema", "robot", "task", "measured_condition_number", "motor_sides", "curves", "scatter", "scale", "calibration",
@@ -68,6 +70,7 @@ def identify_and_write(robot: str, logs: Sequence[Path], out: Path, **given: Any
     of_recipe = {name: value for name, value in typed_options(Recipe).items() if value is not None}
     if typed_options(ModelChoice).get("model") == _SERVO:
         identify_servos_and_write(robot, logs, out, given)
+    check_not_typed(("result",), "is for servos: give --model servo too")
     recipe = Recipe(**of_recipe)
     if given["repeat"]:
         recipe.check_repeatable(given["repeat"])
@@ -115,11 +118,29 @@ def identify_servos_and_write(robot: str, logs: Sequence[Path], out: Path, given
         names = ("base_link", "tip", "snap_angles", "xacro", "mapping", "drop")
         read = {name: given[name] for name in names if given[name] is not None}
         installation = Installation(**typed_options(Installation))
-        result = identify_servos(robot, list(logs), installation=installation, progress=tell, **read)
+        arm: Robot | str = robot
+        if given["result"] is None:
+            read["installation"] = installation
+        else:
+            arm = installation.applied(_identified_arm(given["result"], robot, read))
+        result = identify_servos(arm, list(logs), progress=tell, **read)
         files = result.save(out, replace=given["force"])
     steps = [f"excite verify {out} OTHER, with a log that was not used here"]
     show(servos_view(result), files, content=lambda: json_of(result), next_steps=steps, all_in=SERVOS)
     sys.exit(NOT_HELD if result.doubts else 0)
+
+
+def _identified_arm(folder: Path, robot: str, read: dict[str, Any]) -> Robot:
+    """The robot with the bodies that a result stands for, read in the place of its description."""
+    files = {name: read.pop(name) for name in ("base_link", "tip", "snap_angles", "xacro") if name in read}
+    described = excite.load_robot(robot, files.pop("base_link", None), **files)
+    model = model_of_result(excite.load_result(folder))
+    if model.robot.joint_names != described.joint_names:
+        own, named = ", ".join(model.robot.joint_names), ", ".join(described.joint_names)
+        raise InputError(f"the result in {folder} is of {own}, and {robot} has {named}; name the result of this robot")
+    for note in model.notes:
+        remark(f"excite: note: {note}")
+    return model.robot
 
 
 def _identified(

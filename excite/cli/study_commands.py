@@ -22,7 +22,7 @@ from excite.tasks.further_settings import Extents, MotionSettings, StudySettings
 
 _OF_SIMULATE = {
     "Motion": ("trajectory", "approach_and_return", "beyond_limits", "periods"),
-    "Controller": ("controller", "bandwidth", "model_error", "torque_limits"),
+    "Controller": ("controller", "bandwidth", "model_error", "torque_limits", "servos"),
     "Friction and load": ("friction", "temperature", "sign_width", "breakaway", "catch", "load"),
     "Measurement": (
         "rate", "wrench_rate", "encoder", "position_noise", "velocity_noise", "torque_noise", "wrench_noise", "seed",
@@ -40,6 +40,7 @@ Examples:
   excite simulate designs/irp6 --out logs/clean.csv
   excite simulate designs/irp6 --out logs/run1.csv --encoder 4000 --torque-noise 0.5 --model-error 0.1 --seed 1
   excite simulate designs/irp6 --out logs/curves.csv --friction friction.yaml
+  excite simulate designs/ur10e --out logs/ur10e.csv --servos results/servos --rate 500    as its own drives follow it
   excite simulate designs/irp6 --out logs/hit.csv --impact q2:3.5:200 --position-step 1e-4 --torque-gain 1.1,0.9,1
   excite simulate designs/irp6-load --out logs/load.csv --load 1.76,0,0,0.16,0.02,0,0,0.02,0,0.001
   excite simulate friction/irp6/z1.csv --out logs/z1.csv --controller pd --bandwidth 10 --friction friction.yaml
@@ -48,7 +49,8 @@ Examples:
 
 \b
 What is written:
-  LOG.csv          time [s], then NAME.position, NAME.velocity, NAME.effort of every moving joint [SI]
+  LOG.csv          time [s], then NAME.position, NAME.velocity, NAME.effort of every moving joint [SI]; with --servos
+                   NAME.command too
   LOG.wrench.csv   with --load: time, positions of all joints, wrench.force.x ... wrench.torque.z [N, Nm]
   LOG.json         robot, design, settings, seed, and the true standard parameters: what an identification should find;
                    'excite identify' ignores it, with a note, once LOG.csv has been changed
@@ -61,6 +63,12 @@ stiffness of that over D. Files of a friction plan are played with --breakaway a
 compensation of friction at once, so that the torque does not rise slowly. In the segments of NAME.stiction.csv whose
 names contain 'stiction' the drive of the column DRIVE.effort is not held in position: it gets that torque and the
 controller's model of gravity, until it moves by --catch.
+
+\b
+With --servos, what 'excite identify --model servo' identified follows the motion as the robot's drives do: late,
+deflected by gravity, and as far as friction lets it; --rate is that of the commands, the masses are those of the
+servos. The tracked motion, which is what counts for an identification, is compared with the commands: largest deviation
+of each joint, limits, condition number and other criteria.
 
 \b
 Friction files (schema excite.friction/1) have a curve per drive: 'model: coulomb-viscous' (coulomb, viscous, offset),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import casadi as ca
@@ -189,3 +190,23 @@ def friction_at(
 def sensor_of(task: Task) -> Sensor:
     """The task's force/torque sensor, with all six equations."""
     return replace(task.model.force_sensor, equations=EQUATIONS)
+
+
+def sensor_notes(settings: SimulationSettings) -> list[str]:
+    """Note on each error of the torques and steps of the positions."""
+    notes = []
+    if settings.friction_drift:
+        notes.append(f"friction changes by {100 * settings.friction_drift:+g} % from the first instant to the last")
+    if any(gain != 1 for gain in settings.torque_gain):
+        notes.append(f"measured torques are {_listed(settings.torque_gain)} times the true ones")
+    if any(settings.coloured_noise):
+        notes.append(
+            f"torques have noise of {_listed(settings.coloured_noise)} Nm (N) below {settings.noise_corner:g} Hz"
+        )
+    if any(settings.position_step):
+        notes.append(f"positions are in steps of {_listed(settings.position_step)} rad (m)")
+    return notes
+
+
+def _listed(values: Iterable[float]) -> str:
+    return ", ".join(f"{value:g}" for value in values)

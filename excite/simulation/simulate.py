@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,11 +10,13 @@ from typing import Any
 import numpy as np
 
 from excite.design.design import Design
+from excite.identification.servo_result import ServoResult, load_servos
 from excite.information.target import friction_of_moving
 from excite.simulation.control import ControlledRobot, RampedDrive, broken_loose, controller_of
 from excite.simulation.integration import Progress, Steps, simulated_run, steps_for
 from excite.simulation.plant import Plant, plant_of
-from excite.simulation.sensors import friction_at, joint_log, sensor_of, wrench_log_of
+from excite.simulation.sensors import friction_at, joint_log, sensor_notes, sensor_of, wrench_log_of
+from excite.simulation.servo_motion import simulate_servos
 from excite.simulation.settings import AUTO, SimulationSettings, impacts_on, one_each
 from excite.simulation.simulation import Simulation, simulation_outcome, torque_uses, true_parameters
 from excite.simulation.simulation_files import read_source
@@ -47,6 +48,7 @@ def simulate(
     noise: float | tuple[float, ...] | None = None,
     friction: FrictionCurves | str | Path | None = None,
     load: Payload | str | Path | None = None,
+    servos: ServoResult | str | Path | None = None,
     trajectory: str | Path | None = None,
     approach_and_return: bool = True,
     beyond_limits: bool = False,
@@ -67,6 +69,9 @@ def simulate(
         Replaces the friction of the robot's description for the drives that it names.
     load : Payload or path, optional
         Load behind the force/torque sensor.
+    servos : ServoResult or path, optional
+        Identified servos, or their folder, that follow the motion as commands in the place of a controller. The robot
+        is theirs, with the masses of their identification.
     trajectory : path, optional
         File to play, in the format of trajectory.csv, instead of the design's motion.
     approach_and_return : bool
@@ -98,9 +103,14 @@ def simulate(
     resolved = motion_source(source, trajectory, approach_and_return=approach_and_return)
     if not beyond_limits:
         check_played(resolved)
+    curves = read_friction(Path(friction)) if isinstance(friction, str | Path) else friction
+    if servos is not None:
+        if load is not None:
+            raise InputError("`load` is not for servos, which carry that of their identification: leave it out")
+        known = load_servos(servos) if isinstance(servos, str | Path) else servos
+        return simulate_servos(known, resolved, settings, curves)
     if resolved.planned and settings.sign_width is None and settings.breakaway is None:
         settings = replace(settings, breakaway=AUTO)
-    curves = read_friction(Path(friction)) if isinstance(friction, str | Path) else friction
     payload = read_load(Path(load)) if isinstance(load, str | Path) else load
     given = (resolved.robot, resolved.task, resolved.motion, settings)
     simulation = simulate_motion(*given, friction=curves, load=payload, ramps=resolved.ramps, progress=progress)
@@ -221,26 +231,6 @@ def run_notes(
         f"an impact of up to {one.torque:g} Nm (N) acts on {one.joint} from {one.time:g} s on for {one.duration:g} s"
         for one in options.impact
     ]
-
-
-def sensor_notes(settings: SimulationSettings) -> list[str]:
-    """Note on each error of the torques and steps of the positions."""
-    notes = []
-    if settings.friction_drift:
-        notes.append(f"friction changes by {100 * settings.friction_drift:+g} % from the first instant to the last")
-    if any(gain != 1 for gain in settings.torque_gain):
-        notes.append(f"measured torques are {_listed(settings.torque_gain)} times the true ones")
-    if any(settings.coloured_noise):
-        notes.append(
-            f"torques have noise of {_listed(settings.coloured_noise)} Nm (N) below {settings.noise_corner:g} Hz"
-        )
-    if any(settings.position_step):
-        notes.append(f"positions are in steps of {_listed(settings.position_step)} rad (m)")
-    return notes
-
-
-def _listed(values: Iterable[float]) -> str:
-    return ", ".join(f"{value:g}" for value in values)
 
 
 def controlled_robot(

@@ -67,6 +67,9 @@ class Simulation:
         Assumptions of the simulation.
     source : MotionSource, optional
         Source of the motion, where it is from a design or a plan.
+    tracked : mapping of str to mapping, optional
+        Where servos follow the motion, metrics (`excite.information.matrix.CONVENTIONS`) of what was ``commanded`` and
+        of what was ``tracked``, for the parameters of the design.
     """
 
     robot: Robot
@@ -81,6 +84,7 @@ class Simulation:
     outcome: SimulationOutcome
     notes: tuple[str, ...]
     source: MotionSource | None = None
+    tracked: Mapping[str, Mapping[str, float]] | None = None
 
     @property
     def measured(self) -> Log:
@@ -133,6 +137,7 @@ class Simulation:
                 "compensation_width": steps.width,
                 "breakaway": None if steps.sticking is None else steps.sticking.distance,
                 "breakaway_lead": None if steps.sticking is None else list(steps.sticking.lead),
+                **({} if self.tracked is None else {"controller": "servos"}),
             },
             seed=self.settings.seed,
             truth=dict(self.truth),
@@ -147,6 +152,7 @@ class Simulation:
             loss=float(run.loss[-1]),
             energy_residual=self.energy_residual,
             trajectory=None if file is None else {"file": file.name, "sha256": sha256_of(file)},
+            tracked=self.tracked,
             **({} if source is None else source.origin),
         )
 
@@ -189,6 +195,8 @@ class SimulatedLog:
         Work of the torques, losses by friction, see `Simulation.energy_residual` [J].
     log : mapping, optional
         SHA-256 of the log.
+    tracked : mapping, optional
+        See `Simulation`.
     """
 
     beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {"holds": lambda record: record.holds}
@@ -212,6 +220,7 @@ class SimulatedLog:
     friction_plan: Mapping[str, Any] | None = None
     trajectory: Mapping[str, Any] | None = None
     log: Mapping[str, str] | None = None
+    tracked: Mapping[str, Mapping[str, float]] | None = None
 
     @property
     def holds(self) -> bool:

@@ -29,6 +29,9 @@ class MotionSettings:
         "Load at the sensor, in its frame: m, mcx, mcy, mcz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz; or a YAML file of them.",
         metavar="M,MCX,...|FILE",
     )
+    servos: str | None = essential(
+        None, "file", "Identified servos follow the motion, and no controller.", metavar="DIR"
+    )
 
 
 @dataclass(frozen=True)

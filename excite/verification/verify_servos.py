@@ -1,7 +1,6 @@
 """Verify servos on a log that they were not identified from: the response to its commands alone, and a verdict.
 
-Each servo is simulated from the first row on. What the arm needs of it follows from the motion of all joints, which
-follows from the servos; so both are computed in turn, first along the commands, until the motion changes no more.
+Each servo is simulated from the first row on, see `excite.simulation.servo_motion`.
 """
 
 from __future__ import annotations
@@ -14,11 +13,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from excite.identification.procedure import LogLike, log_of
-from excite.identification.servo_response import Windows, arm_torques, response
 from excite.identification.servo_result import MotionFit, ServoResult, load_servos, motion_fits
 from excite.identification.servo_windows import ServoMotion, servo_motion
 from excite.logs.log import LogReference
 from excite.logs.mapping import LogMapping
+from excite.simulation.servo_motion import followed
 from excite.storage.records import check_replaceable, every, read_record, short, write_record
 from excite.storage.result_folder import result_folder
 from regressors.arguments import checked
@@ -29,7 +28,6 @@ from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 KIND = "servo-verification"
-_PASSES, _SETTLED = 8, 1e-4  # at most, and the change of the motion from which on no more are made [rad or m]
 _GAP = 1.5  # median steps, from which on the simulation starts again as measured
 
 
@@ -101,17 +99,7 @@ def _predicted(result: ServoResult, motion: ServoMotion, rows: slice) -> Array:
     if len(time) < 2:
         return q
     step = (time[-1] - time[0]) / (len(time) - 1)
-    before = np.repeat(command[:1], int(np.ceil(result.of("d").max() / step)) + 1, axis=0)
-    told, steps, speed = np.concatenate([before, command]).T, np.full(q.shape[1], step), motion.samples.dq[rows][0]
-    needs, path = arm_torques(result.robot), q[:1] + 0.0 * command
-    for _ in range(_PASSES):
-        rates = np.gradient(path, step, axis=0)
-        load, inertia = needs(path, rates, np.gradient(rates, step, axis=0))
-        last, windows = path, Windows(steps, told, load.T, inertia.T, q.T, speed)
-        path = response(result.values[None], windows)[0].T
-        if np.abs(path - last).max() < _SETTLED:
-            break
-    return path
+    return followed(result, command, step, q[0], motion.samples.dq[rows][0])
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 
 from excite.simulation.simulation import SimulatedLog, Simulation
@@ -124,15 +124,27 @@ def simulation_view(simulation: Simulation | SimulatedLog) -> View:
         verdict=f"Simulated {what}: {kept}" if log.holds else f"Simulated {what}, but {lost}",
         holds=log.holds,
         summary=(
-            f"{log.samples} samples at {settings['rate']:g} Hz; {settings['controller']} of {settings['bandwidth']:g} "
-            f"Hz, seed {log.seed}",
+            f"{log.samples} samples at {settings['rate']:g} Hz; {_driven(log)}, seed {log.seed}",
             f"energy: the torques did {log.work:.4g} J of work, friction took {log.loss:.4g} J; the balance closes to "
             f"{log.energy_residual:.2g} J",
         ),
         remarks=(*(f"does not hold: {each}" for each in log.failures), *log.notes),
-        tables=(_simulated_torques(log), _tracking(log)),
+        tables=(_simulated_torques(log), _tracking(log), *(() if log.tracked is None else (_criteria(log.tracked),))),
         facts={"robot": log.robot, "robot_sha256": log.sha256},
     )
+
+
+def _driven(log: SimulatedLog) -> str:
+    """What moved the robot."""
+    if log.tracked is None:
+        return f"{log.settings['controller']} of {log.settings['bandwidth']:g} Hz"
+    commanded, tracked = (log.tracked[name]["condition_number"] for name in ("commanded", "tracked"))
+    return f"identified servos; condition number {tracked:.4g} of the tracked motion, {commanded:.4g} of the commands"
+
+
+def _criteria(tracked: Mapping[str, Mapping[str, float]]) -> ViewTable:
+    rows = tuple((name, value, tracked["tracked"][name]) for name, value in tracked["commanded"].items())
+    return ViewTable("criteria", "Criteria", headed("criterion:text, commanded:4, tracked:4"), rows, most=6)
 
 
 def _followed(log: SimulatedLog) -> str:

@@ -17,6 +17,7 @@ from excite.identification.servos import identify_servos
 from excite.logs.log import Log
 from regressors.readers.urdf import read_urdf
 from regressors.robot.robot import Robot
+from regressors.samples import Array
 
 JOINTS = ("lift", "elbow", "roll")
 _LINK = """<link name="{0}"><inertial><origin xyz="{1} 0 0"/><mass value="{2}"/>
@@ -63,11 +64,21 @@ def servo_log(
     seed: int, duration: float = 60.0, limits: tuple[float, ...] = UNREACHED, held: tuple[float, ...] = ()
 ) -> Log:
     """What is measured of a motion of its own, at 50 Hz, in steps of the encoder, with a mass in hand or without."""
+    return played(plant().motion(np.random.default_rng(seed), 3, duration, np.zeros(3)), f"log-{seed}", limits, held)
+
+
+def played(
+    command: Array,
+    source: str,
+    limits: tuple[float, ...] = UNREACHED,
+    held: tuple[float, ...] = (),
+    **options: float,
+) -> Log:
+    """What is measured of commands (N, 3)."""
     with tempfile.TemporaryDirectory() as folder:
         (path := Path(folder) / "small.urdf").write_text(URDF, encoding="utf-8")
         model = plant().plant(path, JOINTS, truth(limits), held)
-    command = plant().motion(np.random.default_rng(seed), 3, duration, np.zeros(3))
-    log: Log = plant().play(model, JOINTS, truth(limits), command, f"log-{seed}")
+    log: Log = plant().play(model, JOINTS, truth(limits), command, source, **options)
     return log
 
 

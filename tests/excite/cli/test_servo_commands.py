@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from commands import Here
+from commands import Here, table_of
 from recordings import so101_folder
 from servo_arm import URDF, servo_log, true_servos
 
@@ -43,6 +43,47 @@ def test_servos_are_identified_and_verified_end_to_end(here: Here) -> None:
     refused = here.refused("verify", "servos", "run.csv")
     assert "is a log that the servos were identified from" in refused
     assert "--training-too" in refused
+
+
+@pytest.mark.slow
+def test_the_masses_of_a_result_set_the_scale_of_servos(here: Here) -> None:
+    (with_files(here).cwd / "heavy.urdf").write_text(URDF.replace('"0.4"', '"0.6"').replace('"0.3"', '"0.45"'))
+    known = ("identify", "heavy.urdf", "run.csv")
+    ended = here.run(*known, "--joint-rotors", "--out", "arm")
+    assert ended.returncode == 0, ended.stderr
+    ended = here.run(*known, "--model", "servo", "--result", "arm", "--out", "servos")
+    assert ended.returncode == 0, ended.stderr
+    stated = json.loads((here.cwd / "servos" / "servos.json").read_text(encoding="utf-8"))["servos"]
+    for joint, stiffness in (("lift", 15.0), ("elbow", 12.0)):  # half as much more by the masses of the file
+        assert stated[joint]["stiffness"]["value"] == pytest.approx(stiffness, rel=0.1), joint
+    assert "excite: note: the bodies reproduce the identified base parameters" in ended.stderr
+    refused = here.refused("identify", "so101", "run.csv", "--model", "servo", "--result", "arm", "--out", "other")
+    assert "the result in arm is of lift, elbow, roll, and so101 has shoulder_pan" in refused
+
+
+def test_a_result_is_for_servos_alone(here: Here) -> None:
+    refused = here.refused("identify", "so101", "run.csv", "--result", "arm", "--out", "other")
+    assert refused.startswith("excite: --result is for servos: give --model servo too")
+
+
+def test_a_design_is_played_as_its_servos_follow_it(here: Here) -> None:
+    (here.cwd / "small.urdf").write_text(URDF, encoding="utf-8")
+    true_servos().save(here.cwd / "servos")
+    chosen = ("--period", "4", "--harmonics", "3", "--starts", "1", "--executor", "serial", "--figures", "none")
+    assert here.run("design", "small.urdf", *chosen, "--out", "design").returncode == 0
+    ended = here.run("simulate", "design", "--servos", "servos", "--rate", "100", "--out", "run.csv", "-v")
+    out = " ".join(ended.stdout.split())
+    assert "401 samples at 100 Hz; identified servos; condition number " in out
+    header, table = table_of(here.cwd / "run.csv")
+    assert header[1:5] == ["lift.position", "lift.velocity", "lift.effort", "lift.command"]
+    assert 0.01 < np.abs(table[:, 1] - table[:, 4]).max() < 0.5
+    tracked = json.loads((here.cwd / "run.json").read_text(encoding="utf-8"))["tracked"]
+    own = json.loads((here.cwd / "design" / "design.json").read_text(encoding="utf-8"))["criteria"]
+    assert tracked["commanded"]["condition_number"] == pytest.approx(own["condition_number"], rel=1e-3)
+    assert tracked["tracked"].keys() == tracked["commanded"].keys()
+    assert tracked["tracked"]["condition_number"] != pytest.approx(own["condition_number"], rel=1e-3)
+    refused = here.refused("simulate", "design", "--servos", "servos", "--bandwidth", "9", "--out", "other.csv")
+    assert "--bandwidth is for a simulated controller, whose place servos take: leave it out" in refused
 
 
 def test_settings_of_torques_are_refused_in_words(here: Here) -> None:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from excite.simulation.sensors import first_order_noise, sensed_torques, stepped
+from excite.simulation.sensors import first_order_noise, sensed_torques, sensor_notes, stepped
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulate import sensor_notes, simulate_motion
+from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation, simulation_outcome
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
