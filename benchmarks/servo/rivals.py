@@ -79,7 +79,7 @@ class Rival:
         """The arm with servos of some values."""
         K, D, J, Fc, L = (np.exp(unknowns[name].value) for name in LOGARITHMS)
         arm = copy.copy(self.arm)
-        arm.actuator_gainprm[:, 0], arm.actuator_biasprm[:, 1], arm.actuator_biasprm[:, 2] = K, -K, -D
+        arm.actuator_gainprm[:, 0], arm.actuator_biasprm[:, 1], arm.dof_damping[:] = K, -K, D
         arm.dof_armature[:], arm.dof_frictionloss[:], arm.actuator_forcerange[:] = J, Fc, np.column_stack([-L, L])
         return arm
 

@@ -257,7 +257,8 @@ _TRIED, _TAKEN = 3, 12  # of the guesses, and iterations
 _GRID = 15  # torque limits
 _CONTINUED, _REPEATS, _AGAIN = 40, 2, 15  # iterations, and those with the motion of the fitted servos
 _LIMITS = tuple(np.array([getattr(q, end) for q in QUANTITIES]) for end in ("least", "most"))
-_K, _L = SYMBOLS.index("K"), SYMBOLS.index("L")
+_SHARES = np.array([0.0, 0.25, 0.5, 0.75, 1.25, 1.5])  # of a delay, tried in its place
+_K, _D, _J, _L, _DELAY = (SYMBOLS.index(symbol) for symbol in "KDJLd")
 _LATER = [SYMBOLS.index(symbol) for symbol in ("Fs", "mu", "delta")]  # what is small, and fitted after the rest
 
 
@@ -277,17 +278,32 @@ def fit_servo(windows: Windows, start: Array) -> ServoEstimate:
     errors = np.concatenate([np.abs(_residuals(windows, few)).mean(axis=(1, 2)) for few in np.split(guesses, 4)])
     best = guesses[np.argsort(errors, kind="stable")[:_TRIED]]
     tried = np.array([_descend(windows, each, start[_K], _TAKEN, _LATER)[0] for each in best])
-    x = tried[np.argmin(np.abs(_residuals(windows, tried)).mean(axis=(1, 2)))]
+    x = _best(windows, tried)
     for _ in range(_TRIED):
         x = _descend(windows, _best_limit(windows, x, start), start[_K], _TAKEN)[0]
+    other = _descend(windows, _other_delay(windows, x), start[_K], _CONTINUED)[0]
+    x = _best(windows, np.stack([x, other]))
     return fitted(fine, x, start, _CONTINUED)
+
+
+def _best(windows: Windows, trials: Array) -> Array:
+    """Of several values, shape (B, p), those that predict best."""
+    return np.asarray(trials[np.argmin(np.abs(_residuals(windows, trials)).mean(axis=(1, 2)))])
+
+
+def _other_delay(windows: Windows, x: Array) -> Array:
+    """The values with the next best delay, of some: inertia and delay take each other's place, for a lag of J / D."""
+    delays = x[_DELAY] * _SHARES
+    trials = np.repeat(x[None], len(delays), axis=0)
+    trials[:, _DELAY], trials[:, _J] = delays, x[_J] + x[_D] * (x[_DELAY] - delays)
+    return _best(windows, np.clip(trials, *_LIMITS))
 
 
 def _best_limit(windows: Windows, x: Array, start: Array) -> Array:
     """The values with the torque limit that predicts best, of many: few rows at a limit leave no slope towards it."""
     limits = np.append(x[_L], start[_L] / start[_K] * x[_K] * np.geomspace(_LIMITED, 1.0, _GRID))
     trials = np.where(np.arange(x.size) == _L, limits[:, None], x)
-    return np.asarray(trials[np.argmin(np.abs(_residuals(windows, trials)).mean(axis=(1, 2)))])
+    return _best(windows, trials)
 
 
 def fitted(windows: Windows, x: Array, start: Array, iterations: int) -> ServoEstimate:
