@@ -21,9 +21,9 @@ import numpy as np
 import record
 from plant import Truth, motion, plant, play, random_truth
 
-from excite.identification.servo_response import QUANTITIES, SYMBOLS
 from excite.identification.servos import identify_servos
 from excite.verification.verify_servos import verify_servos
+from regressors.models.servo_response import QUANTITIES, SYMBOLS
 from regressors.readers.library import load_robot
 from regressors.samples import Array
 

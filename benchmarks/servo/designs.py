@@ -24,10 +24,10 @@ from coverage import MIDDLE, URDF, values_of
 from plant import RATE, motion, plant, play, random_truth
 
 import excite
-from excite.identification.servo_response import QUANTITIES, SYMBOLS
 from excite.identification.servos import identify_servos
 from excite.tasks.installation import Installation
 from excite.verification.verify_servos import verify_servos
+from regressors.models.servo_response import QUANTITIES, SYMBOLS
 from regressors.readers.library import load_robot
 from regressors.samples import Array
 

@@ -29,12 +29,12 @@ from plant import Truth, plant, play
 
 import excite
 from excite.export.models.exported_model import model_of_result
-from excite.identification.servo_response import QUANTITIES, SYMBOLS, arm_torques
 from excite.identification.servo_result import ServoResult
 from excite.identification.servos import identify_servos
 from excite.logs.log import Log
 from excite.simulation.servo_motion import criteria_of
 from excite.tasks.reference import SampledMotion
+from regressors.models.servo_response import QUANTITIES, SYMBOLS, arm_torques
 from regressors.robot.robot import Robot
 from regressors.samples import Samples
 

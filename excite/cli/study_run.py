@@ -21,6 +21,7 @@ from excite.design.design_folder import check_no_design, data_files
 from excite.design.start_results import StartResult
 from excite.design.task_file import read_task_file, task_from_options
 from excite.errors import LostMotionError
+from excite.identification.servo_result import load_servos
 from excite.optimality.design_bound import NAME, stored_bound
 from excite.optimality.sensitivity import sensitivity
 from excite.simulation.settings import SimulationSettings
@@ -213,6 +214,8 @@ def simulate_and_write(source: Path, out: Path, **given: Any) -> None:
     trajectory, both = played.pop("trajectory", None), played.pop("approach_and_return")
     resolved = motion_source(design, trajectory, approach_and_return=both)
     load = _load(played.pop("load", None))
+    if "servos" in played:
+        played["servos"] = load_servos(played["servos"])
     if load is None and resolved.task.model.channel == "wrench":
         remark("excite: note: the design is for a load, but none is simulated; give one with --load")
     try:

@@ -9,10 +9,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from excite.identification.servo_response import QUANTITIES, SYMBOLS
 from excite.logs.log import Log, LogReference
 from excite.storage.records import read_record, write_record
 from excite.storage.result_folder import check_not_taken, result_folder
+from regressors.models.servo_response import QUANTITIES, SYMBOLS
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -81,7 +81,7 @@ class ServoResult:
     robot : Robot
         The described arm, whose masses set the scale.
     values : ndarray, shape (n, p)
-        Of each joint's servo, the quantities of `excite.identification.servo_response.QUANTITIES` [SI].
+        Of each joint's servo, the quantities of `regressors.models.servo_response.QUANTITIES` [SI].
     half_width : ndarray, shape (n, p)
         Half of their 99 % intervals, from the scatter between windows.
     fits : tuple of MotionFit

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from excite.identification.servo_response import LONGEST_DELAY, QUANTITIES, Windows, arm_torques
 from excite.identification.servo_result import LEAST_MOTION, encoder_step
 from excite.logs.log import Log
 from regressors.errors import InputError
+from regressors.models.servo_response import LONGEST_DELAY, QUANTITIES, Windows, arm_torques
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
 

@@ -19,7 +19,6 @@ from threadpoolctl import threadpool_limits
 from excite.identification.estimator import CONFIDENCE
 from excite.identification.procedure import LogLike, read_logs
 from excite.identification.result import provenance_of
-from excite.identification.servo_response import COARSE, QUANTITIES, SYMBOLS, Windows, arm_torques, response
 from excite.identification.servo_result import ServoResult, motion_fits
 from excite.identification.servo_windows import Places, ServoMotion, moves, servo_motion, windows_in, windows_of
 from excite.logs.log import Log
@@ -29,6 +28,7 @@ from excite.tasks.robot_of_task import robot_and_task
 from regressors.arguments import checked
 from regressors.errors import listed_names
 from regressors.models.servo import UNKNOWNS, ServoModel
+from regressors.models.servo_response import COARSE, QUANTITIES, SYMBOLS, Windows, arm_torques, response
 from regressors.numerical import numerical_work
 from regressors.robot.robot import Robot
 from regressors.samples import Array

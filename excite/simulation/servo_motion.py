@@ -1,6 +1,6 @@
 """Motion that identified servos make of commands, the torques that it takes, and what it shows of parameters.
 
-Each servo is simulated by `excite.identification.servo_response`. What the arm needs of it follows from the motion of
+Each servo is simulated by `regressors.models.servo_response`. What the arm needs of it follows from the motion of
 all joints, which follows from the servos; so both are computed in turn, first along the commands, until the motion
 changes no more. The torques along it are those of the robot's own model, with the masses that gave the servos their
 scale and the rotors and friction of its description: stiffness and inertia of a servo are known only together with
@@ -18,8 +18,6 @@ import scipy
 
 from excite.design.comparison import RATE
 from excite.errors import LostMotionError
-from excite.identification.servo_response import Windows, arm_torques, response
-from excite.identification.servo_result import ServoResult
 from excite.information.matrix import MotionMeasures, noise_per_row
 from excite.information.target import friction_of_moving, target_of
 from excite.simulation.integration import SimulatedRun, Steps
@@ -30,6 +28,7 @@ from excite.simulation.simulation import Simulation, simulation_outcome, torque_
 from excite.tasks.reference import MotionSource, Reference, Repeated, SampledMotion
 from excite.tasks.robot_of_task import moving_robot
 from regressors.errors import InputError, listed_names
+from regressors.models.servo_response import SYMBOLS, Servos, Windows, arm_torques, response
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.samples import Array, Samples
 
@@ -37,9 +36,9 @@ _PASSES, _SETTLED = 20, 1e-4  # at most, and the change of the motion from which
 _FAR = 100.0  # of an arm that falls, since its servos are too weak [rad or m]
 
 
-def followed(servos: ServoResult, command: Array, step: float, q: Array, dq: Array) -> Array:
+def followed(servos: Servos, command: Array, step: float, q: Array, dq: Array) -> Array:
     """Positions of all joints from a state (q, dq) on, under commands at even steps [s], shape (N, n)."""
-    before = np.repeat(command[:1], int(np.ceil(servos.of("d").max() / step)) + 1, axis=0)
+    before = np.repeat(command[:1], int(np.ceil(servos.values[:, SYMBOLS.index("d")].max() / step)) + 1, axis=0)
     told, steps = np.concatenate([before, command]).T, np.full(q.size, step)
     needs, path, change, share = arm_torques(servos.robot), q + 0.0 * command, np.inf, 1.0
     measured = np.repeat(q[:, None], len(command), axis=1)
@@ -71,7 +70,7 @@ _OF_CONTROLLERS = (
 
 
 def simulate_servos(
-    servos: ServoResult, source: MotionSource, settings: SimulationSettings, friction: FrictionCurves | None = None
+    servos: Servos, source: MotionSource, settings: SimulationSettings, friction: FrictionCurves | None = None
 ) -> Simulation:
     """Simulate a robot whose servos get a motion as commands, and its sensors."""
     _check(servos, source, settings)
@@ -113,7 +112,7 @@ def simulate_servos(
     )
 
 
-def _check(servos: ServoResult, source: MotionSource, settings: SimulationSettings) -> None:
+def _check(servos: Servos, source: MotionSource, settings: SimulationSettings) -> None:
     """Raise `InputError` for what is not for servos, and servos of another robot or of which nothing is known."""
     usual = SimulationSettings()
     for name in _OF_CONTROLLERS:
@@ -133,7 +132,7 @@ def _check(servos: ServoResult, source: MotionSource, settings: SimulationSettin
         )
 
 
-def _run(servos: ServoResult, plant: Plant, told: Samples, start: Array) -> SimulatedRun:
+def _run(servos: Servos, plant: Plant, told: Samples, start: Array) -> SimulatedRun:
     """Motion of the moving joints under commands, and its torques; the others rest."""
     limits, index = servos.robot.limits, [servos.robot.joint_index(name) for name in plant.robot.joint_names]
     command = np.tile(np.clip(0.0, limits.lower, limits.upper), (told.time.size, 1))

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from excite.design.design import Design
-from excite.identification.servo_result import ServoResult, load_servos
 from excite.information.target import friction_of_moving
 from excite.simulation.control import ControlledRobot, RampedDrive, broken_loose, controller_of
 from excite.simulation.integration import Progress, Steps, simulated_run, steps_for
@@ -28,6 +27,7 @@ from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError
+from regressors.models.servo_response import Servos
 from regressors.numerical import numerical_work
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import drives_with_friction
@@ -48,7 +48,7 @@ def simulate(
     noise: float | tuple[float, ...] | None = None,
     friction: FrictionCurves | str | Path | None = None,
     load: Payload | str | Path | None = None,
-    servos: ServoResult | str | Path | None = None,
+    servos: Servos | None = None,
     trajectory: str | Path | None = None,
     approach_and_return: bool = True,
     beyond_limits: bool = False,
@@ -69,8 +69,8 @@ def simulate(
         Replaces the friction of the robot's description for the drives that it names.
     load : Payload or path, optional
         Load behind the force/torque sensor.
-    servos : ServoResult or path, optional
-        Identified servos, or their folder, that follow the motion as commands in the place of a controller. The robot
+    servos : ServoResult, optional
+        Identified servos that follow the motion as commands in the place of a controller. The robot
         is theirs, with the masses of their identification.
     trajectory : path, optional
         File to play, in the format of trajectory.csv, instead of the design's motion.
@@ -107,8 +107,7 @@ def simulate(
     if servos is not None:
         if load is not None:
             raise InputError("`load` is not for servos, which carry that of their identification: leave it out")
-        known = load_servos(servos) if isinstance(servos, str | Path) else servos
-        return simulate_servos(known, resolved, settings, curves)
+        return simulate_servos(servos, resolved, settings, curves)
     if resolved.planned and settings.sign_width is None and settings.breakaway is None:
         settings = replace(settings, breakaway=AUTO)
     payload = read_load(Path(load)) if isinstance(load, str | Path) else load

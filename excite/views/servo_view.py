@@ -7,11 +7,11 @@ from pathlib import PurePath
 
 import numpy as np
 
-from excite.identification.servo_response import QUANTITIES, SYMBOLS, Quantity
 from excite.identification.servo_result import MotionFit, ServoResult, unit_of
 from excite.verification.verify_servos import ServoVerification
 from excite.views.view import Column, Drawing, View, ViewTable, headed, texts
 from regressors.errors import listed_names
+from regressors.models.servo_response import QUANTITIES, SYMBOLS, Quantity
 
 _MOTION = Drawing("Predicted and measured motion", "motion", "verification_plots.servo_motion_figure")
 _QUANTITIES, _MOTIONS = "Servos with their 99 % intervals", "Predicted motion, and what the bare command predicts"

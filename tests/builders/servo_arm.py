@@ -11,10 +11,10 @@ import numpy as np
 from commands import module_of
 from recordings import ROOT
 
-from excite.identification.servo_response import SYMBOLS
 from excite.identification.servo_result import ServoResult
 from excite.identification.servos import identify_servos
 from excite.logs.log import Log
+from regressors.models.servo_response import SYMBOLS
 from regressors.readers.urdf import read_urdf
 from regressors.robot.robot import Robot
 from regressors.samples import Array

@@ -19,9 +19,9 @@ from excite.export.models.exported_model import about_centre, number, numbers, q
 from excite.export.models.identified_model import COUPLED, DrivenRobot, IdentifiedModel
 from excite.export.models.servo_model import FRICTION, ServoRobot
 from excite.export.models.xml_copy import XmlDocument, XmlSpan, chain_in, comment, pose_error, share_inertia, start
-from excite.identification.servo_response import STRIBECK_SPEED
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
+from regressors.models.servo_response import STRIBECK_SPEED
 from regressors.readers.mjcf import tree_of_mjcf
 from regressors.readers.mjcf_tree import joint_actuators, names_of, reflected
 from regressors.readers.urdf_elements import MJCF, xml_kind

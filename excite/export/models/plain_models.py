@@ -36,10 +36,10 @@ from excite.export.models.identified_model import (
 )
 from excite.export.models.robot_yaml import robot_text
 from excite.export.models.servo_model import FRICTION, ServoRobot
-from excite.identification.servo_response import STRIBECK_SPEED
 from excite.storage.records import zipped_arrays
 from regressors.errors import InputError, listed_names
 from regressors.models.reduction import inertial_columns
+from regressors.models.servo_response import STRIBECK_SPEED
 from regressors.readers.documents import yaml_float
 from regressors.robot.columns import COULOMB, ROTOR, VISCOUS, drive_column
 from regressors.robot.inertia import PARAMETERS_PER_LINK
@@ -72,7 +72,7 @@ class YamlFormat(ModelFormat):
         return ModelText("\n".join([*lines, ""]))
 
 
-_EQUATIONS = "the equations of these quantities are those of excite.identification.servo_response"
+_EQUATIONS = "the equations of these quantities are those of regressors.models.servo_response"
 
 
 def _yaml(value: float) -> str:

@@ -21,9 +21,9 @@ import numpy as np
 from excite.export.models.exported_model import PACKAGE
 from excite.export.models.identified_model import DrivenRobot, ModelDrive
 from excite.identification.result_json import RESULT
-from excite.identification.servo_response import QUANTITIES, SYMBOLS, arm_torques
 from excite.identification.servo_result import SERVOS, ServoResult, load_servos
 from excite.storage.manifest import sha256_of
+from regressors.models.servo_response import QUANTITIES, SYMBOLS, arm_torques
 from regressors.robot.gears import ConstantRatio
 from regressors.robot.robot import Robot
 from regressors.samples import Array

@@ -12,12 +12,12 @@ import pytest
 from servo_arm import JOINTS, URDF, identified_servos, servo_log, small_arm, true_servos, truth
 
 import excite
-from excite.identification.servo_response import QUANTITIES, SYMBOLS
 from excite.identification.servo_result import MotionFit, ServoResult, load_servos, motion_fits
 from excite.identification.servo_windows import servo_motion, windows_in
 from excite.identification.servos import identify_servos
 from excite.logs.log import Log, LogReference
 from regressors.errors import InputError
+from regressors.models.servo_response import QUANTITIES, SYMBOLS
 from regressors.readers.library import built_in
 
 LOADED, ROLL = slice(0, 2), 2

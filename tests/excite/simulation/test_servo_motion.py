@@ -12,7 +12,6 @@ from scipy.integrate import solve_ivp
 from servo_arm import JOINTS, played, small_arm, true_servos
 
 import excite
-from excite.identification.servo_response import SYMBOLS, arm_torques
 from excite.identification.servo_result import ServoResult
 from excite.simulation.servo_motion import followed
 from excite.simulation.simulation import Simulation
@@ -20,6 +19,7 @@ from excite.tasks.reference import MotionSource
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError
+from regressors.models.servo_response import SYMBOLS, arm_torques
 from regressors.readers.library import built_in
 from regressors.robot.robot import transmission_of
 from regressors.samples import Array

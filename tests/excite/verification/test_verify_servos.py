@@ -11,11 +11,11 @@ import pytest
 from servo_arm import JOINTS, identified_servos, servo_log, true_servos
 
 import excite
-from excite.identification.servo_response import SYMBOLS
 from excite.identification.servo_result import ServoResult
 from excite.logs.log import Log, LogReference
 from excite.verification.verify_servos import ServoVerification, load_servo_verification, verify_servos
 from regressors.errors import InputError
+from regressors.models.servo_response import SYMBOLS
 
 
 def other() -> Log:

@@ -16,11 +16,11 @@ from servo_arm import JOINTS, URDF, identified_servos, plant, servo_log, small_a
 
 import excite
 from excite.export.exported import Exported
-from excite.identification.servo_response import STRIBECK_SPEED, SYMBOLS
 from excite.identification.servo_result import ServoResult
 from excite.identification.servos import servo_motion
 from excite.verification.verify_servos import verify_servos
 from regressors.errors import InputError
+from regressors.models.servo_response import STRIBECK_SPEED, SYMBOLS
 from regressors.samples import Array
 
 

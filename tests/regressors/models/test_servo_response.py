@@ -10,7 +10,7 @@ import pytest
 from pinocchio_chains import joint_torques
 from scipy.linalg import expm
 
-from excite.identification.servo_response import QUANTITIES, SYMBOLS, Windows, arm_torques, response
+from regressors.models.servo_response import QUANTITIES, SYMBOLS, Windows, arm_torques, response
 from regressors.readers.library import built_in
 from regressors.samples import Array, Samples
 
@@ -48,7 +48,7 @@ def test_without_friction_and_limits_a_servo_is_a_linear_one_to_second_order() -
     for step in (0.004, 0.002, 0.001):
         count = round(1.0 / step) + 1
         w = windows(np.full(count, 0.5), start=0.1, speed=-1.0)
-        path = response(servo(), replace(w, step=np.array([step])))[0, 0]
+        path = response(servo(), replace(w, step=np.array([step]), longest_step=step))[0, 0]
         exact = 0.5 + of_linear_servo(step * np.arange(count), np.array([0.1 - 0.5, -1.0]))
         errors.append(np.abs(path - exact).max())
     assert errors[0] < 2e-3

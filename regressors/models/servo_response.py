@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
@@ -60,6 +60,23 @@ QUANTITIES = (
     Quantity("torque limit", "L", "Nm", "N", 1e-3, 1e5, 1.0, True),
 )
 SYMBOLS = tuple(quantity.symbol for quantity in QUANTITIES)
+
+
+@runtime_checkable
+class Servos(Protocol):
+    """Servos of all joints of an arm, as they are identified."""
+
+    @property
+    def robot(self) -> Robot:
+        """The arm, whose masses set the scale."""
+
+    @property
+    def values(self) -> Array:
+        """Of each joint, the quantities of `QUANTITIES`, shape (n, p)."""
+
+    @property
+    def half_width(self) -> Array:
+        """Half of their 99 % intervals, shape (n, p); infinite for what is not known."""
 
 
 @dataclass(frozen=True, eq=False)
