@@ -2,7 +2,7 @@
 
 ``python benchmarks/servo/coverage.py [--seeds 100-199]``: each seed is six servos of random parameters on the arm of
 the SO-101, a delay, encoders of 4096 steps, and a log of 120 s at 50 Hz of sums of sines and transitions between poses.
-The factor by which intervals are widened was set on seeds 0 to 9.
+The factor by which intervals are widened was set on seeds 0 to 7.
 """
 
 from __future__ import annotations

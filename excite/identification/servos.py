@@ -259,6 +259,7 @@ _CONTINUED, _REPEATS, _AGAIN = 40, 2, 15  # iterations, and those with the motio
 _LIMITS = tuple(np.array([getattr(q, end) for q in QUANTITIES]) for end in ("least", "most"))
 _SHARES = np.array([0.0, 0.25, 0.5, 0.75, 1.25, 1.5])  # of a delay, tried in its place
 _K, _D, _J, _L, _DELAY = (SYMBOLS.index(symbol) for symbol in "KDJLd")
+_FRICTION, _DEAD = SYMBOLS.index("Fc"), SYMBOLS.index("delta")
 _LATER = [SYMBOLS.index(symbol) for symbol in ("Fs", "mu", "delta")]  # what is small, and fitted after the rest
 
 
@@ -283,7 +284,17 @@ def fit_servo(windows: Windows, start: Array) -> ServoEstimate:
         x = _descend(windows, _best_limit(windows, x, start), start[_K], _TAKEN)[0]
     other = _descend(windows, _other_delay(windows, x), start[_K], _CONTINUED)[0]
     x = _best(windows, np.stack([x, other]))
-    return fitted(fine, x, start, _CONTINUED)
+    plain = _descend(windows, _without_dead_band(x), start[_K], _TAKEN, [_DEAD])[0]
+    worse, least = np.abs(_residuals(windows, np.stack([plain, x]))).mean(axis=(1, 2))
+    return fitted(fine, plain if worse < _REACHED * least else x, start, _CONTINUED)
+
+
+def _without_dead_band(x: Array) -> Array:
+    """The values with friction in the place of a dead band; on joints of little load, either explains the other."""
+    plain = x.copy()
+    plain[_FRICTION] += x[_K] * x[_DEAD]
+    plain[_DEAD] = 0.0
+    return plain
 
 
 def _best(windows: Windows, trials: Array) -> Array:
@@ -317,8 +328,8 @@ def fitted(windows: Windows, x: Array, start: Array, iterations: int) -> ServoEs
     return ServoEstimate(x, deviation, left)
 
 
-_REACHED = 1.01  # times the cost, by which no torque limit at all must be worse for one to count
-_WIDER = 2.5  # intervals, by what is wrong in all windows alike: from simulated servos, see benchmarks/servo
+_REACHED = 1.01  # times the cost or error, by which no torque limit or dead band at all must be worse for one to count
+_WIDER = 4.0  # intervals, by what is wrong in all windows alike: from simulated servos, see benchmarks/servo
 _STEPS = 5e-3  # of the size of each quantity, for differences
 _STANDS_OUT = 3.0  # deviations from which on a residual counts less
 _DAMPINGS = np.array([0.0, 1e-6, 1e-4, 1e-2, 1.0, 100.0])  # of Levenberg and Marquardt, tried at once
