@@ -114,7 +114,6 @@ def logs() -> None:
 Examples:
   excite export designs/ur10e --format ros2-yaml --out play/goal.yaml
   excite export designs/ur10e --format urscript --rate 125 --out play/excite.script
-  excite export designs/panda --format franka --out play/panda.csv
   excite export designs/so101 --format lerobot --out play/so101
   excite export results/ur10e --format urdf --robot-file mine.urdf --out models/ur10e.urdf
   excite export servos --format mjcf --out a.xml  (urdf, isaac, yaml, bam)

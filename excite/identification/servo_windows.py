@@ -1,7 +1,7 @@
 """Logs of commanded and measured positions, cut into windows that begin as measured.
 
 Derivatives are those of cubics through the rows about each. A window lies within a log without a gap, and has the
-commands of the longest delay before it.
+commands of the longest delay before it. Values that a fit starts from are those of the linear form.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import scipy
 from excite.identification.servo_result import LEAST_MOTION, encoder_step
 from excite.logs.log import Log
 from regressors.errors import InputError
+from regressors.models.servo import UNKNOWNS, ServoModel
 from regressors.models.servo_response import LONGEST_DELAY, QUANTITIES, Windows, arm_torques
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
@@ -120,3 +121,51 @@ def windows_of(motions: Sequence[ServoMotion], places: Places, joint: int) -> Wi
 def moves(windows: Windows) -> bool:
     """Whether a joint moves by more than some steps of its encoder."""
     return bool(np.ptp(windows.measured) > LEAST_MOTION * encoder_step(windows.measured))
+
+
+_DELAYS = np.arange(0.0, 0.11, 0.01)  # [s]
+_MOVES = 0.2  # of the typical speed, from which on friction has its direction
+
+
+def start_values(motions: Sequence[ServoMotion], robot: Robot) -> Array:
+    """Values from the linear form, by the delay that explains the rows of moving joints best, shape (n, p)."""
+    model = ServoModel(robot)
+    W = np.concatenate([model.instants(m.samples).reshape(-1, robot.n, UNKNOWNS * robot.n) for m in motions])
+    behind = [np.concatenate([_delayed(m, delay) - m.samples.q for m in motions]) for delay in _DELAYS]
+    linear, late = np.empty((robot.n, UNKNOWNS)), np.empty(robot.n)
+    told = np.zeros(robot.n, dtype=bool)
+    for j in range(robot.n):
+        block = W[:, j, UNKNOWNS * j : UNKNOWNS * (j + 1)]
+        moves = np.abs(block[:, 1]) >= _MOVES * np.sqrt(np.mean(block[:, 1] ** 2))
+        fits = [
+            scipy.optimize.lsq_linear(block[moves], each[moves, j], ([0.0] * 4 + [-np.inf], np.inf)) for each in behind
+        ]
+        best = int(np.argmin([fit.cost for fit in fits]))
+        linear[j], late[j] = fits[best].x, _DELAYS[best]
+        told[j] = linear[j, 0] * np.ptp(block[moves, 0]) > _TELLS * np.std(behind[best][moves, j])
+    stiffness = 1.0 / np.maximum(linear[:, 0], 1e-9)
+    usual = float(np.median(stiffness[told])) if told.any() else _USUAL
+    largest = np.abs(behind[0]).max(axis=0)
+    return np.array(
+        [
+            _of_linear(float(np.clip(K if tells else usual, *_STIFFNESS)), *each)
+            for K, tells, *each in zip(stiffness, told, linear, late, largest, strict=True)
+        ]
+    )
+
+
+def _delayed(motion: ServoMotion, delay: float) -> Array:
+    """Commands that were given some time before each row."""
+    time = motion.log.time
+    return motion.command[np.maximum(np.searchsorted(time, time - delay, side="right") - 1, 0)]
+
+
+_STIFFNESS = (1.0, 1e4)  # to start from [Nm/rad]
+_USUAL = 20.0  # where no joint's load tells it
+_TELLS = 0.5  # of how far the joint stays behind, from which on its load's part tells the stiffness
+
+
+def _of_linear(K: float, x: Array, delay: float, largest: float) -> Array:
+    """Values of all quantities from a stiffness and those of the linear form."""
+    given = {"K": K, "D": K * x[1], "J": K * x[2], "Fc": K * x[3], "b": x[4], "d": delay, "L": 2.0 * K * largest}
+    return np.array([np.clip(given.get(q.symbol, 0.1 * q.size), q.least, q.most) for q in QUANTITIES])

@@ -11,7 +11,7 @@ from excite.identification.servo_result import MotionFit, ServoResult, unit_of
 from excite.verification.verify_servos import ServoVerification
 from excite.views.view import Column, Drawing, View, ViewTable, headed, texts
 from regressors.errors import listed_names
-from regressors.models.servo_response import QUANTITIES, SYMBOLS, Quantity
+from regressors.models.servo_response import QUANTITIES, SYMBOLS, ServoQuantity
 
 _MOTION = Drawing("Predicted and measured motion", "motion", "verification_plots.servo_motion_figure")
 _QUANTITIES, _MOTIONS = "Servos with their 99 % intervals", "Predicted motion, and what the bare command predicts"
@@ -71,7 +71,7 @@ def _quantities(result: ServoResult) -> ViewTable:
     return ViewTable("quantities", _QUANTITIES, columns, rows)
 
 
-def _stated(quantity: Quantity, value: float) -> float | None:
+def _stated(quantity: ServoQuantity, value: float) -> float | None:
     """A value; None for a limit that no motion reaches."""
     return value if value < quantity.most else None
 

@@ -34,7 +34,7 @@ FINE, COARSE = 0.0034, 0.0101  # longest integration steps: to judge by, and to 
 
 
 @dataclass(frozen=True)
-class Quantity:
+class ServoQuantity:
     """One unknown of a drive."""
 
     name: str
@@ -48,16 +48,16 @@ class Quantity:
 
 
 QUANTITIES = (
-    Quantity("stiffness", "K", "Nm/rad", "N/m", 0.1, 1e5, 10.0, True),
-    Quantity("damping", "D", "Nm s/rad", "N s/m", 0.0, 1e4, 0.5, True),
-    Quantity("inertia", "J", "kg m^2", "kg", 1e-6, 1e3, 0.01, True),
-    Quantity("Coulomb friction", "Fc", "Nm", "N", 0.0, 1e4, 0.1, True),
-    Quantity("Stribeck friction", "Fs", "Nm", "N", 0.0, 1e4, 0.1, True),
-    Quantity("load share", "mu", "Nm/Nm", "N/N", 0.0, 3.0, 0.3, False),
-    Quantity("offset", "b", "rad", "m", -0.2, 0.2, 0.01, False),
-    Quantity("delay", "d", "s", "s", 0.0, LONGEST_DELAY, 0.1, False),
-    Quantity("dead band", "delta", "rad", "m", 0.0, 0.01, 0.005, False),
-    Quantity("torque limit", "L", "Nm", "N", 1e-3, 1e5, 1.0, True),
+    ServoQuantity("stiffness", "K", "Nm/rad", "N/m", 0.1, 1e5, 10.0, True),
+    ServoQuantity("damping", "D", "Nm s/rad", "N s/m", 0.0, 1e4, 0.5, True),
+    ServoQuantity("inertia", "J", "kg m^2", "kg", 1e-6, 1e3, 0.01, True),
+    ServoQuantity("Coulomb friction", "Fc", "Nm", "N", 0.0, 1e4, 0.1, True),
+    ServoQuantity("Stribeck friction", "Fs", "Nm", "N", 0.0, 1e4, 0.1, True),
+    ServoQuantity("load share", "mu", "Nm/Nm", "N/N", 0.0, 3.0, 0.3, False),
+    ServoQuantity("offset", "b", "rad", "m", -0.2, 0.2, 0.01, False),
+    ServoQuantity("delay", "d", "s", "s", 0.0, LONGEST_DELAY, 0.1, False),
+    ServoQuantity("dead band", "delta", "rad", "m", 0.0, 0.01, 0.005, False),
+    ServoQuantity("torque limit", "L", "Nm", "N", 1e-3, 1e5, 1.0, True),
 )
 SYMBOLS = tuple(quantity.symbol for quantity in QUANTITIES)
 
