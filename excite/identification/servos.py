@@ -215,7 +215,7 @@ _GUESSES, _SPREAD = 192, 1.0  # values to start from, and the deviation of their
 _LIMITED = 0.025  # of twice the largest torque of the motor: the least torque limit to start from
 _TRIED, _TAKEN = 3, 12  # of the guesses, and iterations
 _GRID = 15  # torque limits
-_CONTINUED, _REPEATS, _AGAIN = 40, 2, 15  # iterations, and those with the motion of the fitted servos
+_CONTINUED, _REPEATS, _AGAIN = 30, 2, 10  # iterations, and those with the motion of the fitted servos
 _LIMITS = tuple(np.array([getattr(q, end) for q in QUANTITIES]) for end in ("least", "most"))
 _SHARES = np.array([0.0, 0.25, 0.5, 0.75, 1.25, 1.5])  # of a delay, tried in its place
 _K, _D, _J, _L, _DELAY = (SYMBOLS.index(symbol) for symbol in "KDJLd")
@@ -246,7 +246,15 @@ def fit_servo(windows: Windows, start: Array) -> ServoEstimate:
     x = _best(windows, np.stack([x, other]))
     plain = _descend(windows, _without_dead_band(x), start[_K], _TAKEN, [_DEAD])[0]
     worse, least = np.abs(_residuals(windows, np.stack([plain, x]))).mean(axis=(1, 2))
-    return fitted(fine, plain if worse < _REACHED * least else x, start, _CONTINUED)
+    x = plain if worse < _REACHED * least else x
+    scaled = [_descend(windows, each, start[_K], _TAKEN)[0] for each in _of_other_scales(x)]
+    return fitted(fine, _best(windows, np.stack([x, *scaled])), start, _CONTINUED)
+
+
+def _of_other_scales(x: Array) -> Array:
+    """The values with smaller and larger torques, shape (2, p): little load says little about their scale."""
+    scales = np.array([q.scales for q in QUANTITIES])
+    return np.clip(np.where(scales, np.array([[0.6], [1.7]]) * x, x), *_LIMITS)
 
 
 def _without_dead_band(x: Array) -> Array:
