@@ -80,13 +80,12 @@ def header_line(lines: Sequence[str]) -> int:
     return 0
 
 
-def house_layout(source: str, header: str, joints: Sequence[str] | None, preface: int = 0) -> Layout:
+def house_layout(source: str, names: list[str], joints: Sequence[str] | None, preface: int = 0) -> Layout:
     """Layout by the column names ``time``, ``NAME.position``, ``NAME.velocity``, ..., ``wrench.force.x``.
 
     A column ``temperature`` without a joint's name applies to all joints.
     """
-    names = checked_head(source, header_names(header))
-    _check_header(source, names)
+    _check_header(source, checked_head(source, names))
     index = {name: k for k, name in enumerate(names)}
     recorded = [name.removesuffix(".position") for name in names if name.endswith(".position")]
     if not recorded:

@@ -100,7 +100,7 @@ def calibrate_gains(
     Parameters
     ----------
     robot : Robot or str
-    loaded, without : Log, Simulation, path, or a sequence of them
+    loaded, without : Log, frame, dict of columns, Simulation, path, or a sequence of them
         With the load at the last link, and without it.
     mass : float
         Of the load [kg].

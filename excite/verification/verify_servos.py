@@ -49,7 +49,7 @@ def verify_servos(
     ----------
     result : ServoResult or path
         Just identified or loaded, or its folder.
-    log : Log or path
+    log : Log, frame, dict of columns or path
         With commanded positions.
     mapping : LogMapping or path, optional
         How a foreign file is laid out.
