@@ -41,6 +41,11 @@ class Samples:
         if self.q.shape[0] != self.time.size:
             raise InputError(f"samples: {self.time.size} instants, but {self.q.shape[0]} rows of q")
 
+    def __repr__(self) -> str:
+        """One line."""
+        span = f" from {self.time[0]:g} to {self.time[-1]:g} s" if self.time.size else ""
+        return f"<Samples: {self.q.shape[-1]} joints at {self.time.size} instants{span}>"
+
     def rows(self, part: slice | Index) -> Samples:
         """Some of the instants."""
         return Samples(*(getattr(self, name)[part] for name in ("time", "q", "dq", "ddq", "dddq")))

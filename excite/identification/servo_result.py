@@ -11,7 +11,7 @@ import numpy as np
 
 from excite.identification.servo_response import QUANTITIES, SYMBOLS
 from excite.logs.log import Log, LogReference
-from excite.storage.records import read_record, write_record
+from excite.storage.records import Shown, read_record, write_record
 from excite.storage.result_folder import check_not_taken, result_folder
 from regressors.robot.robot import Robot
 from regressors.samples import Array
@@ -73,7 +73,7 @@ def motion_fits(predicted: Sequence[tuple[Log, Array]], units: Sequence[str]) ->
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ServoResult:
+class ServoResult(Shown):
     """Identified servos; the same when it is loaded.
 
     Parameters

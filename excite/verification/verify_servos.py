@@ -19,7 +19,7 @@ from excite.identification.servo_result import MotionFit, ServoResult, load_serv
 from excite.identification.servo_windows import ServoMotion, servo_motion
 from excite.logs.log import LogReference
 from excite.logs.mapping import LogMapping
-from excite.storage.records import check_replaceable, every, read_record, short, write_record
+from excite.storage.records import Shown, check_replaceable, every, read_record, short, write_record
 from excite.storage.result_folder import result_folder
 from regressors.arguments import checked
 from regressors.errors import InputError, listed_names
@@ -115,7 +115,7 @@ def _predicted(result: ServoResult, motion: ServoMotion, rows: slice) -> Array:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ServoVerification:
+class ServoVerification(Shown):
     """Verdict on servos by the motion of a log; the same when it is loaded."""
 
     beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {
