@@ -52,8 +52,12 @@ class ViewTable:
 
     @property
     def by_heading(self) -> dict[str, list[Any]]:
-        """Its columns by their headings, with all digits; None where there is no value."""
-        return {column.heading: [row[k] for row in self.rows] for k, column in enumerate(self.columns)}
+        """Its columns by their headings, of which a second ``unit`` also has the heading before it, with all digits."""
+        columns: dict[str, list[Any]] = {}
+        for k, heading in enumerate(column.heading for column in self.columns):
+            name = f"{heading} ({self.columns[k - 1].heading})" if heading in columns else heading
+            columns[name] = [row[k] for row in self.rows]
+        return columns
 
     @property
     def brief(self) -> ViewTable:
