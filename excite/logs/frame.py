@@ -15,8 +15,8 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-from excite.logs.layout import CHANNELS, ForeignHeader, Layout, house_layout, listed
-from excite.logs.log import WRENCH, Log
+from excite.logs.layout import ForeignHeader, Layout, house_layout, listed
+from excite.logs.log import Log
 from excite.logs.log_reading import (
     LOOKED_AT,
     SPARSE,
@@ -84,14 +84,11 @@ class NamedColumns:
     @classmethod
     def of(cls, frame: FrameLike, source: str) -> NamedColumns:
         """Columns of a frame, none of them an array yet."""
-        labels: list[Any]
-        if isinstance(frame, Mapping):
-            labels = list(frame)
-        else:
-            labels = list(getattr(frame, "column_names" if hasattr(type(frame), "column_names") else "columns"))
+        names = "column_names" if hasattr(type(frame), "column_names") else "columns"
+        labels = list(frame if isinstance(frame, Mapping) else getattr(frame, names))
         hint = "; an index is no column, `reset_index()` makes one of it" * hasattr(type(frame), "reset_index")
-        names = tuple(str(label).strip() for label in labels)
-        return cls(source, names, tuple(frame[label] for label in labels), hint)  # type: ignore[index]
+        columns = tuple(frame[label] for label in labels)  # type: ignore[index]
+        return cls(source, tuple(str(label).strip() for label in labels), columns, hint)
 
     def layout(self, joints: Sequence[str] | None) -> Layout:
         """Layout by the names that columns have in files."""
@@ -106,12 +103,9 @@ class NamedColumns:
     def table(self, layout: Layout, drop: frozenset[str]) -> Table:
         """Numbers of the columns of a layout, with their hash."""
         columns = {k: self._numbers(k) for k in layout.used}
-        rows = columns[layout.time].size
-        for k, column in columns.items():
-            if column.size != rows:
-                raise InputError(
-                    f"{self._place(k)}: {column.size} rows, but column {cut(self.names[layout.time])} has {rows}"
-                )
+        rows, clock = columns[layout.time].size, cut(self.names[layout.time])
+        if (other := next((k for k, column in columns.items() if column.size != rows), None)) is not None:
+            raise InputError(f"{self._place(other)}: {columns[other].size} rows, but column {clock} has {rows}")
         digest = sha256("\n".join(self.names[k] for k in layout.used).encode())
         values = np.column_stack(list(columns.values()))
         digest.update(values.tobytes())
@@ -125,39 +119,14 @@ class NamedColumns:
         given = np.asarray(self.columns[k])
         if given.ndim != 1:
             raise InputError(f"{self._place(k)}: shape {given.shape}, expected one number per row")
-        try:
-            if given.dtype.kind in "fiuO":
+        fault = f"{given.dtype}, such as {shortened(str(given[0]))}" if given.size else f"{given.dtype}"
+        hint = "; give seconds, such as (time - time[0]) / numpy.timedelta64(1, 's')" * (given.dtype.kind in "mM")
+        if given.dtype.kind in "fiuO":
+            try:
                 return np.asarray(self.columns[k], dtype=float)
-            fault = f"{given.dtype}, such as {shortened(str(given[0]))}" if given.size else f"{given.dtype}"
-        except (TypeError, ValueError) as error:
-            fault = str(error)
-        seconds = "; give seconds, such as (time - time[0]) / numpy.timedelta64(1, 's')" * (given.dtype.kind in "mM")
-        raise InputError(f"{self._place(k)}: expected numbers, given {fault}{seconds}")
+            except (TypeError, ValueError) as error:
+                fault = str(error)
+        raise InputError(f"{self._place(k)}: expected numbers, given {fault}{hint}")
 
     def _place(self, k: int) -> str:
         return f"{self.source}, column {cut(self.names[k])}"
-
-
-def columns_of_arrays(
-    source: str, time: Array, channels: Mapping[str, Array | None], joints: Sequence[str] | None
-) -> dict[str, Array]:
-    """Columns by their names in a file; an array of one joint may have one dimension."""
-    if joints is None:
-        raise InputError(f"{source}: the joints have no names; give joints=[...] in the order of the columns, or robot")
-    columns = {"time": time}
-    for channel, values in channels.items():
-        names = [f"wrench.{part}" for part in WRENCH]
-        if channel != "wrench":
-            names = [f"{joint}.{CHANNELS[channel]}" for joint in joints]
-        if values is None:
-            continue
-        expected = (time.size, len(names))
-        if (table := values[:, None] if values.ndim == len(names) == 1 else values).shape != expected:
-            turned = "; transpose it" if values.T.shape == expected else ""
-            each = "component" if channel == "wrench" else f"joint ({', '.join(joints)})"
-            raise InputError(
-                f"{source}: {channel} has shape {values.shape}, expected {expected}: a row for each time, and a column "
-                f"for each {each}{turned}"
-            )
-        columns |= dict(zip(names, table.T, strict=True))
-    return columns

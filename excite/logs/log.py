@@ -169,11 +169,15 @@ class Log:
         InputError
             No names of joints, shapes that do not fit, numbers that are not finite, or times that do not increase.
         """
-        from excite.logs.frame import columns_of_arrays  # it makes logs
+        from excite.logs.layout import columns_by_name  # it knows logs
 
-        channels = {"q": q, "dq": dq, "effort": effort, "temperature": temperature, "command": command}
         names = joints if joints is not None or robot is None else robot.joint_names
-        columns = columns_of_arrays(source, time, channels | {"wrench": wrench}, names)
+        if names is None:
+            raise InputError(f"{source}: the joints have no names; give joints=[...], as the columns are, or robot")
+        channels = {"q": q, "dq": dq, "effort": effort, "temperature": temperature, "command": command}
+        if len(names) == 1:
+            channels = {name: x if x is None or x.ndim > 1 else x[:, None] for name, x in channels.items()}
+        columns = columns_by_name(source, time, channels | {"wrench": wrench}, names)
         return cls.from_frame(columns, drop=drop, source=source)
 
     @classmethod

@@ -12,8 +12,8 @@ import numpy as np
 
 from excite.logs.event import Saturation
 from excite.logs.guess.log_guess import certain_mapping
-from excite.logs.layout import CHANNELS, ForeignHeader, Layout, cells, header_line, house_layout, listed
-from excite.logs.log import WRENCH, Log, counted
+from excite.logs.layout import ForeignHeader, Layout, cells, columns_by_name, header_line, house_layout, listed
+from excite.logs.log import Log, channels_of, counted
 from excite.logs.mapping import GearedSection, LogMapping, read_mapping
 from excite.logs.recorded_log import (
     recorded_log,
@@ -264,16 +264,8 @@ def _ratios(z: Array, drives: list[Drive]) -> Array:
 
 def write_log(log: Log, path: str | Path) -> None:
     """Write a log as CSV that reads back to the same bits."""
-    header, columns = ["time"], [log.time[:, None]]
-    for k, joint in enumerate(log.joints):
-        for name, suffix in CHANNELS.items():
-            if (channel := getattr(log, name)) is not None:
-                header.append(f"{joint}.{suffix}")
-                columns.append(channel[:, k : k + 1])
-    if log.wrench is not None:
-        header += [f"wrench.{part}" for part in WRENCH]
-        columns.append(log.wrench)
-    table = np.hstack(columns)
+    columns = columns_by_name(log.source, log.time, channels_of(log), log.joints)
+    header, table = list(columns), np.column_stack(list(columns.values()))
     check_table(Path(path), header, table)
     with replacing(Path(path)) as stream:
         np.savetxt(stream, table, fmt="%.17g", delimiter=",", header=header_text(header), comments="")

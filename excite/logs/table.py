@@ -56,9 +56,9 @@ class Table:
     def limited(self, only: tuple[int, int] | None) -> Self:
         """The same table, limited to rows between a first and a last one."""
         self.check_rows(self.lines.size, only)
-        if only is not None:
-            self.values, self.lines = self.values[only[0] - 1 : only[1]], self.lines[only[0] - 1 : only[1]]
-            self.check_size(self.lines.size)
+        first, last = only or (1, self.lines.size)
+        self.values, self.lines = self.values[first - 1 : last], self.lines[first - 1 : last]
+        self.check_size(self.lines.size)
         return self
 
     def keep(self, rows: NDArray[np.bool_], why: str) -> None:

@@ -44,10 +44,13 @@ class Shown:
         UnknownName
             There is no such table.
         """
-        return dict(built_in("shown", "table")(self, name))
+        return dict(self._shown("table", name))
 
     def _repr_html_(self) -> str:
-        return str(built_in("shown", "html")(self))
+        return str(self._shown("html"))
+
+    def _shown(self, how: str, *given: Any) -> Any:
+        return built_in("shown", how)(self, *given)
 
 
 def write_record(

@@ -88,12 +88,9 @@ def write_figures(
 
 
 def _view_of(result: Any) -> View:
-    view = result if isinstance(result, View) else view_of(result)
-    if view is None or not (view.figures or view.filed):
-        raise InputError(
-            "expected a design, an identification, a verification, a study, a friction plan, a friction fit, a payload "
-            f"motion or the table of a campaign to draw, given {type(result).__name__}"
-        )
+    view = view_of(result)
+    if not (view.figures or view.filed):
+        raise InputError(f"{view.kind} {view.title} has no figures")
     return view
 
 

@@ -8,6 +8,7 @@ import json
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -68,12 +69,10 @@ def page_text(sections: Sequence[PageSection]) -> str:
 
 def notebook_text(result: Any) -> str:
     """What a notebook shows of a result: its verdict, its summary, and its first table."""
-    try:
+    view = None
+    with suppress(ExciteError):  # such as of a design whose own parts are not given
         view = view_of(result)
-    except ExciteError:  # such as of a design whose own parts are not given
-        view = None
-    text: str = _template("notebook.html").render(view=view, short=repr(result))
-    return text
+    return str(_template("notebook.html").render(view=view, short=repr(result)))
 
 
 def _template(name: str = "page.html") -> Any:

@@ -59,11 +59,8 @@ def section_of(subject: Subject, prefix: str, looks: Appearance, of_page: Sequen
         TimeStudy: _of_study,
     }
     build = next((build for kind, build in builders.items() if isinstance(record, kind)), None)
-    if build is not None:
-        return build(record, prefix, looks, path)
-    view = view_of(record)  # it has neither a motion nor commands that repeat it
-    assert view is not None
-    return _drawn(view, prefix)
+    # others have neither a motion nor commands that repeat them
+    return _drawn(view_of(record), prefix) if build is None else build(record, prefix, looks, path)
 
 
 def _drawn(view: View, prefix: str, *commands: Sequence[str], missing: tuple[str, ...] = ()) -> PageSection:

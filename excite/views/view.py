@@ -11,7 +11,7 @@ from typing import Any
 
 from excite.tasks.option import options_of
 from excite.tasks.task import PARTS
-from regressors.errors import check_names
+from regressors.errors import InputError, check_names
 
 
 class Format(Enum):
@@ -132,11 +132,17 @@ _VIEWS = {
 }
 
 
-def view_of(result: Any) -> View | None:
-    """The view of a result; None of what has none."""
+def view_of(result: Any) -> View:
+    """The view of a result, or a view as it is."""
+    if isinstance(result, View):
+        return result
     names = [f"{kind.__module__}.{kind.__qualname__}" for kind in type(result).__mro__]
-    if (known := next(filter(None, map(_VIEWS.get, names)), None)) is None:
-        return None
+    known = next(filter(None, map(_VIEWS.get, names)), None)
+    if known is None:
+        raise InputError(
+            "expected a design, an identification, a verification, a study, a friction plan, a friction fit, a payload "
+            f"motion or the table of a campaign to draw, given {type(result).__name__}"
+        )
     module, name = known.split(".")
     view: View = getattr(import_module(f"excite.views.{module}"), name)(result)
     return view
@@ -144,8 +150,7 @@ def view_of(result: Any) -> View | None:
 
 def table_of(result: Any, name: str) -> dict[str, list[Any]]:
     """Columns of one table of a result, by their headings."""
-    view = view_of(result)
-    tables = {} if view is None else {table.name: table for table in view.tables}
+    tables = {table.name: table for table in view_of(result).tables}
     check_names(f"table of {type(result).__name__}", [name], tables)
     return tables[name].by_heading
 

@@ -268,7 +268,7 @@ REFUSED: dict[str, tuple[Callable[[], Log], str]] = {
     ),
     "no names": (
         lambda: Log.from_arrays(TIMES, ANGLES),
-        r"^arrays: the joints have no names; give joints=\[\.\.\.\] in the order of the columns, or robot$",
+        r"^arrays: the joints have no names; give joints=\[\.\.\.\], as the columns are, or robot$",
     ),
     "uneven": (lambda: Log.from_arrays(TIMES, [[1], [2, 3], [4]], joints=["a"]), "^q: expected an array of real numb"),
     "gaps": (
