@@ -43,8 +43,7 @@ class Samples:
 
     def __repr__(self) -> str:
         """One line."""
-        span = f" from {self.time[0]:g} to {self.time[-1]:g} s" if self.time.size else ""
-        return f"<Samples: {self.q.shape[-1]} joints at {self.time.size} instants{span}>"
+        return f"<Samples: {self.q.shape[-1]} joints at {self.time.size} instants>"
 
     def rows(self, part: slice | Index) -> Samples:
         """Some of the instants."""

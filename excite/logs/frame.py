@@ -29,7 +29,7 @@ from excite.logs.log_reading import (
 from excite.logs.mapping import LogMapping, read_mapping
 from excite.logs.recorded_log import with_further_files
 from excite.logs.table import Table
-from regressors.errors import InputError, cut, shortened
+from regressors.errors import InputError, cut, one_line, shortened
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -42,12 +42,13 @@ class DataFrame(Protocol):
         """Names of the columns."""
 
 
+_SECONDS = "; give seconds, such as (time - time[0]) / numpy.timedelta64(1, 's')"
 FrameLike: TypeAlias = DataFrame | Mapping[str, Any]
 
 
 def is_frame(given: object) -> bool:
     """Whether something is a table in memory."""
-    return isinstance(given, Mapping) or hasattr(type(given), "columns")
+    return isinstance(given, Mapping) or {"columns", "__getitem__"} <= {*dir(type(given))}
 
 
 def log_of_frame(
@@ -84,6 +85,8 @@ class NamedColumns:
     @classmethod
     def of(cls, frame: FrameLike, source: str) -> NamedColumns:
         """Columns of a frame, none of them an array yet."""
+        if not is_frame(frame):
+            raise InputError(f"{source}: expected a frame or a dict of columns, given {type(frame).__name__}")
         names = "column_names" if hasattr(type(frame), "column_names") else "columns"
         labels = list(frame if isinstance(frame, Mapping) else getattr(frame, names))
         hint = "; an index is no column, `reset_index()` makes one of it" * hasattr(type(frame), "reset_index")
@@ -105,7 +108,8 @@ class NamedColumns:
         columns = {k: self._numbers(k) for k in layout.used}
         rows, clock = columns[layout.time].size, cut(self.names[layout.time])
         if (other := next((k for k, column in columns.items() if column.size != rows), None)) is not None:
-            raise InputError(f"{self._place(other)}: {columns[other].size} rows, but column {clock} has {rows}")
+            where = f"{self.source}, column {cut(self.names[other])}"
+            raise InputError(f"{where}: {columns[other].size} rows, but column {clock} has {rows}")
         digest = sha256("\n".join(self.names[k] for k in layout.used).encode())
         values = np.column_stack(list(columns.values()))
         digest.update(values.tobytes())
@@ -116,17 +120,15 @@ class NamedColumns:
 
     def _numbers(self, k: int) -> Array:
         """One column, NaN where it holds nothing."""
-        given = np.asarray(self.columns[k])
-        if given.ndim != 1:
-            raise InputError(f"{self._place(k)}: shape {given.shape}, expected one number per row")
-        fault = f"{given.dtype}, such as {shortened(str(given[0]))}" if given.size else f"{given.dtype}"
-        hint = "; give seconds, such as (time - time[0]) / numpy.timedelta64(1, 's')" * (given.dtype.kind in "mM")
-        if given.dtype.kind in "fiuO":
-            try:
+        try:
+            given = np.asarray(self.columns[k])
+            if given.ndim == 1 and given.dtype.kind in "fiuO":
                 return np.asarray(self.columns[k], dtype=float)
-            except (TypeError, ValueError) as error:
-                fault = str(error)
-        raise InputError(f"{self._place(k)}: expected numbers, given {fault}{hint}")
-
-    def _place(self, k: int) -> str:
-        return f"{self.source}, column {cut(self.names[k])}"
+            fault = f"an array of shape {given.shape}"
+            if given.ndim == 1 and given.size:
+                fault = f"{given.dtype}, such as {shortened(str(given[0]))}"
+            if given.dtype.kind in "mM":
+                fault += _SECONDS
+        except (TypeError, ValueError, OverflowError) as error:
+            fault = one_line(str(error))
+        raise InputError(f"{self.source}, column {cut(self.names[k])}: expected a number in each row, given {fault}")

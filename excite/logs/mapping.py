@@ -306,8 +306,7 @@ class LogMapping(Section):
             raise InputError(f"{here} holds no number: {listed(head)}; check header, skip and separator of the mapping")
         names = head if self.header else [f"{k}" for k in range(1, len(head) + 1)]
         index = {name: k for k, name in reversed(list(enumerate(head)))} if self.header else {}
-        layout = self.columns_layout(source, names, index, file)
-        return replace(layout, separator=separator, first=first + self.header)
+        return replace(self.columns_layout(source, names, index, file), separator=separator, first=first + self.header)
 
     def columns_layout(
         self, source: str, names: Sequence[str], index: Mapping[str, int], file: str | None = None

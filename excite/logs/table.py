@@ -116,10 +116,7 @@ class Table:
         return np.concatenate([[True], step > 0])
 
     def _place(self, line: int, column: int) -> str:
-        return f"{self.source}, {self._row_name(line)}, column {cut(self.layout.names[column])}"
-
-    def _row_name(self, line: int) -> str:
-        return f"row {line - self.layout.first}"
+        return f"{self.source}, row {line - self.layout.first}, column {cut(self.layout.names[column])}"
 
 
 class TextTable(Table):
@@ -132,8 +129,8 @@ class TextTable(Table):
         self.text, self.empty_is_nan = text, empty_is_nan
         self.values, self.lines = self._read(only)
 
-    def _row_name(self, line: int) -> str:
-        return f"line {line}"
+    def _place(self, line: int, column: int) -> str:
+        return f"{self.source}, line {line}, column {cut(self.layout.names[column])}"
 
     def _read(self, only: tuple[int, int] | None) -> tuple[Array, Index]:
         """Numbers of the rows, and their lines; those that are garbage are left out."""

@@ -16,6 +16,7 @@ from excite.logs.log import Log, channels_of
 from excite.logs.log_reading import read_log, write_log
 from excite.logs.mapping import LogMapping
 from regressors.errors import InputError, UnknownName
+from regressors.models.differential import DifferentialModel
 from regressors.readers.library import built_in
 
 CHANNELS = ("dq", "effort", "temperature", "command")
@@ -229,15 +230,15 @@ REFUSED: dict[str, tuple[Callable[[], Log], str]] = {
     ),
     "stamps": (
         lambda: Log.from_frame({**GOOD, "time": STAMPS}),
-        r"^frame, column time: expected numbers, given datetime64\[s\], such as '1970-.*; give seconds, such as ",
+        r"^frame, column time: expected a number in each row, given datetime64\[s\], such as '1970-.*; give sec",
     ),
     "text": (
         lambda: Log.from_frame({**GOOD, "a.effort": ["1,5", "2", "3", "4"]}),
-        r"^frame, column a.effort: expected numbers, given <U3, such as '1,5'$",
+        r"^frame, column a.effort: expected a number in each row, given <U3, such as '1,5'$",
     ),
     "objects": (
         lambda: Log.from_frame({**GOOD, "a.effort": [1.0, {}, 3.0, 4.0]}),
-        r"^frame, column a.effort: expected numbers, given .*'dict'",
+        r"^frame, column a.effort: expected a number in each row, given .*'dict'",
     ),
     "None": (
         lambda: Log.from_frame({**GOOD, "a.effort": [1.0, None, 3.0, 4.0]}),
@@ -245,7 +246,19 @@ REFUSED: dict[str, tuple[Callable[[], Log], str]] = {
     ),
     "tables in columns": (
         lambda: Log.from_frame({**GOOD, "a.effort": np.ones((4, 2))}),
-        r"^frame, column a.effort: shape \(4, 2\), expected one number per row$",
+        r"^frame, column a.effort: expected a number in each row, given an array of shape \(4, 2\)$",
+    ),
+    "lists in a column": (
+        lambda: Log.from_frame({**GOOD, "a.effort": [[1.0], [2.0, 3.0], [4.0], [5.0]]}),
+        "^frame, column a.effort: expected a number in each row, given .*inhomogeneous",
+    ),
+    "a number for a column": (
+        lambda: Log.from_frame({**GOOD, "a.effort": 1.0}),
+        r"^frame, column a.effort: expected a number in each row, given an array of shape \(\)$",
+    ),
+    "something with columns": (
+        lambda: Log.from_frame(DifferentialModel(built_in("irp6"))),
+        "^frame: expected a frame or a dict of columns, given DifferentialModel$",
     ),
     "unsorted": (
         lambda: Log.from_frame({**GOOD, "time": [0.0, 1.0, 0.5, 2.0]}),
@@ -277,7 +290,7 @@ REFUSED: dict[str, tuple[Callable[[], Log], str]] = {
     ),
     "times of arrays": (
         lambda: Log.from_arrays([[0.0, 1.0, 2.0]], ANGLES, joints=["a", "b"]),
-        r"^arrays, column time: shape \(1, 3\), expected one number per row$",
+        r"^arrays, column time: expected a number in each row, given an array of shape \(1, 3\)$",
     ),
 }
 
