@@ -16,15 +16,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 82_100,
-    "lines of code": 50_800,
-    "files": 378,
-    "classes": 677,
+    "lines": 82_700,
+    "lines of code": 51_100,
+    "files": 379,
+    "classes": 681,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 17,
-    "imports inside functions": 62,
-    "look-ups of built-in parts by name": 17,
-    "lines of code of tests": 36_900,
+    "imports inside functions": 64,
+    "look-ups of built-in parts by name": 18,
+    "lines of code of tests": 37_300,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 141,

@@ -113,6 +113,8 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "ensemble": "excite.export.models.export_ensemble:export_ensemble",
         "motion": "excite.export.motions.export_motion:export_motion",
     },
+    # what shows a result, in the room above it
+    "shown": {"table": "excite.views.view:table_of", "html": "excite.views.page_text:notebook_text"},
     # of a folder that a task names: a design, or a result of the room above
     "reader": {"earlier": "excite.identification.result_json:earlier_information"},
 }

@@ -128,7 +128,7 @@ def rule_of(hint: Any) -> tuple[Check, str]:
         return partial(_several, check, origin), text
     if origin in (dict, Mapping):
         (key, _), (item, one) = map(rule_of, inner)
-        return partial(_mapping, key, item), f"a mapping, each {one}"
+        return partial(_mapping, key, item), "a mapping" if inner[1] is Any else f"a mapping, each {one}"
     if origin is Callable or hint is Callable:
         return _only(callable), "a function"
     if hint in _PLAIN:

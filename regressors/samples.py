@@ -41,6 +41,10 @@ class Samples:
         if self.q.shape[0] != self.time.size:
             raise InputError(f"samples: {self.time.size} instants, but {self.q.shape[0]} rows of q")
 
+    def __repr__(self) -> str:
+        """One line."""
+        return f"<Samples: {self.q.shape[-1]} joints at {self.time.size} instants>"
+
     def rows(self, part: slice | Index) -> Samples:
         """Some of the instants."""
         return Samples(*(getattr(self, name)[part] for name in ("time", "q", "dq", "ddq", "dddq")))

@@ -154,12 +154,14 @@ def notebook_page(file: Path, images: Path) -> str:
 
 
 def _output(output: dict[str, Any], image: Path) -> str:
-    """What a cell has printed or drawn."""
+    """What a cell has printed, shown or drawn."""
     data = output.get("data", {})
     if "image/png" in data:
         image.parent.mkdir(exist_ok=True)
         image.with_suffix(".png").write_bytes(base64.b64decode("".join(data["image/png"])))
         return f"![Figure that the cell above draws]({image.parent.name}/{image.name}.png)"
+    if "text/html" in data:
+        return f"```{{raw}} html\n{''.join(data['text/html'])}\n```"
     text = "".join(output.get("text", data.get("text/plain", "")))
     return f"```text\n{text.rstrip()}\n```"
 

@@ -29,6 +29,7 @@ from excite.information.weighting import PriorAndPosterior, minimised_text
 from excite.registry import name_of
 from excite.storage.codec import INLINE, OBJECT, named
 from excite.storage.manifest import entry_sha256, sha256_of
+from excite.storage.records import Shown
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
@@ -43,7 +44,7 @@ _ROUNDING = 1e-9  # of a metric, from process to process
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Design:
+class Design(Shown):
     """One designed motion with its certificate.
 
     Of a design that was loaded, limits and metrics are computed again from its coefficients, whatever its file states.

@@ -67,7 +67,7 @@ def fit_friction(
     ----------
     robot : Robot or str
         A robot, or the name or file of one.
-    logs : Log, Simulation, path, or a sequence of them
+    logs : Log, frame, dict of columns, Simulation, path, or a sequence of them
     settings : FitSettings, optional
     plan : FrictionPlan, MotionSource, Simulation or path, optional
         The plan that was played, its folder, one of its motions or files, or a simulation of it.

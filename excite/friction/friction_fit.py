@@ -30,7 +30,7 @@ from excite.friction.friction_equations import Form, forms
 from excite.friction.plan_match import PlannedRuns, Source
 from excite.friction.points import DriveLog, Point, RigidModel, drive_log
 from excite.logs.log import Log, LogReference
-from excite.storage.records import read_record, write_record
+from excite.storage.records import Shown, read_record, write_record
 from excite.storage.result_folder import check_not_taken, result_folder
 from excite.tasks.friction_file import write_friction
 from regressors.errors import InputError, UnknownName
@@ -42,7 +42,7 @@ KIND, FIT, FRICTION, FIGURE = "friction-fit", "fit.json", "friction.yaml", "fric
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FrictionFit:
+class FrictionFit(Shown):
     """Result of fitting friction curves; the same when it is loaded.
 
     Parameters

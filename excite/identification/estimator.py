@@ -17,6 +17,7 @@ from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
 from excite.storage.codec import named
 from excite.trajectories import Trajectory
+from regressors.errors import listed_names
 from regressors.numerical import independent_columns
 from regressors.samples import Array
 
@@ -73,6 +74,10 @@ class Estimate:
     fit: Array | None = None
     unconstrained: Array | None = None
     mismatch: Array | None = None
+
+    def __repr__(self) -> str:
+        """One line."""
+        return f"<Estimate of {len(self.names)} parameters by {self.method}: {listed_names(self.names)}>"
 
     @property
     def coefficients(self) -> Array:

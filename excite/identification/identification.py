@@ -25,7 +25,7 @@ from excite.identification.recipe import Recipe
 from excite.identification.result import FitCurves, FitData, FitFacts, PlayedDesign, ReferenceValues, RepetitionSummary
 from excite.information.target import IdentificationTarget
 from excite.storage.codec import INLINE, OBJECT, named
-from excite.storage.records import chosen, short
+from excite.storage.records import Shown, chosen, short
 from excite.tasks.task import Task
 from regressors.errors import InputError, percent
 from regressors.robot.friction.curves import FrictionCurves
@@ -37,7 +37,7 @@ _INSTANTS = 3000  # of estimates over time, in a file
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Identification:
+class Identification(Shown):
     """An estimate, with the data and settings behind it: the same when it is loaded, but for the logs.
 
     Parameters

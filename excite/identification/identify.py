@@ -83,7 +83,7 @@ def identify(
     model : RegressorModel, Robot, Task or str
         Model to identify. A robot, or the name or file of one, stands for the model of the design, or else for the
         differential model. Positional only, since ``model=...`` is an option of a `Task`.
-    logs : Log, Simulation, path, or a sequence of them
+    logs : Log, frame, dict of columns, Simulation, path, or a sequence of them
     design : Design, optional
         The design that was played: its model and joints are used where they are not given.
     friction_curves : FrictionCurves or path, optional
@@ -96,7 +96,7 @@ def identify(
         How foreign files are laid out; where it names the design that was played, another `design` is refused.
     drop : iterable of str
         Faulty rows of files to leave out, see `excite.logs.log_reading.read_log`.
-    loaded : Log, Simulation, path, or a sequence of them
+    loaded : Log, frame, dict of columns, Simulation, path, or a sequence of them
         Logs with a load of known mass at the last link, which calibrate the gains of the drives; the parameters are
         then in corrected torques, of the robot without the load.
     known_mass : float, optional

@@ -40,6 +40,7 @@ from excite.identification.recipe import Recipe
 from excite.identification.result import FitData, reference_of
 from excite.information.nearly_unidentifiable import left_out_by_rounding
 from excite.information.target import IdentificationTarget, friction_of_moving, left_out_notes, target_of
+from excite.logs.frame import FrameLike, is_frame
 from excite.logs.log import Log
 from excite.logs.log_reading import read_log, with_sidecar
 from excite.logs.mapping import LogMapping, read_mapping
@@ -62,7 +63,7 @@ class Measured(Protocol):
         """The log."""
 
 
-LogLike = Log | str | Path | Measured
+LogLike = Log | str | Path | Measured | FrameLike
 
 
 def read_logs(
@@ -76,10 +77,11 @@ def read_logs(
     """Read logs and refuse duplicates; simulated ones keep their true parameters."""
     layout = read_mapping(Path(mapping)) if isinstance(mapping, str | Path) else mapping
     logs: dict[str, Log] = {}
-    for item in given if isinstance(given, list | tuple) else (given,):
+    several = isinstance(given, list | tuple)
+    for k, item in enumerate(given if isinstance(given, list | tuple) else (given,), 1):
         if isinstance(item, str | Path):
             progress(f"reading {item}")
-        log = log_of(item, robot, layout, drop, only)
+        log = log_of(item, robot, layout, drop, only, f"frame {k}" if several else "frame")
         if log.sha256 in logs:
             raise InputError(f"{log.source} has the same content as {logs[log.sha256].source}; give each log once")
         logs[log.sha256] = log
@@ -92,14 +94,18 @@ def log_of(
     mapping: LogMapping | str | Path | None = None,
     drop: tuple[str, ...] = (),
     only: tuple[int, int] | None = None,
+    source: str = "frame",
 ) -> Log:
-    """Log with its hash, from a log, its file, or a simulation."""
+    """Log with its hash, from a log, its file, a simulation, or a frame, which has no name of its own."""
     if isinstance(given, str | Path):
         path = Path(given)
         return read_settled_files(path, lambda: _read(path, robot, mapping, drop, only))
+    if is_frame(given):
+        return Log.from_frame(given, mapping, robot=robot, drop=drop, only=only, source=source)  # type: ignore[arg-type]
     measured = getattr(given, "measured", given)
     if not isinstance(measured, Log):
-        raise InputError(f"expected a log, the name of its file, or a simulation; given {type(given).__name__}")
+        what = "a log, the name of its file, a simulation, a frame or a dict of columns"
+        raise InputError(f"expected {what}; given {type(given).__name__}")
     return replace(measured, sha256=measured.identity)
 
 

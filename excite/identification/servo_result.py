@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from excite.logs.log import Log, LogReference
-from excite.storage.records import read_record, write_record
+from excite.storage.records import Shown, read_record, write_record
 from excite.storage.result_folder import check_not_taken, result_folder
 from regressors.models.servo_response import QUANTITIES, SYMBOLS
 from regressors.robot.robot import Robot
@@ -73,7 +73,7 @@ def motion_fits(predicted: Sequence[tuple[Log, Array]], units: Sequence[str]) ->
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ServoResult:
+class ServoResult(Shown):
     """Identified servos; the same when it is loaded.
 
     Parameters

@@ -67,7 +67,7 @@ def identify_servos(
     ----------
     robot : Robot or str
         The arm, whose masses are known: they set the scale of all torques.
-    logs : Log, path, or a sequence of them
+    logs : Log, frame, dict of columns, path, or a sequence of them
         With commanded positions.
     mapping : LogMapping or path, optional
         How foreign files are laid out.

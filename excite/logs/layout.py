@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,13 +80,12 @@ def header_line(lines: Sequence[str]) -> int:
     return 0
 
 
-def house_layout(source: str, header: str, joints: Sequence[str] | None, preface: int = 0) -> Layout:
+def house_layout(source: str, names: list[str], joints: Sequence[str] | None, preface: int = 0) -> Layout:
     """Layout by the column names ``time``, ``NAME.position``, ``NAME.velocity``, ..., ``wrench.force.x``.
 
     A column ``temperature`` without a joint's name applies to all joints.
     """
-    names = checked_head(source, header_names(header))
-    _check_header(source, names)
+    _check_header(source, checked_head(source, names))
     index = {name: k for k, name in enumerate(names)}
     recorded = [name.removesuffix(".position") for name in names if name.endswith(".position")]
     if not recorded:
@@ -100,6 +99,25 @@ def house_layout(source: str, header: str, joints: Sequence[str] | None, preface
     there = {channel: _all_or_none(source, columns, index) for channel, columns in named.items()}
     channels = {channel: si_channel([index[name] for name in columns]) for channel, columns in there.items() if columns}
     return Layout(",", preface + 1, tuple(names), index["time"], 1.0, wanted, channels, preface)
+
+
+def columns_by_name(
+    source: str, time: Array, channels: Mapping[str, Array | None], joints: Sequence[str]
+) -> dict[str, Array]:
+    """Columns of the channels of a log by their names in a file."""
+    known = {name: values for name, values in channels.items() if values is not None}
+    for name, values in known.items():
+        what, count = ("component", len(WRENCH)) if name == "wrench" else (f"joint ({listed(joints)})", len(joints))
+        if values.shape != (expected := (time.size, count)):
+            why = f"a row for each time, and a column for each {what}"
+            turned = "; transpose it" * (values.T.shape == expected)
+            raise InputError(f"{source}: {name} has shape {values.shape}, expected {expected}: {why}{turned}")
+    columns = {"time": time}
+    for k, joint in enumerate(joints):
+        columns |= {f"{joint}.{suffix}": known[name][:, k] for name, suffix in CHANNELS.items() if name in known}
+    if "wrench" in known:
+        columns |= {f"wrench.{part}": values for part, values in zip(WRENCH, known["wrench"].T, strict=True)}
+    return columns
 
 
 def si_channel(columns: Sequence[int]) -> Channel:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +17,9 @@ from regressors.samples import Array, Index
 
 if TYPE_CHECKING:
     from excite.logs.event import Saturation
+    from excite.logs.frame import FrameLike
+    from excite.logs.mapping import LogMapping
+    from regressors.robot.robot import Robot
 
 WRENCH = ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z")
 
@@ -43,13 +47,14 @@ class Log:
     """What was recorded at N instants of n joints; a channel that was not recorded is None.
 
     Every number is finite: a row with a gap is no row of a log. Readers leave such rows out with ``drop=("nan",)``.
+    `from_arrays` and `from_frame` make one of what is in memory.
 
     Parameters
     ----------
     source : str
         File, for messages.
     sha256 : str
-        Hash of the file's bytes; empty for a log that is not from a file.
+        Hash of the file's bytes, or of the columns of a frame; empty for a log that is of neither.
     joints : tuple of str
         Names of the joints, in the order of the columns below.
     time : ndarray, shape (N,)
@@ -120,6 +125,108 @@ class Log:
         if not np.isfinite(channel).all():
             row = int(np.argmin(np.isfinite(channel).reshape(self.time.size, -1).all(axis=1))) + 1
             raise InputError(f"{self.source}: {name} is not finite in row {row}; leave out the rows with gaps")
+
+    @classmethod
+    @checked
+    def from_arrays(
+        cls,
+        time: Array,
+        q: Array,
+        effort: Array | None = None,
+        dq: Array | None = None,
+        command: Array | None = None,
+        wrench: Array | None = None,
+        temperature: Array | None = None,
+        *,
+        joints: Sequence[str] | None = None,
+        robot: Robot | None = None,
+        drop: Iterable[str] = (),
+        source: str = "arrays",
+    ) -> Log:
+        """Make a log of arrays, lists, or columns of a frame.
+
+        Parameters
+        ----------
+        time : array, shape (N,)
+            Strictly increasing [s].
+        q : array, shape (N, n)
+            Position [rad or m].
+        effort, dq, command, temperature : array, shape (N, n), optional
+            Joint torque [Nm or N], velocity [rad/s or m/s], commanded position [rad or m], and temperature [deg C].
+        wrench : array, shape (N, 6), optional
+            Force and torque at the sensor, in its frame [N, Nm].
+        joints : sequence of str, optional
+            Names of the columns; those of the robot, in order, if not given.
+        robot : Robot, optional
+            Whose joints these are.
+        drop : iterable of str
+            Faulty rows to leave out, ``nan`` or ``repeated``, see `from_frame`.
+        source : str
+            Name of the log, in messages and results.
+
+        Raises
+        ------
+        InputError
+            No names of joints, shapes that do not fit, numbers that are not finite, or times that do not increase.
+        """
+        from excite.logs.layout import columns_by_name  # it knows logs
+
+        names = joints if joints is not None or robot is None else robot.joint_names
+        if names is None:
+            raise InputError(f"{source}: the joints have no names; give joints=[...], as the columns are, or robot")
+        channels = {"q": q, "dq": dq, "effort": effort, "temperature": temperature, "command": command}
+        if len(names) == 1:
+            channels = {name: x if x is None or x.ndim > 1 else x[:, None] for name, x in channels.items()}
+        columns = columns_by_name(source, time, channels | {"wrench": wrench}, names)
+        return cls.from_frame(columns, drop=drop, source=source)
+
+    @classmethod
+    @checked
+    def from_frame(
+        cls,
+        frame: FrameLike,
+        mapping: LogMapping | str | Path | None = None,
+        *,
+        joints: Sequence[str] | None = None,
+        robot: Robot | None = None,
+        drop: Iterable[str] = (),
+        only: tuple[int, int] | None = None,
+        source: str = "frame",
+    ) -> Log:
+        """Make a log of a frame, such as one of pandas, Polars or PyArrow, or of a mapping of names to columns.
+
+        The columns are found as those of a file, see `excite.read_log`: ``time`` [s], ``NAME.position``,
+        ``NAME.velocity``, ``NAME.effort``, ``NAME.temperature``, ``NAME.command`` and ``wrench.force.x`` ...
+        ``wrench.torque.z``. An index is no column. The log has the hash of the columns that are read, by which
+        `excite.verify` refuses what was identified from.
+
+        Parameters
+        ----------
+        frame : frame, or mapping of str to array
+        mapping : LogMapping or path, optional
+            Which columns of other names these are, and their units; files that it names are looked for in the current
+            folder.
+        joints : sequence of str, optional
+            Joints to read, in this order; all that the frame has if not given.
+        robot : Robot, optional
+            Whose joints these are, for mappings that do not name them or that describe the motors' side.
+        drop : iterable of str
+            Faulty rows to leave out, not to refuse, counted in `left_out`: ``nan`` (cells that are empty, NaN or
+            infinite), ``repeated`` (time of the row before).
+        only : (int, int), optional
+            First and last row to read, 1 for the first; the others may be faulty.
+        source : str
+            Name of the log, in messages and results.
+
+        Raises
+        ------
+        InputError
+            Columns that are not there, are of different lengths or hold no numbers, with the row and the column of the
+            first fault.
+        """
+        from excite.logs.frame import log_of_frame  # it makes logs
+
+        return log_of_frame(frame, mapping, joints, robot, drop, only, source)
 
     @property
     def reference(self) -> LogReference:

@@ -12,8 +12,8 @@ import numpy as np
 
 from excite.logs.event import Saturation
 from excite.logs.guess.log_guess import certain_mapping
-from excite.logs.layout import CHANNELS, ForeignHeader, Layout, cells, header_line, house_layout, listed
-from excite.logs.log import WRENCH, Log, counted
+from excite.logs.layout import ForeignHeader, Layout, cells, columns_by_name, header_line, house_layout, listed
+from excite.logs.log import Log, channels_of, counted
 from excite.logs.mapping import GearedSection, LogMapping, read_mapping
 from excite.logs.recorded_log import (
     recorded_log,
@@ -23,9 +23,9 @@ from excite.logs.recorded_log import (
     with_further_files,
     zero_note,
 )
-from excite.logs.recordings.formats import binary_format
+from excite.logs.recordings.formats import binary_format, recording_sha256
 from excite.logs.recordings.recording import RecordingFormat
-from excite.logs.table import Table, table_of
+from excite.logs.table import Table, TextTable, table_of
 from excite.logs.text import Text, text_of
 from excite.registry import DROPPABLE
 from excite.storage.atomic import check_table, read_json, replacing
@@ -33,15 +33,15 @@ from excite.storage.codec import record_of
 from excite.storage.manifest import sha256_of
 from excite.storage.migrations import is_of_kind, schema_of
 from excite.storage.result_folder import settle_files
-from excite.storage.sampled_motion import header_text
+from excite.storage.sampled_motion import header_names, header_text
 from regressors.arguments import checked
 from regressors.errors import InputError, check_names
 from regressors.robot.gears import ConstantRatio
 from regressors.robot.robot import Drive, Robot
 from regressors.samples import Array
 
-_LOOKED_AT = 200  # rows
-_SPARSE = 0.2
+LOOKED_AT = 200  # rows
+SPARSE = 0.2
 
 
 @checked
@@ -85,10 +85,7 @@ def read_log(
     UnknownName
         A joint that the file does not have, or a kind of fault that does not exist.
     """
-    allowed = frozenset(drop)
-    check_names("kind of row to drop", sorted(allowed), DROPPABLE)
-    if joints is not None and not joints:
-        raise InputError("joints: expected one or more names, given none; leave it out for all joints of the file")
+    allowed = droppable_rows(joints, drop)
     settle_files(path := Path(path))
     form, notes = binary_format(path), tuple[str, ...]()
     if form is not None:
@@ -107,10 +104,19 @@ def read_log(
         log, zero = _of_text(path, mapping, allowed, only)
     else:
         samples = sampled_channels(form, path, mapping)
-        log, zero = recorded_log(path, samples, tuple(mapping.joints or ()), allowed, only), samples[2]
+        own, zero = recording_sha256(path), samples[2]
+        log = recorded_log(str(path), own, samples, tuple(mapping.joints or ()), allowed, only)
     log = at_the_joints(with_further_files(log, path, mapping, allowed, zero), mapping, robot)
     log = replace(log, left_out=(*log.left_out, *notes))
     return log if joints is None else log.of(joints)
+
+
+def droppable_rows(joints: Sequence[str] | None, drop: Iterable[str]) -> frozenset[str]:
+    """Kinds of rows to leave out, where these and the joints can be."""
+    check_names("kind of row to drop", sorted(allowed := frozenset(drop)), DROPPABLE)
+    if joints is not None and not joints:
+        raise InputError("joints: expected one or more names, given none; leave it out for all joints of the log")
+    return allowed
 
 
 def _recognised(
@@ -132,8 +138,8 @@ def _recognised(
 def _in_house(path: Path, joints: Sequence[str] | None, drop: frozenset[str], only: tuple[int, int] | None) -> Log:
     with text_of(path) as text:
         head = header_line(text.lines)
-        layout = house_layout(text.source, text.lines[head], joints, head)
-        return _log(text, layout, table_of(text, layout, drop, only))
+        layout = house_layout(text.source, header_names(text.lines[head]), joints, head)
+        return log_of_table(table_of(text, layout, drop, only), text.mended)
 
 
 def _of_text(path: Path, mapping: LogMapping, drop: frozenset[str], only: tuple[int, int] | None) -> tuple[Log, float]:
@@ -141,12 +147,17 @@ def _of_text(path: Path, mapping: LogMapping, drop: frozenset[str], only: tuple[
     with text_of(path) as text:
         layout = mapping.layout(text.source, text.lines)
         if not _is_sparse(text, layout):
-            return _from_zero(_log(text, layout, table_of(text, layout, drop, only)))
-        samples = samples_of_table(text.source, layout, Table(text, layout, drop, None))
-    return recorded_log(path, samples, layout.joints, drop, only), samples[2]
+            return from_zero(log_of_table(table_of(text, layout, drop, only), text.mended))
+        return log_of_sparse(TextTable(text, layout, drop, None), only)
 
 
-def _from_zero(log: Log) -> tuple[Log, float]:
+def log_of_sparse(table: Table, only: tuple[int, int] | None) -> tuple[Log, float]:
+    """Log of a table whose columns were sampled at instants of their own, and the zero of its time [s]."""
+    samples = samples_of_table(table.source, table.layout, table)
+    return recorded_log(table.source, table.sha256, samples, table.layout.joints, table.drop, only), samples[2]
+
+
+def from_zero(log: Log) -> tuple[Log, float]:
     """Log whose times do not count so many seconds that a float loses digits, and what was subtracted [s]."""
     zero = whole_seconds(float(log.time[0]))
     if not zero:
@@ -156,12 +167,14 @@ def _from_zero(log: Log) -> tuple[Log, float]:
 
 def _is_sparse(text: Text, layout: Layout) -> bool:
     """Whether a fifth of the first rows or more lack a cell."""
-    rows = [cells(line, layout.separator) for line in text.lines[layout.first : layout.first + _LOOKED_AT]]
+    rows = [cells(line, layout.separator) for line in text.lines[layout.first : layout.first + LOOKED_AT]]
     whole = [row for row in rows if len(row) == len(layout.names)]
-    return sum(any(not row[k] for k in layout.used) for row in whole) > _SPARSE * len(whole)
+    return sum(any(not row[k] for k in layout.used) for row in whole) > SPARSE * len(whole)
 
 
-def _log(text: Text, layout: Layout, table: Table) -> Log:
+def log_of_table(table: Table, mended: tuple[str, ...] = ()) -> Log:
+    """Log of a table, in SI, which says what was mended before it was read."""
+    layout = table.layout
     place = {column: k for k, column in enumerate(layout.used)}
     parts: dict[str, Any] = {}
     for name, channel in layout.channels.items():
@@ -172,9 +185,9 @@ def _log(text: Text, layout: Layout, table: Table) -> Log:
     unused = (f"{counted(len(names), 'column')} not used: {listed(names)}",) * bool(names)
     before = (f"{counted(layout.preface, 'line')} before the header not read",) * bool(layout.preface)
     time, numbers = table.values[:, place[layout.time]] * layout.second, table.lines - layout.first
-    left_out, removed = (*text.mended, *before, *unused, *table.left_out), tuple(table.removed)
+    left_out, removed = (*mended, *before, *unused, *table.left_out), tuple(table.removed)
     return Log(
-        text.source, text.sha256, layout.joints, time, **parts, left_out=left_out, numbers=numbers, removed=removed
+        table.source, table.sha256, layout.joints, time, **parts, left_out=left_out, numbers=numbers, removed=removed
     )
 
 
@@ -251,16 +264,8 @@ def _ratios(z: Array, drives: list[Drive]) -> Array:
 
 def write_log(log: Log, path: str | Path) -> None:
     """Write a log as CSV that reads back to the same bits."""
-    header, columns = ["time"], [log.time[:, None]]
-    for k, joint in enumerate(log.joints):
-        for name, suffix in CHANNELS.items():
-            if (channel := getattr(log, name)) is not None:
-                header.append(f"{joint}.{suffix}")
-                columns.append(channel[:, k : k + 1])
-    if log.wrench is not None:
-        header += [f"wrench.{part}" for part in WRENCH]
-        columns.append(log.wrench)
-    table = np.hstack(columns)
+    columns = columns_by_name(log.source, log.time, channels_of(log), log.joints)
+    header, table = list(columns), np.column_stack(list(columns.values()))
     check_table(Path(path), header, table)
     with replacing(Path(path)) as stream:
         np.savetxt(stream, table, fmt="%.17g", delimiter=",", header=header_text(header), comments="")

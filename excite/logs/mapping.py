@@ -35,6 +35,7 @@ The logs of an arm that records motor currents, six joints in 31 columns without
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -305,14 +306,20 @@ class LogMapping(Section):
             raise InputError(f"{here} holds no number: {listed(head)}; check header, skip and separator of the mapping")
         names = head if self.header else [f"{k}" for k in range(1, len(head) + 1)]
         index = {name: k for k, name in reversed(list(enumerate(head)))} if self.header else {}
+        return replace(self.columns_layout(source, names, index, file), separator=separator, first=first + self.header)
+
+    def columns_layout(
+        self, source: str, names: Sequence[str], index: Mapping[str, int], file: str | None = None
+    ) -> Layout:
+        """Layout of columns, some of which have names by which the mapping may call them."""
         sections = {name: section for name, section in self.sections.items() if section.file == file}
         channels = {
-            name: section.channel(tuple(_place(source, c, index, len(head)) for c in section.columns))
+            name: section.channel(tuple(_place(source, c, index, len(names)) for c in section.columns))
             for name, section in sections.items()
         }
         time = next((section.time for section in sections.values() if section.time is not None), self.time)
-        clock, joints = _place(source, time.column, index, len(head)), tuple(self.joints or ())
-        return Layout(separator, first + self.header, tuple(names), clock, SECONDS[time.unit], joints, channels)
+        clock, joints = _place(source, time.column, index, len(names)), tuple(self.joints or ())
+        return Layout(",", 1, tuple(names), clock, SECONDS[time.unit], joints, channels)
 
 
 def _is_row(row: list[str]) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from hashlib import sha256
+from hashlib import sha256 as digest_of
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -172,14 +172,19 @@ _HELD = "command"  # the channel whose values hold until the next one
 
 
 def recorded_log(
-    path: Path, samples: Samples, joints: tuple[str, ...], drop: frozenset[str], only: tuple[int, int] | None = None
+    source: str,
+    sha256: str,
+    samples: Samples,
+    joints: tuple[str, ...],
+    drop: frozenset[str],
+    only: tuple[int, int] | None = None,
 ) -> Log:
     """Log of a recording whose streams have clocks of their own.
 
     The rows are those of the positions; everything else is interpolated linearly onto them, but not over its gaps.
     Commands hold until the next one.
     """
-    (columns, notes, _), source = samples, str(path)
+    columns, notes, _ = samples
     base = max((one for one in columns if one.channel == "q"), key=lambda one: one.time.size)
     keep, removed = _kept(source, base, drop, only, notes)
     others = [one if one is base else _in_order(source, one, drop) for one in columns]
@@ -192,8 +197,7 @@ def recorded_log(
     values = _aligned(time, [there if one is base else one for one in others])
     notes += _rates(base, others)
     bridged = _bridged(time, [one for one in others if not np.array_equal(one.time, base.time)])
-    own = recording_sha256(path)
-    log = Log(source, own, joints, time, **values, left_out=tuple(notes), numbers=numbers, removed=removed)
+    log = Log(source, sha256, joints, time, **values, left_out=tuple(notes), numbers=numbers, removed=removed)
     return log.without(DROPPED, bridged) if bridged.any() else log
 
 
@@ -298,7 +302,7 @@ def _with_file(log: Log, path: Path, file: str, mapping: LogMapping, drop: froze
     how = "held" if channels.keys() == {_HELD} else "interpolated linearly"
     note = f"{path.name}: {rows} rows, {how} onto the {np.count_nonzero(inside)} of the positions"
     note += f"; {outside} of these are before or after it and are not used" * bool(outside)
-    both = sha256(f"{log.sha256} {recording_sha256(path)}".encode()).hexdigest()
+    both = digest_of(f"{log.sha256} {recording_sha256(path)}".encode()).hexdigest()
     merged = replace(log.rows(np.flatnonzero(inside)), sha256=both, left_out=(*log.left_out, *notes, note), **channels)
     bridged = _bridged(merged.time, others)
     return merged.without(DROPPED, bridged) if bridged.any() else merged

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,32 +23,43 @@ _COPIES, _PER_LINE = 2.0, 4.0  # numbers of each cell, and of each line
 
 def table_of(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None = None) -> Table:
     """Numbers in the rows of a text."""
-    table = Table(text, layout, drop, only, "nan" in drop)
-    table.keep(table.finite(), "with cells that are empty, NaN or infinite")
-    table.keep(table.later(), "with time repeated")
-    table.check_left(table.lines.size)
-    return table
+    return TextTable(text, layout, drop, only, "nan" in drop).measured()
 
 
-def rows_in_memory(text: Text, layout: Layout, rows: int) -> WorkPrediction:
+def rows_in_memory(source: str, layout: Layout, rows: int) -> WorkPrediction:
     """Memory of the numbers of the rows; beside them only where lines begin is held."""
     columns, remedy = len(layout.used), "choose fewer rows with `rows`"
     held = FLOAT * rows * (_COPIES * columns + _PER_LINE)
-    return WorkPrediction(f"reading {text.source}", (MemoryPart("rows", rows, columns, held, remedy=remedy),))
+    return WorkPrediction(f"reading {source}", (MemoryPart("rows", rows, columns, held, remedy=remedy),))
 
 
 class Table:
-    """Rows of a text that were read, and what of it was left out; empty cells are refused, or NaN."""
+    """Rows of a table that were read, and what of it was left out."""
 
-    def __init__(
-        self, text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None, empty_is_nan: bool = True
-    ) -> None:
-        self.text, self.layout, self.drop, self.empty_is_nan = text, layout, drop, empty_is_nan
+    # (N, columns) cells of the layout's used columns, in the units of the table; (N,) line of each row, 1 for the first
+    # of the file, which is the header of what is not from a file
+    values: Array
+    lines: Index
+
+    def __init__(self, source: str, sha256: str, layout: Layout, drop: frozenset[str]) -> None:
+        self.source, self.sha256, self.layout, self.drop = source, sha256, layout, drop
         self.left_out: list[str] = []  # rows that were left out, with their count
         self.removed: list[Removed] = []  # which, by their numbers
-        # (N, columns) cells of the layout's used columns, in the units of the file; (N,) line of each row, 1 for the
-        # first of the file
-        self.values, self.lines = self._read(only)
+
+    def measured(self) -> Self:
+        """The same table, limited to rows of measurements, each later than the one before."""
+        self.keep(self.finite(), "with cells that are empty, NaN or infinite")
+        self.keep(self.later(), "with time repeated")
+        self.check_left(self.lines.size)
+        return self
+
+    def limited(self, only: tuple[int, int] | None) -> Self:
+        """The same table, limited to rows between a first and a last one."""
+        self.check_rows(self.lines.size, only)
+        first, last = only or (1, self.lines.size)
+        self.values, self.lines = self.values[first - 1 : last], self.lines[first - 1 : last]
+        self.check_size(self.lines.size)
+        return self
 
     def keep(self, rows: NDArray[np.bool_], why: str) -> None:
         """Leave the other rows out, which are as it says."""
@@ -59,24 +71,80 @@ class Table:
     def check_left(self, count: int) -> None:
         """Refuse a table of one row."""
         if count < 2:
-            raise InputError(f"{self.text.source}: fewer than two rows are left; left out: {', '.join(self.left_out)}")
+            raise InputError(f"{self.source}: fewer than two rows are left; left out: {', '.join(self.left_out)}")
+
+    def check_rows(self, count: int, only: tuple[int, int] | None) -> None:
+        """Refuse rows that a table does not have."""
+        if only is not None and only[1] > count:
+            raise InputError(f"{self.source}: rows: given {only[0]}:{only[1]}, but the log has {count} rows")
+
+    def check_size(self, count: int) -> None:
+        """Refuse fewer rows than a log has, and more than memory holds."""
+        if count < 2:
+            raise InputError(f"{self.source} holds {'one row' if count else 'no rows'}; a log has two or more")
+        rows_in_memory(self.source, self.layout, count).check()
+
+    def finite(self) -> NDArray[np.bool_]:
+        """Which rows hold finite numbers only; others are refused unless they are to be dropped."""
+        finite = np.isfinite(self.values)
+        whole = finite.all(axis=1)
+        if "nan" not in self.drop and not whole.all():
+            row = int(np.argmin(whole))
+            column = int(np.argmin(finite[row]))
+            raise InputError(
+                f"{self._place(self.lines[row], self.layout.used[column])}: {self.values[row, column]} is not a "
+                f"measurement; {counted(int(np.sum(~whole)), 'row')} like this (`drop='nan'` leaves them out)"
+            )
+        return np.asarray(whole)
+
+    def later(self) -> NDArray[np.bool_]:
+        """Which rows are later than the row before; earlier ones are refused, and repeated ones unless dropped."""
+        time, lines = self.values[:, self.layout.used.index(self.layout.time)], self.lines
+        step = np.diff(time)
+        if np.any(step < 0):
+            k = int(np.argmax(step < 0))
+            raise InputError(
+                f"{self._place(lines[k + 1], self.layout.time)}: time runs backwards, from {time[k]:.17g} to "
+                f"{time[k + 1]:.17g}; are these two recordings in one file? `rows` chooses the rows of one of them"
+            )
+        if "repeated" not in self.drop and np.any(step == 0):
+            k = int(np.argmax(step == 0))
+            raise InputError(
+                f"{self._place(lines[k + 1], self.layout.time)}: time {time[k]:.17g} is repeated; "
+                f"{counted(int(np.sum(step == 0)), 'row')} like this (`drop='repeated'` leaves them out)"
+            )
+        return np.concatenate([[True], step > 0])
+
+    def _place(self, line: int, column: int) -> str:
+        return f"{self.source}, row {line - self.layout.first}, column {cut(self.layout.names[column])}"
+
+
+class TextTable(Table):
+    """Rows of a text; empty cells are refused, or NaN."""
+
+    def __init__(
+        self, text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None, empty_is_nan: bool = True
+    ) -> None:
+        super().__init__(text.source, text.sha256, layout, drop)
+        self.text, self.empty_is_nan = text, empty_is_nan
+        self.values, self.lines = self._read(only)
+
+    def _place(self, line: int, column: int) -> str:
+        return f"{self.source}, line {line}, column {cut(self.layout.names[column])}"
 
     def _read(self, only: tuple[int, int] | None) -> tuple[Array, Index]:
         """Numbers of the rows, and their lines; those that are garbage are left out."""
         text, layout = self.text, self.layout
         rows, first = text.lines[layout.first :], layout.first
+        self.check_rows(len(rows), only)
         if only is not None:
-            if only[1] > len(rows):
-                raise InputError(f"{text.source}: rows: given {only[0]}:{only[1]}, but the log has {len(rows)} rows")
             rows, first = rows[only[0] - 1 : only[1]], first + only[0] - 1
         elif rows and (how := _cut_off(text, layout, rows[-1])):
             if "truncated" not in self.drop:
                 raise InputError(f"{text.source}, {how}; the recording was cut off (`drop='truncated'` drops the line)")
             rows = rows[:-1]
             self.left_out.append("1 row cut off at the end")
-        if len(rows) < 2:
-            raise InputError(f"{text.source} holds {'one row' if rows else 'no rows'}; a log has two or more")
-        rows_in_memory(text, layout, len(rows)).check()
+        self.check_size(len(rows))
         lines = np.arange(len(rows), dtype=np.intp) + first + 1
         if (values := self._values(rows, None)) is not None:
             return values, lines
@@ -117,40 +185,6 @@ class Table:
             here = self._place(line, empty[0])
             raise InputError(f"{here}: the cell is empty (`drop='nan'` leaves such rows out)")
         return [float(content[k]) if content[k] else np.nan for k in self.layout.used]
-
-    def _place(self, line: int, column: int) -> str:
-        return f"{self.text.source}, line {line}, column {cut(self.layout.names[column])}"
-
-    def finite(self) -> NDArray[np.bool_]:
-        """Which rows hold finite numbers only; others are refused unless they are to be dropped."""
-        finite = np.isfinite(self.values)
-        whole = finite.all(axis=1)
-        if "nan" not in self.drop and not whole.all():
-            row = int(np.argmin(whole))
-            column = int(np.argmin(finite[row]))
-            raise InputError(
-                f"{self._place(self.lines[row], self.layout.used[column])}: {self.values[row, column]} is not a "
-                f"measurement; {counted(int(np.sum(~whole)), 'row')} like this (`drop='nan'` leaves them out)"
-            )
-        return np.asarray(whole)
-
-    def later(self) -> NDArray[np.bool_]:
-        """Which rows are later than the row before; earlier ones are refused, and repeated ones unless dropped."""
-        time, lines = self.values[:, self.layout.used.index(self.layout.time)], self.lines
-        step = np.diff(time)
-        if np.any(step < 0):
-            k = int(np.argmax(step < 0))
-            raise InputError(
-                f"{self._place(lines[k + 1], self.layout.time)}: time runs backwards, from {time[k]:.17g} to "
-                f"{time[k + 1]:.17g}; are these two recordings in one file? `rows` chooses the rows of one of them"
-            )
-        if "repeated" not in self.drop and np.any(step == 0):
-            k = int(np.argmax(step == 0))
-            raise InputError(
-                f"{self._place(lines[k + 1], self.layout.time)}: time {time[k]:.17g} is repeated; "
-                f"{counted(int(np.sum(step == 0)), 'row')} like this (`drop='repeated'` leaves them out)"
-            )
-        return np.concatenate([[True], step > 0])
 
 
 def _cut_off(text: Text, layout: Layout, row: str) -> str:

@@ -28,7 +28,7 @@ from excite.storage.atomic import Destination, read_json
 from excite.storage.codec import Beside
 from excite.storage.commit import read_settled
 from excite.storage.migrations import is_of_kind
-from excite.storage.records import check_replaceable, read_record, write_record
+from excite.storage.records import Shown, check_replaceable, read_record, write_record
 from excite.storage.result_folder import result_folder
 from excite.tasks.criteria import TorqueCriterion
 from regressors.arguments import checked
@@ -75,7 +75,7 @@ class CriterionBound:
 
 
 @dataclass(frozen=True, repr=False)
-class DesignBound:
+class DesignBound(Shown):
     """Bounds on criteria over all motions within the limits of a design.
 
     Parameters

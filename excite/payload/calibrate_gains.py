@@ -14,6 +14,7 @@ from excite.identification.procedure import LogLike
 from excite.payload.known_gains import KnownGains, stated_gains
 from excite.payload.load_estimate import LoadEstimate, estimate_load
 from excite.payload.load_rows import LogChoice, bare_task, check_pair, loaded_parts, paired_equations, without_load
+from excite.storage.records import Shown
 from excite.tasks.installation import Installation
 from excite.tasks.robot_of_task import robot_and_task
 from regressors.arguments import checked
@@ -30,7 +31,7 @@ _LEAST_KNOWN = 0.5  # half of an interval over the factor, from which on the loa
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CalibratedGains:
+class CalibratedGains(Shown):
     """Gains from a load of known mass.
 
     Parameters
@@ -100,7 +101,7 @@ def calibrate_gains(
     Parameters
     ----------
     robot : Robot or str
-    loaded, without : Log, Simulation, path, or a sequence of them
+    loaded, without : Log, frame, dict of columns, Simulation, path, or a sequence of them
         With the load at the last link, and without it.
     mass : float
         Of the load [kg].

@@ -92,9 +92,9 @@ def identify_payload(
     Parameters
     ----------
     robot : Robot or str
-    loaded : Log, Simulation, path, or a sequence of them
+    loaded : Log, frame, dict of columns, Simulation, path, or a sequence of them
         With the load, fixed to the last link.
-    without : Log, Simulation, path, or a sequence of them
+    without : Log, frame, dict of columns, Simulation, path, or a sequence of them
         Without it.
     result : Identification or path, optional
         Instead: the robot's identified model.

@@ -12,6 +12,7 @@ import numpy as np
 from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
 from excite.payload.held_body import frame_numbers
+from excite.storage.records import Shown
 from excite.tasks.further_settings import PayloadMotionSettings
 from excite.tasks.installation import Installation
 from excite.tasks.limit_choice import LimitChoice, Side
@@ -42,7 +43,7 @@ Box = float | Sequence[float] | Sequence[Side]
 
 
 @dataclass(frozen=True, eq=False)
-class PayloadMotion:
+class PayloadMotion(Shown):
     """A motion that shows a payload.
 
     Parameters

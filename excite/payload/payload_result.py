@@ -16,7 +16,7 @@ from excite.payload.held_body import UPPER, Frame, HeldBody, is_possible, neares
 from excite.payload.known_gains import KnownGains
 from excite.payload.load_estimate import LoadEstimate
 from excite.storage.atomic import write_bytes
-from excite.storage.records import NUMBERS, every, read_record, write_record
+from excite.storage.records import NUMBERS, Shown, every, read_record, write_record
 from excite.storage.result_folder import check_not_taken, result_folder
 from regressors.errors import UnknownName
 from regressors.models.load import LOAD_PARAMETERS
@@ -178,7 +178,7 @@ _FAR = 2.0  # half intervals
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PayloadResult:
+class PayloadResult(Shown):
     """An identified payload; the same when it is loaded.
 
     Parameters

@@ -18,6 +18,7 @@ from excite.simulation.plant import Plant
 from excite.simulation.settings import SimulationSettings
 from excite.storage.codec import named
 from excite.storage.manifest import sha256_of
+from excite.storage.records import Shown
 from excite.tasks.reference import MotionSource
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
@@ -39,7 +40,7 @@ class TorqueUse:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Simulation:
+class Simulation(Shown):
     """A simulated run.
 
     Parameters
@@ -169,7 +170,7 @@ class Simulation:
 
 
 @dataclass(frozen=True)
-class SimulatedLog:
+class SimulatedLog(Shown):
     """What is known of a simulated log beside its columns: ``LOG.json``.
 
     Parameters

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from excite.registry import built_in
 from excite.storage.atomic import Destination, read_json, replacing, write_json
 from excite.storage.codec import Arrays, content_of, record_of
 from excite.storage.commit import read_settled
@@ -25,6 +26,31 @@ from regressors.samples import Array, Index
 
 CURVES = "_curves.npz"
 Record = TypeVar("Record")
+
+
+class Shown:
+    """A result, whose tables are columns, and which notebooks show."""
+
+    def table(self, name: str) -> dict[str, list[Any]]:
+        """Columns of one of its tables by their headings, of which ``pandas.DataFrame(...)`` makes a frame.
+
+        Parameters
+        ----------
+        name : str
+            Such as ``parameters``; an unknown one lists those that there are.
+
+        Raises
+        ------
+        UnknownName
+            There is no such table.
+        """
+        return dict(self._shown("table", name))
+
+    def _repr_html_(self) -> str:
+        return str(self._shown("html"))
+
+    def _shown(self, how: str, *given: Any) -> Any:
+        return built_in("shown", how)(self, *given)
 
 
 def write_record(

@@ -17,6 +17,7 @@ from excite.information.half_widths import ABOUT_ZERO, allowed_half_widths, torq
 from excite.information.precision_forecast import PrecisionForecast
 from excite.information.prior import base_sizes
 from excite.information.target import IdentificationTarget, inverse_half, target_of
+from excite.storage.records import Shown
 from excite.study.design_for_precision import design_for_precision, precise_task
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.robot_of_task import one_model, robot_and_task
@@ -64,7 +65,7 @@ class PrecisionInHand:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class NextMotion:
+class NextMotion(Shown):
     """Whether what is in hand is enough, and else the motion to play next.
 
     Parameters

@@ -18,7 +18,7 @@ from excite.identification.recipe import Recipe
 from excite.registry import name_of
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate
-from excite.storage.records import check_replaceable, read_record, write_record
+from excite.storage.records import Shown, check_replaceable, read_record, write_record
 from excite.storage.result_folder import result_folder
 from excite.study.rehearsal import (
     FREE,
@@ -201,7 +201,7 @@ class ParameterAccuracy:
 
 
 @dataclass(frozen=True)
-class AccuracyPrediction:
+class AccuracyPrediction(Shown):
     """Predicted accuracy of every parameter in repeats of one experiment.
 
     Parameters

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.storage.records import NUMBERS, read_record, short, write_record
+from excite.storage.records import NUMBERS, Shown, read_record, short, write_record
 from excite.storage.result_folder import check_not_taken, result_folder
 from regressors.errors import InputError
 from regressors.samples import Array
@@ -19,7 +19,7 @@ KIND, FIGURE = "study", "estimates_over_time"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TimeStudy:
+class TimeStudy(Shown):
     """Time courses of several motions of one robot; the same when it is loaded.
 
     Parameters
@@ -154,6 +154,10 @@ class TimeCourse:
         shape = (self.time.size, len(self.names))
         if not self.time.size or self.values.shape != shape or self.deviation.shape != shape:
             raise InputError(f"expected values and deviations of {shape[1]} parameters at {shape[0]} instants")
+
+    def __repr__(self) -> str:
+        """One line."""
+        return f"<TimeCourse {self.name}: {len(self.names)} parameters at {self.time.size} instants>"
 
     @property
     def half_width(self) -> Array:

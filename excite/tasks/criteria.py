@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -260,7 +260,7 @@ class TorqueCriterion(Criterion):
 
     # (K, b) ``Y``, rows of the torques in the columns of M. If not given, a design takes those of its task motion; of M
     # alone, each single parameter is one
-    rows: Array | None = None
+    rows: Array | None = field(default=None, repr=False)
 
     def of_rows(self, rows: Array) -> Self:
         """The criterion of given rows, where it has none of its own."""

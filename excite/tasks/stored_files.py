@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from regressors.arguments import checked
-from regressors.errors import InputError
+from regressors.errors import InputError, listed_names
 
 if TYPE_CHECKING:
     import numpy as np
@@ -109,6 +109,10 @@ class TaskMotion:
     def __str__(self) -> str:
         """Its name."""
         return self.name
+
+    def __repr__(self) -> str:
+        """One line."""
+        return f"<TaskMotion {self.name}: {len(self.q)} instants of {listed_names(self.joints)}>"
 
     def __eq__(self, other: object) -> bool:
         """Whether both have the same instants, and come from the same place."""

@@ -13,7 +13,7 @@ from excite.identification.preparation import PreparedLog
 from excite.logs.event import Spans
 from excite.simulation.replay import Replay
 from excite.storage.codec import INLINE
-from excite.storage.records import check_replaceable, chosen, every, read_record, short, write_record
+from excite.storage.records import Shown, check_replaceable, chosen, every, read_record, short, write_record
 from excite.storage.result_folder import result_folder
 from excite.verification.simulated_motion import MotionError
 from excite.verification.tolerances import Tolerances
@@ -57,7 +57,7 @@ class MeasuredMotion:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Verification:
+class Verification(Shown):
     """Verification of a result on one log: the same when it is loaded, at the instants that its file has.
 
     Parameters

@@ -83,7 +83,7 @@ def verify(
     ----------
     result : Identification or path
         Just identified or loaded, or its folder.
-    log : Log, path or Simulation
+    log : Log, frame, dict of columns, path or Simulation
     mapping : LogMapping or path, optional
         How a foreign file is laid out.
     drop : iterable of str

@@ -18,7 +18,7 @@ from excite.identification.servo_windows import ServoMotion, servo_motion
 from excite.logs.log import LogReference
 from excite.logs.mapping import LogMapping
 from excite.simulation.servo_motion import followed
-from excite.storage.records import check_replaceable, every, read_record, short, write_record
+from excite.storage.records import Shown, check_replaceable, every, read_record, short, write_record
 from excite.storage.result_folder import result_folder
 from regressors.arguments import checked
 from regressors.errors import InputError, listed_names
@@ -47,7 +47,7 @@ def verify_servos(
     ----------
     result : ServoResult or path
         Just identified or loaded, or its folder.
-    log : Log or path
+    log : Log, frame, dict of columns or path
         With commanded positions.
     mapping : LogMapping or path, optional
         How a foreign file is laid out.
@@ -103,7 +103,7 @@ def _predicted(result: ServoResult, motion: ServoMotion, rows: slice) -> Array:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ServoVerification:
+class ServoVerification(Shown):
     """Verdict on servos by the motion of a log; the same when it is loaded."""
 
     beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {

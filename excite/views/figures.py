@@ -7,7 +7,6 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import IO, Any
 from xml.etree import ElementTree
@@ -24,23 +23,10 @@ from excite.storage.atomic import replacing
 from excite.storage.manifest import read_manifest
 from excite.storage.result_folder import amend_result, check_formats, figure_names, result_folder
 from excite.views.style import DPI, column_width, drawing_style, literal, size_of, take_sizes
-from excite.views.view import View
+from excite.views.view import View, view_of
 from regressors.arguments import checked
 from regressors.errors import InputError, printable
 from regressors.samples import Array
-
-# views by the classes of what they show; a class is not imported for what is of another one
-_VIEWS = {
-    "excite.design.design.Design": "design_view.design_view",
-    "excite.friction.friction_fit.FrictionFit": "friction_views.friction_fit_view",
-    "excite.design.friction_runs.friction_plan.FrictionPlan": "friction_views.friction_plan_view",
-    "excite.identification.identification.Identification": "identification_view.identification_view",
-    "excite.payload.payload_motion.PayloadMotion": "experiment_views.payload_motion_view",
-    "excite.study.time_study.TimeStudy": "experiment_views.study_view",
-    "excite.design.sweeps.sweep_table.SweepTable": "campaign_view.cells_view",
-    "excite.verification.verification.Verification": "verification_view.verification_view",
-    "excite.verification.verify_servos.ServoVerification": "servo_view.servo_verification_view",
-}
 
 
 @checked
@@ -102,18 +88,10 @@ def write_figures(
 
 
 def _view_of(result: Any) -> View:
-    if isinstance(result, View):
-        return result
-    names = [f"{kind.__module__}.{kind.__qualname__}" for kind in type(result).__mro__]
-    known = next(filter(None, map(_VIEWS.get, names)), None)
-    if known is None:
-        raise InputError(
-            "expected a design, an identification, a verification, a study, a friction plan, a friction fit, a payload "
-            f"motion or the table of a campaign to draw, given {type(result).__name__}"
-        )
-    module, name = known.split(".")
-    view: Callable[[Any], View] = getattr(import_module(f"excite.views.{module}"), name)
-    return view(result)
+    view = view_of(result)
+    if not (view.figures or view.filed):
+        raise InputError(f"{view.kind} {view.title} has no figures")
+    return view
 
 
 Draw = Callable[[], Mapping[str, Figure]]  # makes figures by their names

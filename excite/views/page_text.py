@@ -8,6 +8,7 @@ import json
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -20,7 +21,7 @@ from markupsafe import Markup, escape
 
 from excite.storage.manifest import Entry, check_files, read_manifest
 from excite.views.figures import svg_text
-from excite.views.view import Column, Drawing, Format, View, ViewTable, raised, text_of
+from excite.views.view import Column, Drawing, Format, View, ViewTable, raised, text_of, view_of
 from regressors.errors import ExciteError, InputError, percent, printable
 from regressors.samples import Array
 
@@ -66,13 +67,21 @@ def page_text(sections: Sequence[PageSection]) -> str:
     return page
 
 
-def _template() -> Any:
+def notebook_text(result: Any) -> str:
+    """What a notebook shows of a result: its verdict, its summary, and its first table."""
+    view = None
+    with suppress(ExciteError):  # such as of a design whose own parts are not given
+        view = view_of(result)
+    return str(_template("notebook.html").render(view=view, short=repr(result)))
+
+
+def _template(name: str = "page.html") -> Any:
     environment = Environment(
         loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.finalize = _literal
     environment.filters |= {"code": _with_code, "cells": _cells, "facts": _facts}
-    return environment.get_template("page.html")
+    return environment.get_template(name)
 
 
 def _literal(value: Any) -> Any:

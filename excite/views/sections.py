@@ -16,46 +16,29 @@ from excite.design.comparison import compare
 from excite.design.design import Design
 from excite.design.design_folder import design_content
 from excite.design.friction_runs.friction_plan import FrictionPlan
-from excite.design.sweeps.sweep_table import SweepTable
 from excite.design.task_file import task_content
 from excite.friction.friction_fit import FrictionFit
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.result_json import CURVES, KIND
-from excite.identification.servo_result import ServoResult
-from excite.optimality.design_bound import DesignBound
-from excite.payload.payload_result import PayloadResult
-from excite.simulation.simulation import SimulatedLog
-from excite.study.predict_accuracy import AccuracyPrediction
 from excite.study.time_study import TimeStudy
 from excite.tasks.stored_files import StoredRobot
 from excite.tasks.task import Task
 from excite.verification.verification import Verification
-from excite.verification.verify_servos import ServoVerification
-from excite.views.campaign_view import campaign_view, cells_view
-from excite.views.comparison_view import bound_view, comparison_view
+from excite.views.campaign_view import campaign_view
+from excite.views.comparison_view import comparison_view
 from excite.views.design_view import design_view
-from excite.views.experiment_views import accuracy_view, payload_view, study_view
+from excite.views.experiment_views import study_view
 from excite.views.friction_views import friction_fit_view, friction_plan_view
 from excite.views.identification_view import TITLES, identification_view
 from excite.views.page_text import PageFigure, PageSection, drawn, pictures
 from excite.views.player_data import player_motion
 from excite.views.player_log import Appearance, LoggedMotion, looked_at, motion_of_plan, played, source_of
-from excite.views.servo_view import servo_verification_view, servos_view
 from excite.views.subjects import Filed, Subject
-from excite.views.verification_view import TITLES as OF_VERIFICATION, simulation_view, verification_view
-from excite.views.view import View
+from excite.views.verification_view import TITLES as OF_VERIFICATION, verification_view
+from excite.views.view import View, view_of
 from regressors.errors import ExciteError
 
-_ALONE: dict[type, Callable[[Any], View]] = {  # what has neither a motion nor commands that repeat it
-    SweepTable: cells_view,
-    PayloadResult: payload_view,
-    ServoResult: servos_view,
-    ServoVerification: servo_verification_view,
-    AccuracyPrediction: accuracy_view,
-    SimulatedLog: simulation_view,
-    DesignBound: bound_view,
-}
 _LOOKED_AT = (
     "limits of joints and drives are looked at in the samples of the files; jerks, torques, distances and passages "
     "between poses are as plan.json states them"
@@ -75,10 +58,9 @@ def section_of(subject: Subject, prefix: str, looks: Appearance, of_page: Sequen
         FrictionFit: _of_fit,
         TimeStudy: _of_study,
     }
-    if (view := next((view for kind, view in _ALONE.items() if isinstance(record, kind)), None)) is not None:
-        return _drawn(view(record), prefix)
-    build = next(build for kind, build in builders.items() if isinstance(record, kind))
-    return build(record, prefix, looks, path)
+    build = next((build for kind, build in builders.items() if isinstance(record, kind)), None)
+    # others have neither a motion nor commands that repeat them
+    return _drawn(view_of(record), prefix) if build is None else build(record, prefix, looks, path)
 
 
 def _drawn(view: View, prefix: str, *commands: Sequence[str], missing: tuple[str, ...] = ()) -> PageSection:

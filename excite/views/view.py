@@ -11,6 +11,7 @@ from typing import Any
 
 from excite.tasks.option import options_of
 from excite.tasks.task import PARTS
+from regressors.errors import InputError, check_names
 
 
 class Format(Enum):
@@ -48,6 +49,15 @@ class ViewTable:
     # ``bad`` or ``best`` by the row and the column of the values that a reader should see
     marked: Mapping[tuple[int, int], str] = field(default_factory=dict)
     most: int = 8  # rows of a short summary
+
+    @property
+    def by_heading(self) -> dict[str, list[Any]]:
+        """Its columns by their headings, of which a second ``unit`` also has the heading before it, with all digits."""
+        columns: dict[str, list[Any]] = {}
+        for k, heading in enumerate(column.heading for column in self.columns):
+            name = f"{heading} ({self.columns[k - 1].heading})" if heading in columns else heading
+            columns[name] = [row[k] for row in self.rows]
+        return columns
 
     @property
     def brief(self) -> ViewTable:
@@ -98,6 +108,51 @@ class View:
     def drawn(self) -> dict[str, Any]:
         """Its figures by the names of their files."""
         return {f"{self.stem}{each.ending}": each.draw() for each in self.figures}
+
+
+# views by the classes of what they show; a class is not imported for what is of another one
+_VIEWS = {
+    "excite.design.design.Design": "design_view.design_view",
+    "excite.design.friction_runs.friction_plan.FrictionPlan": "friction_views.friction_plan_view",
+    "excite.design.sweeps.sweep_table.SweepTable": "campaign_view.cells_view",
+    "excite.friction.friction_fit.FrictionFit": "friction_views.friction_fit_view",
+    "excite.identification.identification.Identification": "identification_view.identification_view",
+    "excite.identification.servo_result.ServoResult": "servo_view.servos_view",
+    "excite.optimality.design_bound.DesignBound": "comparison_view.bound_view",
+    "excite.payload.calibrate_gains.CalibratedGains": "experiment_views.gains_view",
+    "excite.payload.payload_motion.PayloadMotion": "experiment_views.payload_motion_view",
+    "excite.payload.payload_result.PayloadResult": "experiment_views.payload_view",
+    "excite.simulation.simulation.SimulatedLog": "verification_view.simulation_view",
+    "excite.simulation.simulation.Simulation": "verification_view.simulation_view",
+    "excite.study.next_motion.NextMotion": "experiment_views.next_motion_view",
+    "excite.study.predict_accuracy.AccuracyPrediction": "experiment_views.accuracy_view",
+    "excite.study.time_study.TimeStudy": "experiment_views.study_view",
+    "excite.verification.verification.Verification": "verification_view.verification_view",
+    "excite.verification.verify_servos.ServoVerification": "servo_view.servo_verification_view",
+}
+
+
+def view_of(result: Any) -> View:
+    """The view of a result, or a view as it is."""
+    if isinstance(result, View):
+        return result
+    names = [f"{kind.__module__}.{kind.__qualname__}" for kind in type(result).__mro__]
+    known = next(filter(None, map(_VIEWS.get, names)), None)
+    if known is None:
+        raise InputError(
+            "expected a design, an identification, a verification, a study, a friction plan, a friction fit, a payload "
+            f"motion or the table of a campaign to draw, given {type(result).__name__}"
+        )
+    module, name = known.split(".")
+    view: View = getattr(import_module(f"excite.views.{module}"), name)(result)
+    return view
+
+
+def table_of(result: Any, name: str) -> dict[str, list[Any]]:
+    """Columns of one table of a result, by their headings."""
+    tables = {table.name: table for table in view_of(result).tables}
+    check_names(f"table of {type(result).__name__}", [name], tables)
+    return tables[name].by_heading
 
 
 def number(count: int, what: str) -> str:

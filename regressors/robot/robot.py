@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regressors.arguments import checked
-from regressors.errors import Finding, InputError, UnknownName, check_names, long_name
+from regressors.errors import Finding, InputError, UnknownName, check_names, listed_names, long_name
 from regressors.quantities import place_of
 from regressors.robot.gears import ConstantRatio, GearFunction
 from regressors.robot.inertia import PARAMETERS_PER_LINK, Array, is_rotation, pose_of, skew
@@ -328,6 +328,10 @@ class Robot(Rebuilt):
             self.transmission.limits.check(tuple(f"drive {d.name}" for d in self.transmission.drives))
         if self.branches:
             _check_branches(self)
+
+    def __repr__(self) -> str:
+        """One line."""
+        return f"<Robot {self.name}: {self.n} joints, {listed_names(self.joint_names)}>"
         known = (BASE, *(body.name for body in self.bodies))
         check_names(f"link with a shape, of robot {self.name!r},", (part.link for part in self.shapes), known)
 

@@ -54,6 +54,27 @@ def test_the_identification_in_the_documents_runs(here: Here) -> None:
     assert "result.json" in files_below(here.cwd / "results" / "irp6")
 
 
+@pytest.mark.slow
+def test_frames_in_the_documents_are_identified_from(here: Here) -> None:
+    """PyArrow, which tests have, reads and makes frames in place of pandas."""
+    page = (ROOT / "docs" / "how-to" / "identify.md").read_text()
+    (code,) = re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    of_arrow = {"import pandas": "import pyarrow.csv", "pandas.read_csv": "pyarrow.csv.read_csv"}
+    for old, new in (of_arrow | {"pandas.DataFrame": "pyarrow.table"}).items():
+        assert old in code
+        code = code.replace(old, new)
+    here.designed("irp6", "--starts", "1", "--harmonics", "3", out="designs/irp6")
+    for seed, name in enumerate(("run.csv", "other.csv")):
+        ended = here.run(
+            "simulate", "designs/irp6", "--rate", "200", "--seed", str(seed), "--torque-noise", "1", "--out", name
+        )
+        assert ended.returncode == 0
+    checks = "\nimport numpy as np\nprint(table.num_rows, np.array_equal(result.coefficients, again.coefficients))"
+    verdict, counted = run_script(code + checks, here.cwd).splitlines()
+    assert verdict.startswith("The result predicts this log")
+    assert counted == "13 True"
+
+
 def run_script(code: str, cwd: Path) -> str:
     """What a script in a process of its own prints."""
     (cwd / "script.py").write_text(code)

@@ -87,3 +87,42 @@ other = excite.design_trajectory(model, excite.Fourier(period=10, harmonics=5), 
 check = excite.verify(result, excite.simulate(other, encoder=4000, torque_noise=1.0, seed=2))
 print(check.verdict.text)
 print(f"torques: {100 * check.relative_error:.1f} % off, noise included")
+
+# %% [markdown]
+# ## From a DataFrame
+#
+# What a real robot recorded is in a file, or already in memory. A frame of pandas, Polars or PyArrow, or a dict of
+# columns as here, stands wherever a log does; its columns have the names that those of a file have. Arrays become a log
+# by `excite.Log.from_arrays(time, q, effort, joints=[...])`.
+
+
+# %%
+def frame_of(log):
+    """Columns by the names that they have in a file."""
+    frame = {"time": log.time}
+    for k, joint in enumerate(log.joints):
+        frame |= {f"{joint}.position": log.q[:, k], f"{joint}.effort": log.effort[:, k]}
+    return frame  # or pandas.DataFrame(frame)
+
+
+frame = frame_of(log.measured)
+unseen = frame_of(excite.simulate(other, encoder=4000, torque_noise=1.0, seed=3).measured)
+result = excite.identify(model, frame, design=design)
+table = result.table("parameters")  # pandas.DataFrame(table) is a frame of it
+for name, value, unit in zip(table["parameter"], table["value"], table["unit"], strict=True):
+    print(f"{name:4} {value:8.3f} {unit}")
+
+# %% [markdown]
+# A frame is known by its content: what a result is from cannot judge it.
+
+# %%
+try:
+    excite.verify(result, frame)
+except excite.InputError as error:
+    print(error)
+
+# %% [markdown]
+# The frame of the other motion can. Results show themselves; `table(name)` has the columns of each of their tables.
+
+# %%
+excite.verify(result, unseen)

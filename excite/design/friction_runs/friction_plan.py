@@ -25,7 +25,7 @@ from excite.design.stated_limits import Unchecked
 from excite.storage.atomic import read_json
 from excite.storage.codec import INLINE, Beside, named
 from excite.storage.migrations import is_of_kind, schema_of
-from excite.storage.records import complete, read_record, write_record
+from excite.storage.records import Shown, complete, read_record, write_record
 from excite.storage.result_folder import check_not_taken, result_folder
 from excite.storage.sampled_motion import motion_columns, write_motion_table
 from excite.tasks.reference import MotionSource, SampledMotion
@@ -201,7 +201,7 @@ class CoordinatePlan:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FrictionPlan:
+class FrictionPlan(Shown):
     """Measurements of the friction of a robot; the same when it is loaded.
 
     Parameters

@@ -18,7 +18,7 @@ from excite.design.sweeps.cell import CELLS, Cell, read_cell, stored_design
 from excite.registry import name_of
 from excite.storage.atomic import replacing
 from excite.storage.codec import record_of
-from excite.storage.records import read_record, write_record
+from excite.storage.records import Shown, read_record, write_record
 from regressors.arguments import checked
 from regressors.errors import InputError
 
@@ -75,7 +75,7 @@ class SweepRow:
 
 
 @dataclass(frozen=True)
-class SweepTable:
+class SweepTable(Shown):
     """The table of a sweep; the same when it is loaded.
 
     Parameters

@@ -49,7 +49,7 @@ from excite.logs.recordings.recording import (
     check_wanted,
     head_of,
 )
-from excite.logs.table import Table
+from excite.logs.table import TextTable
 from excite.logs.text import Text, text_of
 from regressors.errors import InputError
 
@@ -101,7 +101,7 @@ def _read(path: Path, wanted: Wanted, most: int | None = None) -> Recording:
         layout = Layout(found.separator, found.first, shown, used[0], 1.0, (), {"columns": si_channel(used)})
         rows = len(text.lines) - found.first
         only = None if most is None or rows <= most else (1, most)
-        table = Table(text, layout, frozenset({"truncated"}), only)
+        table = TextTable(text, layout, frozenset({"truncated"}), only)
         values = {name: table.values[:, used.index(k)] for name, k in place.items()}
         notes = (*text.mended, *table.left_out)
         return Recording(text.source, _kind_of(found), {TABLE: Stream(TABLE, values)}, notes)

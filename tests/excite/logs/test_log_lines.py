@@ -149,5 +149,5 @@ def test_headers_of_others() -> None:
 def test_joints_of_a_log_with_such_names() -> None:
     joints = ("a,b", '"c', 'd"e', "=f()")
     line = header_text(["time", *(f"{name}.{what}" for name in joints for what in ("position", "effort"))])
-    layout = house_layout("log.csv", line, joints)
+    layout = house_layout("log.csv", header_names(line), joints)
     assert (layout.joints, layout.used) == (joints, tuple(range(9)))

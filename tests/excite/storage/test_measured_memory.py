@@ -53,8 +53,8 @@ WORK = {
         "        stream.write(','.join(map(repr, row.tolist())) + '\\n')\n"
         "del table\n"
         "with text_of(Path('log.csv')) as text:\n"
-        "    layout = house_layout('log.csv', text.lines[0], None)\n"
-        "    predicted = rows_in_memory(text, layout, size)\n"
+        "    layout = house_layout('log.csv', header_names(text.lines[0]), None)\n"
+        "    predicted = rows_in_memory(text.source, layout, size)\n"
         "read_log('log.csv')\n",
         (10_000, 400_000),
     ),
@@ -75,6 +75,7 @@ from excite.logs.layout import house_layout
 from excite.logs.log_reading import read_log
 from excite.logs.table import rows_in_memory
 from excite.logs.text import text_of
+from excite.storage.sampled_motion import header_names
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate
 from excite.simulation.simulate import simulation_prediction
