@@ -171,7 +171,8 @@ def _notes(result: ServoResult) -> tuple[str, ...]:
     if unloaded:
         notes.append(
             f"{listed_names(unloaded)}: the described arm hardly loads the joint, so that of stiffness, damping, "
-            "inertia, friction and torque limit only the ratios are shown; hold a known mass in further logs"
+            "inertia, friction and torque limit only the ratios are shown; hold a known mass in further logs, and "
+            "state it by `payload`"
         )
     return tuple(notes)
 
