@@ -48,7 +48,7 @@ def small_arm() -> Robot:
         return read_urdf(path)
 
 
-UNREACHED = (4.0, 4.0, 4.0)  # limits of the motors' torques [Nm]
+UNREACHED = (8.0, 8.0, 8.0)  # limits of the motors' torques [Nm]
 
 
 @cache

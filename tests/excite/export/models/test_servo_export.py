@@ -188,7 +188,7 @@ def test_a_urdf_has_friction_damping_and_limits(copied: bool, tmp_path: Path) ->
         assert dynamics is not None
         assert limit is not None
         assert [float(dynamics.get(key, "nan")) for key in ("damping", "friction")] == [D, Fc]
-        assert [float(limit.get(key, "nan")) for key in ("effort", "velocity")] == [4.0, 5.0]
+        assert [float(limit.get(key, "nan")) for key in ("effort", "velocity")] == [8.0, 5.0]
     assert "K 15 +- 0 Nm/rad" in text
 
 
@@ -200,7 +200,7 @@ def test_isaac_labs_groups_have_delays_in_steps(tmp_path: Path) -> None:
     assert late["min_delay"] == late["max_delay"] == 4  # 22 ms
     for field, values in {"stiffness": truth().K, "viscous_friction": truth().D, "armature": truth().J}.items():
         assert group[field] == late[field] == dict(zip(JOINTS, values.tolist(), strict=True))
-    assert set(group["effort_limit_sim"].values()) == set(late["effort_limit"].values()) == {4.0}
+    assert set(group["effort_limit_sim"].values()) == set(late["effort_limit"].values()) == {8.0}
     assert group["friction"]["lift"] == pytest.approx(0.22)
     assert group["dynamic_friction"]["lift"] == pytest.approx(0.12)
 
@@ -230,7 +230,7 @@ def test_bams_friction_is_ours(tmp_path: Path) -> None:
         for tau, motor, dq in np.random.default_rng(0).normal(0.0, (1.0, 1.0, 0.1), (20, 3)):
             ours = Fc + 0.3 * abs(tau) + 0.2 * math.exp(-((dq / STRIBECK_SPEED) ** 2))
             assert bam_friction(own, tau, motor, dq) == pytest.approx(ours)
-        assert (own["model"], own["command_delay"], own["L"]) == ("m5", 0.022, 4.0)
+        assert (own["model"], own["command_delay"], own["L"]) == ("m5", 0.022, 8.0)
         assert [own[key] for key in ("actuator", "kt", "R", "friction_viscous")] == [None] * 4
 
 
