@@ -204,7 +204,7 @@ class Page:
 def browser_page() -> Iterator[Page]:
     """A page of a new browser, which ends with the block."""
     assert CHROMIUM is not None
-    with TemporaryDirectory() as profile:
+    with TemporaryDirectory(ignore_cleanup_errors=True) as profile:  # children of the browser may write for longer
         pairs = [os.pipe(), os.pipe()]
         (theirs_in, to_browser), (from_browser, theirs_out) = pairs
         high = [fcntl.fcntl(fd, fcntl.F_DUPFD, 20) for fd in (theirs_in, theirs_out)]
