@@ -1,6 +1,6 @@
 """What motions show of servos, with MuJoCo as the plant: random ones, sweeps made by hand, and designs.
 
-``python benchmarks/servo/designs.py [--seeds 200-204]``: each seed is six servos of random parameters, as in
+``python benchmarks/servo/designs.py [--seeds 200-202]``: each seed is six servos of random parameters, as in
 ``coverage.py``, that are identified from a log of 60 s of each motion, at 50 Hz in steps of an encoder.
 """
 
