@@ -20,7 +20,7 @@ from regressors.models.servo_response import LONGEST_DELAY, QUANTITIES, Windows,
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
 
-_WINDOW = 2.0  # [s]
+_WINDOW, _SETTLE = 2.0, 1.0  # [s]
 _MOST_WINDOWS = 150
 _SMOOTHED = 0.12  # over which positions are fitted by cubics for their derivatives [s]
 _GAP = 1.5  # median steps
@@ -72,7 +72,8 @@ class Places:
     log: Index  # (w,) number of the log
     first: Index  # (w,) first row
     count: int  # rows of each
-    lead: int  # rows before, of commands
+    settle: int  # rows before, in which a simulated motion forgets where it began
+    lead: int  # rows before those, of commands
 
     @property
     def rows(self) -> Index:
@@ -83,12 +84,14 @@ class Places:
 def windows_in(motions: Sequence[ServoMotion]) -> Places:
     """Windows without a gap, of all logs; of many, some that are spread evenly."""
     steps = [float(np.median(np.diff(motion.log.time))) for motion in motions]
-    rows, lead = max(3, round(_WINDOW / min(steps))), int(np.ceil(LONGEST_DELAY / min(steps))) + 1
+    rows, settle = max(3, round(_WINDOW / min(steps))), round(_SETTLE / min(steps))
+    lead = int(np.ceil(LONGEST_DELAY / min(steps))) + 1
+    before = lead + settle
     places = []
     for number, (motion, step) in enumerate(zip(motions, steps, strict=True)):
         gaps = np.diff(motion.log.time) > _GAP * step
-        starts = range(lead, motion.log.count - rows + 1, rows)
-        places += [(number, first) for first in starts if not gaps[first - lead : first + rows - 1].any()]
+        starts = range(before, motion.log.count - rows + 1, rows)
+        places += [(number, first) for first in starts if not gaps[first - before : first + rows - 1].any()]
     if len(places) <= len(QUANTITIES):
         names = ", ".join(motion.log.source for motion in motions)
         raise InputError(
@@ -97,30 +100,44 @@ def windows_in(motions: Sequence[ServoMotion]) -> Places:
         )
     chosen = np.unique(np.linspace(0, len(places) - 1, min(_MOST_WINDOWS, len(places))).round().astype(int))
     log, first = np.array(places)[chosen].T
-    return Places(log, first, rows, lead)
+    return Places(log, first, rows, settle, lead)
 
 
-def windows_of(motions: Sequence[ServoMotion], places: Places, joint: int) -> Windows:
-    """The windows of one joint."""
+def stretches(
+    motions: Sequence[ServoMotion], places: Places, values: Callable[[ServoMotion], Array], before: int
+) -> Array:
+    """Values (N, n) of the windows and of some rows before each, shape (w, before + T, n)."""
+    pairs = zip(places.log, places.first, strict=True)
+    return np.array([values(motions[k])[first - before : first + places.count] for k, first in pairs])
+
+
+def windows_of(motions: Sequence[ServoMotion], places: Places) -> Windows:
+    """The windows of all joints, one joint's after the other's, that begin as measured."""
 
     def cut(values: Callable[[ServoMotion], Array], before: int = 0) -> Array:
-        pairs = zip(places.log, places.first, strict=True)
-        return np.array([values(motions[k])[first - before : first + places.count, joint] for k, first in pairs])
+        return np.concatenate(np.moveaxis(stretches(motions, places, values, before), -1, 0))
 
-    ends = [motions[k].log.time[rows[[0, -1]]] for k, rows in zip(places.log, places.rows, strict=True)]
+    measured = cut(lambda m: m.log.q)
     return Windows(
-        np.diff(ends, axis=1)[:, 0] / (places.count - 1),
+        np.tile(row_steps(motions, places), motions[0].log.q.shape[1]),
         cut(lambda m: m.command, places.lead),
         cut(lambda m: m.load),
         cut(lambda m: m.inertia),
-        cut(lambda m: m.log.q),
+        measured,
+        measured[:, 0],
         cut(lambda m: m.samples.dq)[:, 0],
     )
 
 
-def moves(windows: Windows) -> bool:
+def row_steps(motions: Sequence[ServoMotion], places: Places) -> Array:
+    """Mean steps between the rows of each window, shape (w,) [s]."""
+    ends = [motions[k].log.time[rows[[0, -1]]] for k, rows in zip(places.log, places.rows, strict=True)]
+    return np.asarray(np.diff(ends, axis=1)[:, 0] / (places.count - 1))
+
+
+def moves(measured: Array) -> bool:
     """Whether a joint moves by more than some steps of its encoder."""
-    return bool(np.ptp(windows.measured) > LEAST_MOTION * encoder_step(windows.measured))
+    return bool(np.ptp(measured) > LEAST_MOTION * encoder_step(measured))
 
 
 _DELAYS = np.arange(0.0, 0.11, 0.01)  # [s]

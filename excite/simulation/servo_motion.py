@@ -1,11 +1,9 @@
 """Motion that identified servos make of commands, the torques that it takes, and what it shows of parameters.
 
-Each servo is simulated by `regressors.models.servo_response`. What the arm needs of it follows from the motion of
-all joints, which follows from the servos; so both are computed in turn, first along the commands, until the motion
-changes no more. The torques along it are those of the robot's own model, with the masses that gave the servos their
-scale and the rotors and friction of its description: stiffness and inertia of a servo are known only together with
-these masses, and controllers that know the arm hide its load. They are without the ripple of a command that is held
-between two rows, and at rest without what friction holds.
+The motion is that of `regressors.models.servo_response`. The torques along it are those of the robot's own model, with
+the masses that gave the servos their scale and the rotors and friction of its description: stiffness and inertia of a
+servo are known only together with these masses, and controllers that know the arm hide its load. They are without the
+ripple of a command that is held between two rows, and at rest without what friction holds.
 """
 
 from __future__ import annotations
@@ -28,32 +26,17 @@ from excite.simulation.simulation import Simulation, simulation_outcome, torque_
 from excite.tasks.reference import MotionSource, Reference, Repeated, SampledMotion
 from excite.tasks.robot_of_task import moving_robot
 from regressors.errors import InputError, listed_names
-from regressors.models.servo_response import SYMBOLS, Servos, Windows, arm_torques, response
+from regressors.models.servo_response import FAR, SYMBOLS, Servos, arm_response
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.samples import Array, Samples
-
-_PASSES, _SETTLED = 20, 1e-4  # at most, and the change of the motion from which on no more are made [rad or m]
-_FAR = 100.0  # of an arm that falls, since its servos are too weak [rad or m]
 
 
 def followed(servos: Servos, command: Array, step: float, q: Array, dq: Array) -> Array:
     """Positions of all joints from a state (q, dq) on, under commands at even steps [s], shape (N, n)."""
     before = np.repeat(command[:1], int(np.ceil(servos.values[:, SYMBOLS.index("d")].max() / step)) + 1, axis=0)
-    told, steps = np.concatenate([before, command]).T, np.full(q.size, step)
-    needs, path, change, share = arm_torques(servos.robot), q + 0.0 * command, np.inf, 1.0
-    measured = np.repeat(q[:, None], len(command), axis=1)
-    for _ in range(_PASSES):
-        rates = np.gradient(path, step, axis=0)
-        load, inertia = needs(path, rates, np.gradient(rates, step, axis=0))
-        windows = Windows(steps, told, load.T, inertia.T, measured, dq)
-        further = response(servos.values[None], windows)[0].T - path
-        last, change = change, float(np.abs(further).max())
-        if change > last:  # fast motions of coupled joints would grow
-            share *= 0.5
-        path = path + share * further
-        if change < _SETTLED or change > _FAR:
-            break
-    return path
+    told, first = np.concatenate([before, command]), np.repeat(q[None], len(command), axis=0)
+    motion = arm_response(servos.robot, servos.values, told[None], np.array([step]), first[None], dq[None])
+    return motion.q[0, :: motion.substeps]
 
 
 _HELD = 1.0  # before a motion from rest begins, in which gravity bends the servos [s]
@@ -139,7 +122,7 @@ def _run(servos: Servos, plant: Plant, told: Samples, start: Array) -> Simulated
     command[:, index], speed, step = told.q, np.zeros(servos.robot.n), float(told.time[1])
     speed[index] = start
     q = followed(servos, command, step, command[0], speed)
-    if not np.abs(q - command).max() < _FAR:
+    if not np.abs(q - command).max() < FAR:
         raise LostMotionError(
             "the simulated arm falls: its servos are too weak for the motion, or a log of another arm was given"
         )

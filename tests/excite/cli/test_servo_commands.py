@@ -26,7 +26,7 @@ def test_servos_are_identified_and_verified_end_to_end(here: Here) -> None:
     ended = with_files(here).run("identify", "small.urdf", "run.csv", "--model", "servo", "--out", "servos")
     assert ended.returncode == 0, ended.stderr
     assert ended.stdout.startswith("Identified 3 servos of small: the logs show ")
-    assert "roll: the described arm hardly loads the joint" in " ".join(ended.stdout.split())
+    assert "roll: the known masses hardly load the joint" in " ".join(ended.stdout.split())
     stated = json.loads((here.cwd / "servos" / "servos.json").read_text(encoding="utf-8"))["servos"]
     assert stated["lift"]["stiffness"]["value"] == pytest.approx(15.0, rel=0.1)
     assert "already holds servos" in here.refused(

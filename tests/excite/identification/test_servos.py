@@ -119,7 +119,7 @@ def test_windows_keep_clear_of_gaps() -> None:
     log = short_log(3000)
     late = replace(log, time=log.time + 0.5 * (np.arange(3000) >= 1234))
     places = windows_in([servo_motion(late, small_arm())])
-    first, last = places.first - places.lead, places.first + places.count - 1
+    first, last = places.first - places.lead - places.settle, places.first + places.count - 1
     assert not ((first < 1234) & (last >= 1234)).any()
     assert len(places.first) > 20
 

@@ -32,7 +32,7 @@ def windows(command: Array, load: Any = 0.0, start: Any = 0.0, speed: Any = 0.0,
     full = np.broadcast_to(np.asarray(load, dtype=float), shape).copy()
     measured = np.repeat(np.broadcast_to(np.asarray(start, dtype=float), count)[:, None], shape[1], axis=1)
     speeds = np.broadcast_to(np.asarray(speed, dtype=float), count).copy()
-    return Windows(np.full(count, 1 / RATE), told, full, np.full(shape, OWN), measured, speeds)
+    return Windows(np.full(count, 1 / RATE), told, full, np.full(shape, OWN), measured, measured[:, 0], speeds)
 
 
 def of_linear_servo(times: Any, start: Array) -> Array:
