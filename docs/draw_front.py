@@ -1,22 +1,34 @@
-"""Draw the picture of the README: ``python docs/draw_front.py --out docs/front.png``.
+"""Draw the pictures of the README: ``python docs/draw_front.py --out docs/front.png --moving docs/front.gif``.
 
-Left, the motion of the README's first command, each quantity as a share of its limit. Right, what a simulated log of it
-with noisy torques and encoder counts identifies: every parameter with its 99 % interval beside its true value.
+``front.png``: left, the motion of the README's first command, each quantity as a share of its limit; right, what a
+simulated log of it with noisy torques and encoder counts identifies: every parameter with its 99 % interval beside its
+true value. ``front.gif``: the arm plays the motion, beside it the velocities of its drives, and the condition number of
+what has been played so far.
 """
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patheffects import Normal, Stroke
+from PIL import Image
 
 import excite
+from constraints.clearance import link_poses
+from excite.trajectories.sequence import whole_pose
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73")  # Okabe and Ito: told apart without red and green
 DARK = "#333333"
+FRAMES_PER_S, DOTS, SHADES = 10, 96, 32  # of the moving picture, its resolution [1/in], and its colours
+VIEW = np.radians([-62.0, 22.0])  # azimuth and elevation from which the arm is seen
+SHAPES = {"base": "#9A9A9A", "column": "#9A9A9A", "arm": "#0072B2", "forearm": "#E69F00"}  # others like the forearm
+Values = np.ndarray[Any, np.dtype[np.float64]]
 
 
 def tidy(ax: Axes, title: str) -> None:
@@ -66,12 +78,91 @@ def draw_parameters(ax: Axes, design: excite.Design) -> None:
     ax.set_xlabel("estimate and 99 % interval [% of the true value]", fontsize=8, color=DARK)
 
 
-def main() -> None:
-    """Design, simulate, identify and draw."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, required=True)
-    out = parser.parse_args().out
-    design = excite.design_trajectory("irp6", search=excite.Search(seed=0))
+def seen(points: Values) -> tuple[Values, Values]:
+    """Points in the plane of the picture, and how near they are, of points in space, shape (..., 3)."""
+    turn, lift = VIEW
+    right = np.array([-np.sin(turn), np.cos(turn), 0.0])
+    toward = np.array([np.cos(turn) * np.cos(lift), np.sin(turn) * np.cos(lift), np.sin(lift)])
+    return np.stack([points @ right, points @ np.cross(toward, right)], axis=-1), points @ toward
+
+
+def draw_arm(ax: Axes, capsules: list[tuple[str, Values, float]], tip: Values) -> None:
+    """Capsules of the links from far to near, the floor, and the way of the last link so far."""
+    ax.set(xlim=(-1.35, 1.35), ylim=(-0.65, 1.85), aspect="equal")
+    ax.set_axis_off()
+    ax.figure.draw_without_rendering()  # places the panel
+    dots = abs(np.diff(ax.transData.transform([(0, 0), (1, 0)])[:, 0])[0]) * 72 / ax.figure.dpi  # points per metre
+    for at in np.arange(-0.8, 0.81, 0.2):
+        for line in ([[at, -0.8, 0], [at, 0.8, 0]], [[-0.8, at, 0], [0.8, at, 0]]):
+            ax.plot(*seen(np.array(line))[0].T, color="#DDDDDD", linewidth=0.7)
+    ax.plot(*seen(tip)[0].T, color=COLOURS[1], linewidth=1.4)
+    outline = [Stroke(linewidth=0, foreground=DARK), Normal()]
+    for link, ends, radius in sorted(capsules, key=lambda each: seen(each[1])[1].mean()):
+        width = 2 * radius * dots
+        outline[0] = Stroke(linewidth=width + 1.6, foreground="white")
+        colour = SHAPES.get(link, SHAPES["forearm"])
+        ax.plot(*seen(ends)[0].T, color=colour, linewidth=width, solid_capstyle="round", path_effects=[*outline])
+
+
+def moving_picture(design: excite.Design) -> list[Image.Image]:
+    """Frames of the motion in real time."""
+    motion, target = design.trajectory, design.target
+    samples = motion.samples(np.arange(round(motion.duration * FRAMES_PER_S) + 1) / FRAMES_PER_S)
+    poses = link_poses(design.robot, whole_pose(design.robot, design.moving.joint_names, samples.q))
+    assert design.shape is not None
+    bodies = [
+        (part.link, np.array([part.capsule.start, part.capsule.end]), part.capsule.radius)
+        for part in design.shape.parts
+    ]
+    drives = design.moving.transmission
+    share = 100 * samples.dq @ drives.coupling.T / drives.limits.velocity
+    rows = target.model.selected(samples, target.base.index)
+    each = len(rows) // samples.time.size
+    condition = [np.linalg.cond(rows[: each * k]) for k in range(1, samples.time.size + 1)]
+    return [_frame(bodies, poses, samples.time, share, np.array(condition), k) for k in range(samples.time.size)]
+
+
+def _frame(
+    bodies: list[tuple[str, Values, float]],
+    poses: dict[str, Values],
+    time: Values,
+    share: Values,
+    condition: Values,
+    k: int,
+) -> Image.Image:
+    figure = Figure(figsize=(8.6, 3.9), dpi=DOTS, facecolor="white")
+    canvas = FigureCanvasAgg(figure)
+    arm = figure.add_axes((0.0, 0.0, 0.46, 1.0))
+    placed = [(link, ends @ poses[link][k][:3, :3].T + poses[link][k][:3, 3], r) for link, ends, r in bodies]
+    last = bodies[-1][0]
+    draw_arm(arm, placed, poses[last][: k + 1, :3, 3])
+    top, bottom = figure.add_axes((0.56, 0.58, 0.42, 0.33)), figure.add_axes((0.56, 0.13, 0.42, 0.31))
+    tidy(top, "velocity of each drive [% of its limit]")
+    for column, colour in zip(share.T[:3], COLOURS, strict=True):
+        top.plot(time, column, color=colour, linewidth=0.7, alpha=0.45)
+        top.plot(time[: k + 1], column[: k + 1], color=colour, linewidth=1.8)
+        top.plot(time[k], column[k], "o", color=colour, markersize=4)
+    top.set(xlim=(0, time[-1]), ylim=(-112, 112), yticks=(-100, 0, 100))
+    tidy(bottom, "cond W of what was played" + (f": {condition[k]:.0f}" if condition[k] < 1e5 else ""))
+    bottom.semilogy(time[: k + 1], condition[: k + 1], color=DARK, linewidth=1.8)
+    bottom.set(xlim=(0, time[-1]), ylim=(10, 1e5))
+    bottom.set_xlabel("time [s]", fontsize=8, color=DARK)
+    canvas.draw()
+    return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+
+
+def save_moving(frames: list[Image.Image], out: Path) -> None:
+    """One file with the colours of all frames, the last of which stays for two seconds."""
+    palette = frames[len(frames) // 2].quantize(SHADES, dither=Image.Dither.NONE)
+    few = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    last = [1000 // FRAMES_PER_S] * (len(few) - 1) + [2000]
+    beside = out.with_name(f".{out.name}")
+    few[0].save(beside, "GIF", save_all=True, append_images=few[1:], duration=last, loop=0, optimize=True)
+    beside.replace(out)
+
+
+def draw_still(design: excite.Design) -> Figure:
+    """The motion, and what a log of it identifies."""
     figure = Figure(figsize=(9.6, 4.2), layout="constrained", facecolor="white")
     left, right = figure.subfigures(1, 2, width_ratios=(1.15, 1.0))
     axes = list(left.subplots(3, 1, sharex=True))
@@ -81,7 +172,20 @@ def main() -> None:
     tidy(panel, f"identified from one simulated log; cond W = {design.condition_number:.1f}")
     draw_motion(axes, design)
     draw_parameters(panel, design)
-    figure.savefig(out, dpi=130)
+    return figure
+
+
+def main() -> None:
+    """Design, simulate, identify and draw."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--moving", type=Path)
+    given = parser.parse_args()
+    design = excite.design_trajectory("irp6", search=excite.Search(seed=0))
+    if given.moving:
+        save_moving(moving_picture(design), given.moving)
+    if given.out:
+        draw_still(design).savefig(given.out, dpi=130)
 
 
 if __name__ == "__main__":
