@@ -27,7 +27,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73")  # Okabe and Ito: told apart without
 DARK = "#333333"
 FRAMES_PER_S, DOTS, SHADES = 10, 96, 32  # of the moving picture, its resolution [1/in], and its colours
 VIEW = np.radians([-62.0, 22.0])  # azimuth and elevation from which the arm is seen
-SHAPES = {"base": "#9A9A9A", "column": "#9A9A9A", "arm": "#0072B2", "forearm": "#E69F00"}  # others like the forearm
+LINKS = ("#9A9A9A", "#9A9A9A", "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9")  # from the base on
 Values = np.ndarray[Any, np.dtype[np.float64]]
 
 
@@ -86,56 +86,80 @@ def seen(points: Values) -> tuple[Values, Values]:
     return np.stack([points @ right, points @ np.cross(toward, right)], axis=-1), points @ toward
 
 
-def draw_arm(ax: Axes, capsules: list[tuple[str, Values, float]], tip: Values) -> None:
-    """Capsules of the links from far to near, the floor, and the way of the last link so far."""
-    ax.set(xlim=(-1.35, 1.35), ylim=(-0.65, 1.85), aspect="equal")
+def bodies_of(design: excite.Design, q: Values) -> tuple[list[tuple[str, Values, float]], Values]:
+    """Link, ends over time, shape (N, 2, 3), and radius of each capsule of the robot; and the way of its last link.
+
+    Parameters
+    ----------
+    design : Design
+    q : ndarray, shape (N, n)
+        Of the joints that move.
+    """
+    poses = link_poses(design.robot, whole_pose(design.robot, design.moving.joint_names, q))
+    assert design.shape is not None
+    found = []
+    for part in design.shape.parts:
+        R, p = poses[part.link][:, :3, :3], poses[part.link][:, None, :3, 3]
+        ends = np.array([part.capsule.start, part.capsule.end])
+        found.append((part.link, np.einsum("nij,kj->nki", R, ends) + p, part.capsule.radius))
+    return found, poses[design.robot.links[-1].name][:, :3, 3]
+
+
+def set_scene(ax: Axes, bodies: list[tuple[str, Values, float]]) -> float:
+    """Make a panel as large as the robot's motion, and draw the floor; points per metre."""
     ax.set_axis_off()
-    ax.figure.draw_without_rendering()  # places the panel
-    dots = abs(np.diff(ax.transData.transform([(0, 0), (1, 0)])[:, 0])[0]) * 72 / ax.figure.dpi  # points per metre
-    for at in np.arange(-0.8, 0.81, 0.2):
-        for line in ([[at, -0.8, 0], [at, 0.8, 0]], [[-0.8, at, 0], [0.8, at, 0]]):
-            ax.plot(*seen(np.array(line))[0].T, color="#DDDDDD", linewidth=0.7)
-    ax.plot(*seen(tip)[0].T, color=COLOURS[1], linewidth=1.4)
-    outline = [Stroke(linewidth=0, foreground=DARK), Normal()]
-    for link, ends, radius in sorted(capsules, key=lambda each: seen(each[1])[1].mean()):
+    reach = max(float(np.linalg.norm(ends[..., :2], axis=-1).max()) for _, ends, _ in bodies)
+    half = 0.65 * reach
+    corners = np.array([[x, y, 0.0] for x in (-half, half) for y in (-half, half)])
+    places = np.concatenate([seen(corners)[0], *(seen(ends)[0].reshape(-1, 2) for _, ends, _ in bodies)])
+    (left, low), (right, high) = places.min(axis=0) - 0.08 * reach, places.max(axis=0) + 0.08 * reach
+    ax.set(xlim=(left, right), ylim=(low, high), aspect="equal")
+    ax.figure.canvas.draw()  # places the panel
+    for at in np.linspace(-half, half, 9):
+        for line in ([[at, -half, 0], [at, half, 0]], [[-half, at, 0], [half, at, 0]]):
+            ax.plot(*seen(np.array(line))[0].T, color="#DDDDDD", linewidth=0.7, zorder=1)
+    return float(np.ptp(ax.transData.transform([(0, 0), (1, 0)])[:, 0]) * 72 / ax.figure.dpi)
+
+
+def draw_arm(ax: Axes, bodies: list[tuple[str, Values, float]], k: int, dots: float, solid: float = 1.0) -> None:
+    """Capsules of the links at an instant, from far to near."""
+    links = list(dict.fromkeys(link for link, _, _ in bodies))
+    for link, ends, radius in sorted(bodies, key=lambda each: seen(each[1][k])[1].mean()):
         width = 2 * radius * dots
-        outline[0] = Stroke(linewidth=width + 1.6, foreground="white")
-        colour = SHAPES.get(link, SHAPES["forearm"])
-        ax.plot(*seen(ends)[0].T, color=colour, linewidth=width, solid_capstyle="round", path_effects=[*outline])
+        edge = [Stroke(linewidth=width + 1.6, foreground="white"), Normal()]
+        ax.plot(
+            *seen(ends[k])[0].T,
+            color=LINKS[min(links.index(link), len(LINKS) - 1)],
+            linewidth=width,
+            alpha=solid,
+            solid_capstyle="round",
+            path_effects=edge if solid == 1.0 else None,
+            zorder=3 if solid == 1.0 else 2,
+        )
 
 
 def moving_picture(design: excite.Design) -> list[Image.Image]:
     """Frames of the motion in real time."""
     motion, target = design.trajectory, design.target
     samples = motion.samples(np.arange(round(motion.duration * FRAMES_PER_S) + 1) / FRAMES_PER_S)
-    poses = link_poses(design.robot, whole_pose(design.robot, design.moving.joint_names, samples.q))
-    assert design.shape is not None
-    bodies = [
-        (part.link, np.array([part.capsule.start, part.capsule.end]), part.capsule.radius)
-        for part in design.shape.parts
-    ]
+    bodies, tip = bodies_of(design, samples.q)
     drives = design.moving.transmission
     share = 100 * samples.dq @ drives.coupling.T / drives.limits.velocity
     rows = target.model.selected(samples, target.base.index)
     each = len(rows) // samples.time.size
-    condition = [np.linalg.cond(rows[: each * k]) for k in range(1, samples.time.size + 1)]
-    return [_frame(bodies, poses, samples.time, share, np.array(condition), k) for k in range(samples.time.size)]
+    condition = np.array([np.linalg.cond(rows[: each * k]) for k in range(1, samples.time.size + 1)])
+    return [_frame(bodies, tip, samples.time, share, condition, k) for k in range(samples.time.size)]
 
 
 def _frame(
-    bodies: list[tuple[str, Values, float]],
-    poses: dict[str, Values],
-    time: Values,
-    share: Values,
-    condition: Values,
-    k: int,
+    bodies: list[tuple[str, Values, float]], tip: Values, time: Values, share: Values, condition: Values, k: int
 ) -> Image.Image:
     figure = Figure(figsize=(8.6, 3.9), dpi=DOTS, facecolor="white")
     canvas = FigureCanvasAgg(figure)
     arm = figure.add_axes((0.0, 0.0, 0.46, 1.0))
-    placed = [(link, ends @ poses[link][k][:3, :3].T + poses[link][k][:3, 3], r) for link, ends, r in bodies]
-    last = bodies[-1][0]
-    draw_arm(arm, placed, poses[last][: k + 1, :3, 3])
+    dots = set_scene(arm, bodies)
+    arm.plot(*seen(tip[: k + 1])[0].T, color=COLOURS[1], linewidth=1.4, zorder=2)
+    draw_arm(arm, bodies, k, dots)
     top, bottom = figure.add_axes((0.56, 0.58, 0.42, 0.33)), figure.add_axes((0.56, 0.13, 0.42, 0.31))
     tidy(top, "velocity of each drive [% of its limit]")
     for column, colour in zip(share.T[:3], COLOURS, strict=True):
@@ -154,6 +178,9 @@ def _frame(
 def save_moving(frames: list[Image.Image], out: Path) -> None:
     """One file with the colours of all frames, the last of which stays for two seconds."""
     palette = frames[len(frames) // 2].quantize(SHADES, dither=Image.Dither.NONE)
+    colours = np.reshape(palette.getpalette(), (-1, 3))
+    colours[colours.min(axis=1) > 245] = 255  # the background is the white of the page
+    palette.putpalette(colours.ravel().tolist())
     few = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     last = [1000 // FRAMES_PER_S] * (len(few) - 1) + [2000]
     beside = out.with_name(f".{out.name}")

@@ -346,15 +346,16 @@ def which_designs() -> str:
     """Designs of the public benchmark by this program and figaroh, the other one that designs and was measured so."""
     runs = result("results/public")["runs"]
     said = {"excite": "this program", "figaroh": "figaroh", "slsqp": "SLSQP, finite differences"}
+    problems = {"IRp-6": "IRp-6, 3 axes", "P1": "P1: Panda", "P2": "P2: UR10"}
     rows = [
         (
-            case,
+            problems[case],
             words,
             f"{verdict['condition_number']:.1f}",
             f"{verdict['robot_seconds']:.0f}",
             "yes" if verdict["limits_kept"] else f"exceeded by {percent(verdict['limit_use_as_delivered'] - 1)}",
         )
-        for case in ("IRp-6", "P1", "P2")
+        for case in problems
         for system, words in said.items()
         for verdict in (next(r["verdict"] for r in runs if (r["case"], r["system"]) == (case, system)),)
     ]
