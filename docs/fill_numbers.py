@@ -342,6 +342,39 @@ def alternatives() -> str:
     return table(("", "Panda (P1)", "UR10 (P2)", "limits"), rows, sources)
 
 
+def which_designs() -> str:
+    """Designs of the public benchmark by this program and figaroh, the other one that designs and was measured so."""
+    runs = result("results/public")["runs"]
+    said = {"excite": "this program", "figaroh": "figaroh", "slsqp": "SLSQP, finite differences"}
+    problems = {"IRp-6": "IRp-6, 3 axes", "P1": "P1: Panda", "P2": "P2: UR10"}
+    rows = [
+        (
+            problems[case],
+            words,
+            f"{verdict['condition_number']:.1f}",
+            f"{verdict['robot_seconds']:.0f}",
+            "yes" if verdict["limits_kept"] else f"exceeded by {percent(verdict['limit_use_as_delivered'] - 1)}",
+        )
+        for case in problems
+        for system, words in said.items()
+        for verdict in (next(r["verdict"] for r in runs if (r["case"], r["system"]) == (case, system)),)
+    ]
+    head = ("problem", "system", "cond(W)", "robot time to 5 % [s]", "limits kept")
+    return table(head, rows, "benchmarks/results/public.json")
+
+
+def which_servos() -> str:
+    """Errors of predicted motion of unseen logs, mean over the five joints of the arm."""
+    runs = result("results/servo_rivals")["runs"]
+    systems = ("excite", "mujoco.sysid, 3 rounds", "mujoco.sysid, 20 rounds")
+    found = {(run["unseen"], run["by"]): 1e3 * statistics.mean(run["error"][:5]) for run in runs}
+    logs = list(dict.fromkeys(run["unseen"] for run in runs))
+    rows = [(log, *(f"{found[log, system]:.1f}" for system in systems)) for log in logs]
+    seconds = [f"{statistics.median(run['cpu'] for run in runs if run['by'] == each):.0f}" for each in systems]
+    head = ("unseen log, error [mrad]", "this program", *systems[1:])
+    return table(head, [*rows, ("CPU s, median", *seconds)], "benchmarks/results/servo_rivals.json")
+
+
 def sooner() -> str:
     """How much sooner than an afternoon's rivals their own best values are reached, median and least."""
     comparisons = {(each["rival"], each["case"]): each for each in result("results/afternoon")["comparisons"]}
@@ -362,6 +395,8 @@ def sooner() -> str:
 TABLES: dict[str, Callable[[], str]] = {
     "alternatives": alternatives,
     "sooner": sooner,
+    "which-designs": which_designs,
+    "which-servos": which_servos,
     "paper-conditions": paper_conditions,
     "paper-estimates": paper_estimates,
     "paper-screws": paper_screws,

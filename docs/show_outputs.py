@@ -153,7 +153,8 @@ def copy_figures(page: Path, text: str, folder: Path) -> None:
 def pages() -> list[Path]:
     """Pages with marks."""
     marks = ("<!-- prints:", "<!-- draws:")
-    return [page for page in sorted(DOCS.rglob("*.md")) if any(mark in page.read_text("utf-8") for mark in marks)]
+    every = (DOCS.parent / "README.md", *sorted(DOCS.rglob("*.md")))
+    return [page for page in every if any(mark in page.read_text("utf-8") for mark in marks)]
 
 
 def fill(page: Path, folder: Path) -> None:

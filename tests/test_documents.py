@@ -131,6 +131,20 @@ def test_every_command_that_prints_shows_it() -> None:
 
 
 def test_figures_of_pages_are_small() -> None:
-    figures = sorted((ROOT / "docs" / "tutorials" / "figures").glob("*.png"))
-    assert figures
-    assert [figure.name for figure in figures if figure.stat().st_size > 200_000] == []
+    most = {"docs/tutorials/figures/*.png": 200_000, "docs/figures/*.svg": 60_000, "docs/front.*": 400_000}
+    figures = {figure: size for places, size in most.items() for figure in ROOT.glob(places)}
+    assert {figure.parent for figure in figures} == {ROOT / Path(places).parent for places in most}
+    assert [figure.name for figure, size in figures.items() if figure.stat().st_size > size] == []
+
+
+def test_figures_of_the_paper_are_those_that_a_script_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    drawn = {f"paper-{name}.svg" for name in module_of(ROOT / "docs" / "draw_paper.py").FIGURES}
+    shown = re.findall(r"\(figures/(.+?)\)", (ROOT / "docs" / "paper.md").read_text(encoding="utf-8"))
+    assert sorted(shown) == sorted(drawn) == sorted(path.name for path in (ROOT / "docs" / "figures").iterdir())
+
+
+def test_what_is_supported_is_said_once() -> None:
+    texts = [(ROOT / page).read_text(encoding="utf-8") for page in ("README.md", "docs/index.md")]
+    tables = {re.search(r"^\| \| supported (?:.+\n)+", text, re.MULTILINE)[0] for text in texts}  # type: ignore[index]
+    assert len(tables) == 1

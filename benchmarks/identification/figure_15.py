@@ -7,8 +7,6 @@ is simulated, and measured 30 times with other noise.
 
 from __future__ import annotations
 
-import json
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -20,10 +18,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 import record
 from moves import Moves, shortest
+from PIL import Image
 
 from excite.design.formulation import formulate
+from excite.study.time_study import TimeCourse, TimeStudy, load_time_study
 from excite.tasks.task import Task
 from regressors.readers.library import load_robot
+from regressors.samples import Array
 
 HERE = Path(__file__).resolve().parent
 DURATION, SLOW_MOVE = 10.0, 5.0  # s
@@ -63,7 +64,7 @@ def excite(folder: Path, *arguments: object) -> None:
     subprocess.run([sys.executable, "-m", "excite", *map(str, arguments)], cwd=folder, check=True, stdout=sys.stderr)
 
 
-def study(folder: Path) -> dict[str, Any]:
+def study(folder: Path) -> TimeStudy:
     """Design, other motions, and the study of all of them."""
     excite(folder, "design", "irp6", "--model", "energy", "--joints", 1, "--out", DESIGN)
     for name, length in ((FAST, None), (SLOW, SLOW_MOVE)):
@@ -71,35 +72,52 @@ def study(folder: Path) -> dict[str, Any]:
     motions = ("--design", DESIGN, "--trajectory", FAST, "--trajectory", SLOW)
     noise = ("--rate", RATE, "--torque-noise", TORQUE_NOISE, "--encoder", COUNTS)
     excite(folder, "study", "irp6", *motions, *noise, "--repeats", REPEATS, "--below", 1, "--out", "study")
-    content: dict[str, Any] = json.loads((folder / "study" / "study.json").read_text(encoding="utf-8"))
-    return content
+    return load_time_study(folder / "study" / "study.json")
 
 
-def rows(course: dict[str, Any]) -> list[list[object]]:
+def rows(course: TimeCourse) -> list[list[object]]:
     """Lines of the table: what each parameter's estimates do over time."""
-    truth, last = np.array(course["reference"]["values"]), -1
-    mean, scatter, stated = (np.array(course[key][last]) for key in ("mean_of_repetitions", "scatter", "deviation"))
-    lines = []
-    for k, name in enumerate(course["names"]):
-        below = course["time_below"][k]
-        lines.append(
-            [
-                f"{course['name']}, cond(W) {course['condition_number'][last]:.3g}",
-                name,
-                "never" if below is None else f"{below:.1f} s",
-                *(f"{100 * at[k] / abs(truth[k]):.3g} %" for at in scatters(course)),
-                f"{100 * stated[k] / abs(truth[k]):.3g} %",
-                f"{100 * (mean[k] - truth[k]) / abs(truth[k]):.2g} %",
-                f"{scatter[k] / stated[k]:.2f}",
-            ]
-        )
-    return lines
+    truth, below, scatter = course.reference, course.time_below(0.01), scatters(course)
+    assert course.repeated is not None
+    mean, stated = course.repeated[:, -1].mean(axis=0), course.deviation[-1]
+    return [
+        [
+            f"{course.name}, cond(W) {course.condition_number[-1]:.3g}",
+            name,
+            f"{below[k]:.1f} s" if np.isfinite(below[k]) else "never",
+            *(f"{100 * at[k] / abs(truth[k]):.3g} %" for at in scatter),
+            f"{100 * stated[k] / abs(truth[k]):.3g} %",
+            f"{100 * (mean[k] - truth[k]) / abs(truth[k]):.2g} %",
+            f"{scatter[-1][k] / stated[k]:.2f}",
+        ]
+        for k, name in enumerate(course.names)
+    ]
 
 
-def scatters(course: dict[str, Any]) -> list[np.ndarray[Any, np.dtype[np.float64]]]:
+def scatters(course: TimeCourse) -> list[Array]:
     """Scatter of the repetitions after a tenth, half and all of the motion."""
-    count = len(course["time"])
-    return [np.array(course["scatter"][k], dtype=float) for k in (count // 10 - 1, count // 2 - 1, count - 1)]
+    assert course.scatter is not None
+    count = len(course.time)
+    return [course.scatter[k] for k in (count // 10 - 1, count // 2 - 1, count - 1)]
+
+
+def curves(course: TimeCourse) -> dict[str, Any]:
+    """What a figure shows of a motion, with five digits; None where the rows so far do not identify a parameter."""
+
+    def short(values: Array) -> list[Any]:
+        return [float(f"{x:.5g}") if np.isfinite(x) else None for x in values]
+
+    assert course.scatter is not None
+    return {
+        "names": list(course.names),
+        "units": list(course.units),
+        "notes": list(course.notes),
+        "condition_number": float(course.condition_number[-1]),
+        "true": course.reference.tolist(),
+        "time": short(course.time),
+        "values": [short(row) for row in course.values.T],
+        "scatter": [short(row) for row in course.scatter.T],
+    }
 
 
 HEAD = (
@@ -113,14 +131,14 @@ def main() -> None:
     before = record.load()
     with tempfile.TemporaryDirectory() as folder:
         content = study(Path(folder))
-        shutil.copyfile(Path(folder) / "study" / "estimates_over_time.png", HERE / "results" / "figure_15.png")
-    table = record.table(HEAD, [line for course in content["courses"] for line in rows(course)])
-    few = {course["name"]: {key: course[key] for key in ("names", "notes")} for course in content["courses"]}
-    lines = [line for course in content["courses"] for line in rows(course)]
+        drawn = Image.open(Path(folder) / "study" / "estimates_over_time.png").convert("RGB")
+    drawn.quantize(64, dither=Image.Dither.NONE).save(HERE / "results" / "figure_15.png", optimize=True)
+    lines = [line for course in content.courses for line in rows(course)]
+    courses = {course.name: curves(course) for course in content.courses}
+    table = record.table(HEAD, lines)
     text = f"{table}\n\n![Estimates over time](results/figure_15.png)"
-    record.save(
-        "figure_15", before, {"courses": few, "head": list(HEAD), "rows": lines}, text, LIMITATIONS, folder=HERE
-    )
+    found = {"courses": courses, "head": list(HEAD), "rows": lines}
+    record.save("figure_15", before, found, text, LIMITATIONS, folder=HERE)
 
 
 if __name__ == "__main__":

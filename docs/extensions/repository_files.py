@@ -64,7 +64,7 @@ def target_on_site(target: str, file: Path, page: Path, docs: Path, pages: dict[
     shown = pages.get(found, found)
     relative = Path(os.path.relpath(shown, page.parent)).as_posix()
     is_page = shown.suffix == ".md" and shown.is_relative_to(docs)
-    return relative + mark + anchor if is_page or shown.suffix in (".png", ".svg") else f"path:{relative}"
+    return relative + mark + anchor if is_page or shown.suffix in (".png", ".svg", ".gif") else f"path:{relative}"
 
 
 def _read(app: Sphinx, docname: str, source: list[str]) -> None:
