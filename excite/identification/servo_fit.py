@@ -15,6 +15,7 @@ import numpy as np
 import scipy
 
 from excite.identification.estimator import CONFIDENCE
+from excite.identification.servo_result import encoder_step
 from excite.identification.servo_windows import (
     Places,
     ServoMotion,
@@ -32,7 +33,7 @@ _LIMITS = tuple(np.array([getattr(q, end) for q in QUANTITIES]) for end in ("lea
 _SCALES = np.array([q.scales for q in QUANTITIES])
 _SIZES = np.array([q.size for q in QUANTITIES])
 _K, _D, _J, _L, _DELAY = (SYMBOLS.index(symbol) for symbol in "KDJLd")
-_FRICTION, _DEAD = SYMBOLS.index("Fc"), SYMBOLS.index("delta")
+_FRICTION, _DEAD, _OFFSET = (SYMBOLS.index(symbol) for symbol in ("Fc", "delta", "b"))
 _LATER = [SYMBOLS.index(symbol) for symbol in ("Fs", "mu", "delta")]  # what is small, and fitted after the rest
 
 
@@ -341,6 +342,7 @@ def _judged(windows: Windows, fit: _Descent) -> tuple[Array, Array]:
     """Values and halves of their 99 % intervals, each (m, p); torque limits that no motion reaches are none.
 
     Where the scale of torques is hardly shown, it may be larger by more than it may be smaller; so the larger counts.
+    Offsets may be wrong by half a step of the encoder besides.
     """
     count, width = windows.measured.shape[1], []
     for x, left, slopes, scale in zip(fit.values, fit.left, fit.slopes, fit.scale, strict=True):
@@ -353,6 +355,8 @@ def _judged(windows: Windows, fit: _Descent) -> tuple[Array, Array]:
         wider = np.expm1(of_scale) / of_scale if of_scale < _NO_SCALE else np.inf
         width.append(np.where(_SCALES, wider, 1.0) * along)
     values, half_width = fit.values.copy(), np.array(width)
+    steps = [encoder_step(each) for each in np.split(windows.measured, len(values))]
+    half_width[:, _OFFSET] = np.hypot(half_width[:, _OFFSET], 0.5 * np.array(steps))
     unlimited = values.copy()
     unlimited[:, _L] = _LIMITS[1][_L]
     with_limit, without = _cost(np.stack([fit.left, _residuals(windows, unlimited[None])[0]]), fit.scale)
