@@ -25,6 +25,8 @@ from excite.tasks.robot_of_task import installed_robot
 from excite.views.view import View
 from regressors.errors import InputError
 from regressors.models.base import Base
+from regressors.models.servo import ServoModel
+from regressors.models.servo_response import scale_shown_by
 from regressors.robot.robot import Link, Robot
 
 
@@ -82,6 +84,9 @@ def _content(whole: Robot, moving: tuple[str, ...], base: Base) -> dict[str, Any
             "units": list(base.units),
             "by_rounding": list(base.by_rounding),
         },
+        "servos": {
+            name: {"gravity": load, "own_inertia": own, "told_by": by} for name, load, own, by in _servos(whole)
+        },
     }
 
 
@@ -94,6 +99,9 @@ def _print(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
         print_table("limits", ("coordinate", *QUANTITIES), limits)
     else:
         out.print("no limits are known")
+    if rows := _servos(whole):
+        title = "what tells torques without measuring them (model servo)"
+        print_table(title, ("joint", "gravity up to", "own inertia up to", "told by"), rows)
     if whole.notes:
         notes = [(note.kind, note.where, note.what, in_options(note.advice)) for note in whole.notes]
         print_table("health of the description", ("", "where", "what", "advice"), notes)
@@ -133,3 +141,15 @@ def _limits(whole: Robot) -> list[tuple[str, ...]]:
             shown = f"[{lower:.4g}, {upper:.4g}]" if limit.derivative == 0 else f"{upper:.4g}"
             limits[label.removesuffix(f" {limit.quantity}")][limit.quantity] = f"{shown} {unit}"
     return [(name, *(row.get(quantity, "-") for quantity in QUANTITIES)) for name, row in limits.items() if row]
+
+
+def _servos(whole: Robot) -> list[tuple[str, ...]]:
+    """Of each joint, what shows the size of its servo's torques; none where masses are unknown or drives coupled."""
+    try:
+        units = [unit for _, unit in ServoModel(whole).row_labels]
+    except InputError:
+        return []
+    return [
+        (name, f"{load:.2g} {'N' if unit == 'm' else 'Nm'}", f"{own:.2g} {'kg' if unit == 'm' else 'kg m^2'}", words)
+        for name, unit, (load, own, words) in zip(whole.joint_names, units, scale_shown_by(whole), strict=True)
+    ]

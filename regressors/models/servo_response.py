@@ -279,3 +279,26 @@ def arm_torques(robot: Robot) -> Callable[[Array, Array, Array], tuple[Array, Ar
         return load, inertia
 
     return along
+
+
+_POSES = 1000  # looked at
+_LITTLE = 0.02  # of the torque limit: less is lost in friction
+_FAST = 20.0  # acceleration of fast motion where no limit of it is stated [rad/s^2 or m/s^2]
+
+
+def scale_shown_by(robot: Robot) -> list[tuple[float, float, str]]:
+    """Of each joint, the largest torque of gravity and own inertia of the arm, and what shows how large torques are.
+
+    Commands and positions alone show all torques of a servo as shares of its stiffness; how large they are is shown by
+    what the known masses ask of it: gravity in any motion, inertia in fast motion, each where it is no small share of
+    the torque limit; where none is stated, of the largest of all joints. Poses are random, seeded.
+    """
+    limits, angle = robot.limits, 2.0 * np.pi
+    bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
+    lower, upper = np.where(bounded, limits.lower, -0.5 * angle), np.where(bounded, limits.upper, 0.5 * angle)
+    q = np.random.default_rng(0).uniform(lower, upper, (_POSES, robot.n))
+    load, inertia = (np.abs(each).max(axis=0).round(9) for each in arm_torques(robot)(q, 0.0 * q, 0.0 * q))
+    fast = inertia * np.where(np.isfinite(limits.acceleration), limits.acceleration, _FAST)
+    least = _LITTLE * np.where(np.isfinite(limits.torque), limits.torque, max(load.max(), fast.max()))
+    words = np.where(load > least, "gravity", np.where(fast > least, "fast motion", "a known mass in hand"))
+    return list(zip(load.tolist(), inertia.tolist(), words.tolist(), strict=True))

@@ -10,7 +10,7 @@ import pytest
 from pinocchio_chains import joint_torques
 from scipy.linalg import expm
 
-from regressors.models.servo_response import QUANTITIES, SYMBOLS, Windows, arm_torques, response
+from regressors.models.servo_response import QUANTITIES, SYMBOLS, Windows, arm_torques, response, scale_shown_by
 from regressors.readers.library import built_in
 from regressors.samples import Array, Samples
 
@@ -137,6 +137,24 @@ def test_the_arms_torques_are_those_of_pinocchio_split_by_the_joints_own_inertia
     for j in range(robot.n):
         still = joint_torques(robot, Samples(time, q, dq, np.where(np.arange(robot.n) == j, 0.0, ddq), 0 * q))
         np.testing.assert_allclose(load[:, j], still[:, j], atol=1e-10)
+
+
+def test_gravity_fast_motion_or_a_known_mass_tells_how_large_torques_are() -> None:
+    robot = built_in("so101")
+    told = dict(zip(robot.joint_names, scale_shown_by(robot), strict=True))
+    assert told["shoulder_pan"][0] == 0.0  # its axis is upright
+    assert {name: words for name, (_, _, words) in told.items()} == {
+        "shoulder_pan": "fast motion",
+        "shoulder_lift": "gravity",
+        "elbow_flex": "gravity",
+        "wrist_flex": "gravity",
+        "wrist_roll": "a known mass in hand",
+        "gripper": "a known mass in hand",
+    }
+    rng, time = np.random.default_rng(5), np.arange(1000) / RATE
+    q = rng.uniform(robot.limits.lower, robot.limits.upper, (1000, robot.n))
+    at_rest = np.abs(joint_torques(robot, Samples(time, q, 0 * q, 0 * q, 0 * q))).max(axis=0)
+    np.testing.assert_allclose([load for load, _, _ in told.values()], at_rest, rtol=0.05, atol=1e-9)
 
 
 def test_quantities_have_a_symbol_each_and_limits_about_their_size() -> None:
