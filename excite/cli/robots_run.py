@@ -67,6 +67,7 @@ def show_robot(robot: str, out: Path | None, given: Mapping[str, Any]) -> None:
 
 
 def _content(whole: Robot, moving: tuple[str, ...], base: Base) -> dict[str, Any]:
+    servos = _servos(whole)
     return {
         "name": whole.name,
         "sha256": whole.sha256(),
@@ -85,7 +86,7 @@ def _content(whole: Robot, moving: tuple[str, ...], base: Base) -> dict[str, Any
             "by_rounding": list(base.by_rounding),
         },
         "servos": {
-            name: {"gravity": load, "own_inertia": own, "told_by": by} for name, load, own, by in _servos(whole)
+            name: {"gravity": load, "own_inertia": own, "told_by": words} for name, (load, own, words) in servos.items()
         },
     }
 
@@ -99,12 +100,13 @@ def _print(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
         print_table("limits", ("coordinate", *QUANTITIES), limits)
     else:
         out.print("no limits are known")
-    if rows := _servos(whole):
-        title = "what tells torques without measuring them (model servo)"
-        print_table(title, ("joint", "gravity up to", "own inertia up to", "told by"), rows)
     if whole.notes:
         notes = [(note.kind, note.where, note.what, in_options(note.advice)) for note in whole.notes]
         print_table("health of the description", ("", "where", "what", "advice"), notes)
+    if servos := _servos(whole):
+        loads = [(name, f"{load:.2g}", f"{own:.2g}", words) for name, (load, own, words) in servos.items()]
+        title = "what tells torques where none are measured (model servo)"
+        print_table(title, ("joint", "gravity up to [Nm, N]", "own inertia up to [kg m^2, kg]", "told by"), loads)
     clarity = f"singular value gap {base.gap:.1e}" if math.isfinite(base.gap) else "no column depends on others"
     title = f"base parameters of {', '.join(moving)}: {base.rank} of {len(base.columns)} columns ({clarity})"
     for line in (title, *map(in_options, left_out_by_rounding(whole, base))):
@@ -143,13 +145,10 @@ def _limits(whole: Robot) -> list[tuple[str, ...]]:
     return [(name, *(row.get(quantity, "-") for quantity in QUANTITIES)) for name, row in limits.items() if row]
 
 
-def _servos(whole: Robot) -> list[tuple[str, ...]]:
-    """Of each joint, what shows the size of its servo's torques; none where masses are unknown or drives coupled."""
+def _servos(whole: Robot) -> dict[str, tuple[float, float, str]]:
+    """Of each joint, what tells its servo's torques; none where masses are unknown or drives coupled."""
     try:
-        units = [unit for _, unit in ServoModel(whole).row_labels]
+        ServoModel(whole)
     except InputError:
-        return []
-    return [
-        (name, f"{load:.2g} {'N' if unit == 'm' else 'Nm'}", f"{own:.2g} {'kg' if unit == 'm' else 'kg m^2'}", words)
-        for name, unit, (load, own, words) in zip(whole.joint_names, units, scale_shown_by(whole), strict=True)
-    ]
+        return {}
+    return dict(zip(whole.joint_names, scale_shown_by(whole), strict=True))
