@@ -25,7 +25,7 @@ from excite.tasks.robot_of_task import installed_robot
 from excite.views.view import View
 from regressors.errors import InputError
 from regressors.models.base import Base
-from regressors.robot.robot import Link, Robot
+from regressors.robot.robot import BASE, Link, Robot
 
 
 def print_capsules(robot: str, given: Mapping[str, Any]) -> None:
@@ -89,7 +89,7 @@ def _print(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
     out = console()
     out.print(Text(whole.name, style="bold"), f": {whole.n} joint(s); {whole.source}", sep="", soft_wrap=True)
     out.print(f"description SHA-256 {whole.sha256()[:16]}..., gravity {whole.gravity.tolist()} m/s^2", soft_wrap=True)
-    print_table("joints", ("number", "name", "kind", "link", "mass [kg]"), _bodies(whole))
+    print_table("joints", ("number", "name", "kind", "link", "mass [kg]", *_on(whole, "on")), _bodies(whole))
     if limits := _limits(whole):
         print_table("limits", ("coordinate", *QUANTITIES), limits)
     else:
@@ -107,16 +107,23 @@ def _print(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
 
 def _bodies(whole: Robot) -> list[tuple[str, ...]]:
     """Joints with the links that they move, and branches, which move with them."""
+    carriers = (BASE, *(link.name for link in whole.links))
     rows: list[tuple[str, ...]] = [
-        (str(number), joint.name, joint.kind, link.name, _mass(link))
-        for number, (joint, link) in enumerate(zip(whole.joints, whole.links, strict=True), 1)
+        (str(number), joint.name, joint.kind, link.name, _mass(link), *_on(whole, carriers[parent]))
+        for number, (joint, link, parent) in enumerate(zip(whole.joints, whole.links, whole.parents, strict=True), 1)
     ]
     for branch, number in zip(whole.branches, whole.body_numbers[whole.n :], strict=True):
         terms = (f"{c:g} {name}" for c, name in zip(branch.coupling, whole.joint_names, strict=True) if c != 0.0)
         verb = "turns" if branch.joint.kind == "revolute" else "slides"
         kind = f"{verb} with {' + '.join(terms)}"
-        rows.append((str(number), f"on {branch.parent}", kind, branch.link.name, _mass(branch.link)))
+        on = _on(whole, branch.parent)
+        rows.append((str(number), f"on {branch.parent}", kind, branch.link.name, _mass(branch.link), *on))
     return rows
+
+
+def _on(whole: Robot, carrier: str) -> tuple[str, ...]:
+    """What carries a joint, where that is not the link of the row before."""
+    return () if whole.is_chain else (carrier,)
 
 
 def _mass(link: Link) -> str:

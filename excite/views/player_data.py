@@ -60,7 +60,7 @@ def player_data(
         "segments": [{"name": name, "end": end} for name, end in segments],
         "limits": [_limit(course, number) for course in courses],
         "values": _short(np.array([course.values for course in courses]).reshape(len(courses), len(motion.time)).T, 5),
-        "tip": robot.n - 1,
+        "tips": [robot.links.index(link) for link in robot.tips],
         "tool": list(task.limits.tool_point),
         "joint_size": _JOINT_SIZE * max(0.1, sum(float(np.linalg.norm(j.translation)) for j in robot.joints)),
         "about": about,
@@ -215,7 +215,7 @@ def matches(robot: Robot, task: Task, robot_file: str) -> bool:
         read = read_urdf(robot_file, base=task.base_link, tip=task.tip, snap_angles=task.snap_angles)
     except InputError:
         if Path(robot_file).is_file():
-            return False  # a URDF without this chain
+            return False  # a URDF without these links
         raise
     places = [[(joint.name, joint.kind) for joint in each.joints] for each in (read, robot)]
     return places[0] == places[1] and all(
