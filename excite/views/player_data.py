@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -62,10 +62,16 @@ def player_data(
         "values": _short(np.array([course.values for course in courses]).reshape(len(courses), len(motion.time)).T, 5),
         "tips": [robot.links.index(link) for link in robot.tips],
         "tool": list(task.limits.tool_point),
-        "joint_size": _JOINT_SIZE * max(0.1, sum(float(np.linalg.norm(j.translation)) for j in robot.joints)),
+        "joint_size": _JOINT_SIZE * max(0.1, *(_stretched(robot, limb) for limb in robot.limbs)),
         "about": about,
         **player_shapes(robot, task, shape, number, robot_file),
     }
+
+
+def _stretched(robot: Robot, limb: Collection[str]) -> float:
+    """Distances from joint to joint of a limb together [m]."""
+    pairs = zip(robot.joints, robot.links, strict=True)
+    return sum(float(np.linalg.norm(joint.translation)) for joint, link in pairs if link.name in limb)
 
 
 def _short(values: Array, digits: int) -> Any:
