@@ -198,8 +198,10 @@ _SAME = 1e-6  # m: nearer points are one
 
 
 def assumed_radius(robot: Robot) -> float:
-    """Radius that links of unknown shape are given: 5 % of the length of the robot's skeleton [m]."""
-    return max(_OF_LENGTH * sum(part.capsule.length for part in skeleton(robot, 1.0)), _SAME)
+    """Radius that links of unknown shape are given: 5 % of the length of the skeleton, of its longest limb [m]."""
+    bones = skeleton(robot, 1.0)
+    lengths = (sum(part.capsule.length for part in bones if part.link in {BASE, *limb}) for limb in robot.limbs)
+    return max(_OF_LENGTH * max(lengths), _SAME)
 
 
 def skeleton(robot: Robot, radius: float, links: Collection[str] | None = None) -> tuple[Part, ...]:

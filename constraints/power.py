@@ -17,7 +17,7 @@ from regressors.models.nominal import standard_values
 from regressors.models.partial import PartialMotion
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Limits, Robot, transmission_of
-from regressors.robot.symbolic.kinematics import LinkMotion, chain, sparse
+from regressors.robot.symbolic.kinematics import LinkMotion, link_motions, sparse
 from regressors.samples import Array
 
 SHARE = 0.5  # of torque limit times velocity limit: servo motors rarely reach both at once
@@ -117,8 +117,8 @@ _NEAR = 0.2  # m: the scale of a coordinate that has only one bound
 
 
 def _tool(robot: Robot, point: Array, q: ca.SX, dq: ca.SX) -> tuple[LinkMotion, ca.SX]:
-    *_, last = chain(robot, q, dq, ca.SX(robot.n, 1))
-    return last, sparse(point)
+    links = list(link_motions(robot, q, dq, ca.SX(robot.n, 1)))
+    return links[robot.last_link("the tool")], sparse(point)
 
 
 def tool_box(robot: Robot, point: Array, lower: Array, upper: Array) -> NonlinearConstraint:

@@ -16,7 +16,7 @@ from constraints.geometry import Part, enclosing_capsule, enclosing_cylinder
 from regressors.errors import InputError
 from regressors.input_files import in_bytes, read_bytes
 from regressors.memory_cap import memory_cap
-from regressors.readers.chain_ends import carried
+from regressors.readers.moving_part import carried
 from regressors.readers.urdf import urdf_content
 from regressors.readers.urdf_elements import XmlElement, robot_element
 from regressors.readers.urdf_tree import parse_tree

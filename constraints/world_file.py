@@ -15,6 +15,7 @@ from constraints.geometry import Box, HalfSpace, Obstacle, Part, World, vector_o
 from constraints.shapes import lowest_point, urdf_shape
 from regressors.arguments import checked
 from regressors.errors import InputError, about
+from regressors.quantities import Tips
 from regressors.readers.documents import Angles, Document, Length, Point, read_document, validate
 from regressors.readers.urdf import parse_urdf, urdf_content
 from regressors.readers.urdf_elements import URDF, xml_kind
@@ -91,7 +92,7 @@ class _File(_Section):
 
 @checked
 def read_world(
-    path: str | Path, robot: str = "", base: str | None = None, tip: str | None = None, *, snap_angles: bool = True
+    path: str | Path, robot: str = "", base: str | None = None, tip: Tips = None, *, snap_angles: bool = True
 ) -> World:
     """Read a world file.
 
@@ -100,8 +101,10 @@ def read_world(
     path : path
     robot : str
         URDF that supplies the robot's shape if the file has ``robot: urdf``.
-    base, tip : str, optional
-        Names of the first and last link of the chain in it.
+    base : str, optional
+        Name of the first link in it that may move.
+    tip : str or sequence of str, optional
+        Name of the last link of the chain in it, or names of the last links of a tree.
     snap_angles : bool
         Take rounded right angles in it for right angles.
 
@@ -139,8 +142,8 @@ def _world(document: Document, urdf: Callable[[], _Shape]) -> World:
         return World(parts, obstacles, content.clearance, content.self_collision, ignored, content.tolerance)
 
 
-def urdf_capsules(robot: str, base: str | None = None, tip: str | None = None, *, snap_angles: bool = True) -> _Shape:
-    """Shape of a chain of a URDF, see `constraints.shapes.urdf_shape`, and what was left out of it."""
+def urdf_capsules(robot: str, base: str | None = None, tip: Tips = None, *, snap_angles: bool = True) -> _Shape:
+    """Shape of what moves of a URDF, see `constraints.shapes.urdf_shape`, and what was left out of it."""
     if not _is_urdf(robot):
         what_is_given = f"{robot!r} is not one" if robot else "none is given"
         raise InputError(f"capsules are taken from the <collision> elements of a URDF, but {what_is_given}")
@@ -150,9 +153,9 @@ def urdf_capsules(robot: str, base: str | None = None, tip: str | None = None, *
 
 
 def urdf_lowest(
-    robot: str, normal: Array, base: str | None = None, tip: str | None = None, *, snap_angles: bool = True
+    robot: str, normal: Array, base: str | None = None, tip: Tips = None, *, snap_angles: bool = True
 ) -> float | None:
-    """Height of the lowest point of a chain's base, see `lowest_point`; None if not known."""
+    """Height of the lowest point of a robot's base, see `lowest_point`; None if not known."""
     # normal (3,)
     if not _is_urdf(robot):
         return None

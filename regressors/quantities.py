@@ -207,6 +207,10 @@ def whole_number_of(text: str) -> int:
     return int(word)
 
 
+Tips = str | Sequence[str] | None
+"""Last links of what moves, one or several; None for all limbs."""
+
+
 def place_of(what: str, given: str, names: Sequence[str]) -> int:
     """Place of a thing by its name or by its number, 1 for the first."""
     if given in names:

@@ -187,10 +187,16 @@ _xacro = further_option(
 
 
 def robot_file_options(*names: str) -> Callable[[Command], Command]:
-    """How the file of a robot is read: the chain in it, whose first link has further names, angles, and xacro."""
-    text = "First link of the chain, for a URDF or MJCF."
+    """How the file of a robot is read: what moves in it, whose first link has further names, angles, and xacro."""
+    text = "First link of what moves, for a URDF or MJCF."
     base = further_option("--base-link", *names, "base_link", metavar="LINK", help=text)
-    tip = click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
+    tip = click.option(
+        "--tip",
+        multiple=True,
+        callback=lambda ctx, _, links: links or None,
+        metavar="LINK",
+        help="Last link of what moves, for a URDF or MJCF; repeatable, for a tree. By default all limbs move.",
+    )
     return lambda command: base(tip(_snap_angles(_xacro(command))))
 
 

@@ -27,7 +27,7 @@ from regressors.errors import InputError
 from regressors.models.base import Base
 from regressors.models.servo import ServoModel
 from regressors.models.servo_response import scale_shown_by
-from regressors.robot.robot import Link, Robot
+from regressors.robot.robot import BASE, Link, Robot
 
 
 def print_capsules(robot: str, given: Mapping[str, Any]) -> None:
@@ -95,7 +95,7 @@ def _print(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
     out = console()
     out.print(Text(whole.name, style="bold"), f": {whole.n} joint(s); {whole.source}", sep="", soft_wrap=True)
     out.print(f"description SHA-256 {whole.sha256()[:16]}..., gravity {whole.gravity.tolist()} m/s^2", soft_wrap=True)
-    print_table("joints", ("number", "name", "kind", "link", "mass [kg]"), _bodies(whole))
+    print_table("joints", ("number", "name", "kind", "link", "mass [kg]", *_on(whole, "on")), _bodies(whole))
     if limits := _limits(whole):
         print_table("limits", ("coordinate", *QUANTITIES), limits)
     else:
@@ -103,30 +103,37 @@ def _print(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
     if whole.notes:
         notes = [(note.kind, note.where, note.what, in_options(note.advice)) for note in whole.notes]
         print_table("health of the description", ("", "where", "what", "advice"), notes)
-    if servos := _servos(whole):
-        loads = [(name, f"{load:.2g}", f"{own:.2g}", words) for name, (load, own, words) in servos.items()]
-        title = "what tells torques where none are measured (model servo)"
-        print_table(title, ("joint", "gravity up to [Nm, N]", "own inertia up to [kg m^2, kg]", "told by"), loads)
     clarity = f"singular value gap {base.gap:.1e}" if math.isfinite(base.gap) else "no column depends on others"
     title = f"base parameters of {', '.join(moving)}: {base.rank} of {len(base.columns)} columns ({clarity})"
     for line in (title, *map(in_options, left_out_by_rounding(whole, base))):
         out.print(line, soft_wrap=True)
     rows = zip(base.names, base.expressions, base.units, strict=True)
     print_table(None, ("column", "combination", "unit"), rows)
+    if servos := _servos(whole):
+        loads = [(name, f"{load:.2g}", f"{own:.2g}", words) for name, (load, own, words) in servos.items()]
+        title = "what tells torques where none are measured (model servo)"
+        print_table(title, ("joint", "gravity up to [Nm, N]", "own inertia up to [kg m^2, kg]", "told by"), loads)
 
 
 def _bodies(whole: Robot) -> list[tuple[str, ...]]:
     """Joints with the links that they move, and branches, which move with them."""
+    carriers = (BASE, *(link.name for link in whole.links))
     rows: list[tuple[str, ...]] = [
-        (str(number), joint.name, joint.kind, link.name, _mass(link))
-        for number, (joint, link) in enumerate(zip(whole.joints, whole.links, strict=True), 1)
+        (str(number), joint.name, joint.kind, link.name, _mass(link), *_on(whole, carriers[parent]))
+        for number, (joint, link, parent) in enumerate(zip(whole.joints, whole.links, whole.parents, strict=True), 1)
     ]
     for branch, number in zip(whole.branches, whole.body_numbers[whole.n :], strict=True):
         terms = (f"{c:g} {name}" for c, name in zip(branch.coupling, whole.joint_names, strict=True) if c != 0.0)
         verb = "turns" if branch.joint.kind == "revolute" else "slides"
         kind = f"{verb} with {' + '.join(terms)}"
-        rows.append((str(number), f"on {branch.parent}", kind, branch.link.name, _mass(branch.link)))
+        on = _on(whole, branch.parent)
+        rows.append((str(number), f"on {branch.parent}", kind, branch.link.name, _mass(branch.link), *on))
     return rows
+
+
+def _on(whole: Robot, carrier: str) -> tuple[str, ...]:
+    """What carries a joint, where that is not the link of the row before."""
+    return () if whole.is_chain else (carrier,)
 
 
 def _mass(link: Link) -> str:

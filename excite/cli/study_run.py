@@ -137,7 +137,7 @@ def _design_command(task: excite.Task, curves: str | None) -> str:
     words = ["excite", "design", task.robot_name, "--model", str(model.model)]
     for flag, value in (
         ("--base", task.base_link),
-        ("--tip", task.tip),
+        *(("--tip", tip) for tip in ((task.tip,) if isinstance(task.tip, str) else task.tip or ())),
         ("--no-snap-angles", not task.snap_angles),
         ("--xacro", task.xacro),
         ("--no-friction", not model.friction),

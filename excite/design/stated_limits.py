@@ -165,7 +165,7 @@ def stated_world(robot: Robot, task: Task) -> StatedWorld:
     if not objects and not apart:
         return StatedWorld(None, unchecked)
     if any(point := task.limits.tool_point):
-        parts = (*parts, Part(robot.links[-1].name, Capsule(point, point, _TOOL)))
+        parts = (*parts, Part(robot.links[robot.last_link("a tool")].name, Capsule(point, point, _TOOL)))
     world = World(parts, objects, _CONTACT, self_collision=apart)
     try:
         world.check(robot)

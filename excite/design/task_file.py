@@ -30,7 +30,7 @@ _FORMERLY = {
 }  # what files of results without these options were made with
 _REMOVED = {("solver", "slsqp"): "ipopt"}  # parts that files of results may name, and what is taken instead
 _FILES = ("world", "friction_curves", "payload", "task_motion", "begin")  # options that may be names of files
-_ENDS = ("base_link", "tip")  # of the chain, beside the options of the parts
+_ENDS = ("base_link", "tip")  # of what moves, beside the options of the parts
 
 
 def _listed(kinds: Any) -> BeforeValidator:
@@ -109,7 +109,7 @@ def _type(name: str, kind: Kind) -> Any:
 def option_types() -> dict[str, Any]:
     """Types of the values of every option of a task file by name; limits of joints are below ``limits``."""
     flags = dict.fromkeys(("snap_angles", "xacro"), _TYPES["flag"])
-    types: dict[str, Any] = {**dict.fromkeys(("robot", *_ENDS), str), **flags}
+    types: dict[str, Any] = {"robot": str, "base_link": str, "tip": str | list[str], **flags}
     limits: dict[str, Any] = {}
     for part in PARTS.values():
         for field, option in options_of(part):
@@ -235,6 +235,7 @@ def task_content(task: Task) -> dict[str, Any]:
         options["prior"] = {b.name: {"value": b.value, "deviation": b.deviation} for b in task.objective.prior}
     if isinstance(task.objective.precision, PrecisionTarget):
         options["precision"] = task.objective.precision.to_dict()
-    described: dict[str, Any] = {"robot": task.robot_name, "base_link": task.base_link, "tip": task.tip}
+    tip = list(task.tip) if isinstance(task.tip, tuple) else task.tip
+    described: dict[str, Any] = {"robot": task.robot_name, "base_link": task.base_link, "tip": tip}
     described |= {"snap_angles": task.snap_angles} | ({"xacro": True} if task.xacro else {})
     return {**described, **options}

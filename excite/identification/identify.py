@@ -267,7 +267,7 @@ def check_design(robot: Robot, design: Design) -> None:
     if other.sha256() == robot.sha256():
         return
     theirs, ours = ", ".join(other.joint_names), ", ".join(robot.joint_names)
-    joints = f"; its joints are {theirs}, here they are {ours}: choose the chain with `base_link` and `tip`"
+    joints = f"; its joints are {theirs}, here they are {ours}: choose what moves with `base_link` and `tip`"
     raise InputError(
         f"{design.name} is a design for {other.name} (description {other.sha256()[:12]}), "
         f"not for {robot.name} ({robot.sha256()[:12]}){joints if theirs != ours else ''}"

@@ -26,6 +26,7 @@ from regressors.arguments import checked
 from regressors.errors import listed_names
 from regressors.models.servo import ServoModel
 from regressors.numerical import numerical_work
+from regressors.quantities import Tips
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -43,7 +44,7 @@ def identify_servos(
     mapping: LogMapping | str | Path | None = None,
     drop: Iterable[str] = (),
     base_link: str | None = None,
-    tip: str | None = None,
+    tip: Tips = None,
     snap_angles: bool = True,
     xacro: bool = False,
     installation: Installation | None = None,

@@ -20,7 +20,7 @@ from excite.tasks.robot_of_task import robot_and_task
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName, percent
 from regressors.numerical import numerical_work
-from regressors.quantities import check
+from regressors.quantities import Tips, check
 from regressors.robot.robot import Robot
 
 KINDS = ("each", "common")
@@ -87,7 +87,7 @@ def calibrate_gains(
     kind: str = "each",
     logs: LogChoice | None = None,
     base_link: str | None = None,
-    tip: str | None = None,
+    tip: Tips = None,
     snap_angles: bool = True,
     xacro: bool = False,
     installation: Installation | None = None,

@@ -41,7 +41,7 @@ from regressors.arguments import checked
 from regressors.errors import InputError, percent
 from regressors.models.load import LoadModel, Sensor
 from regressors.numerical import numerical_work
-from regressors.quantities import check
+from regressors.quantities import Tips, check
 from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.robot import Robot
 
@@ -76,7 +76,7 @@ def identify_payload(
     frame_name: str | None = None,
     rated: float | None = None,
     base_link: str | None = None,
-    tip: str | None = None,
+    tip: Tips = None,
     snap_angles: bool = True,
     xacro: bool = False,
     installation: Installation | None = None,

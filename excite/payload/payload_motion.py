@@ -23,9 +23,9 @@ from excite.tasks.search import Output, Search
 from excite.tasks.trajectory_choice import TrajectoryChoice
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
-from regressors.quantities import check
+from regressors.quantities import Tips, check
 from regressors.robot.robot import Robot
-from regressors.robot.symbolic.kinematics import chain, sparse
+from regressors.robot.symbolic.kinematics import link_motions, sparse
 from regressors.samples import Array
 
 SENSORS = {"torque": "payload", "wrench": "load"}
@@ -80,7 +80,7 @@ def design_payload_motion(
     limits: LimitChoice | None = None,
     installation: Installation | None = None,
     base_link: str | None = None,
-    tip: str | None = None,
+    tip: Tips = None,
     snap_angles: bool = True,
     xacro: bool = False,
     frame: Sequence[float] | None = None,
@@ -215,7 +215,7 @@ def _acceleration(robot: Robot) -> tuple[tuple[float, ...], tuple[str, ...]]:
 
 def _tool_point(robot: Robot, pose: Array, point: Sequence[float]) -> Array:
     symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
-    *_, last = chain(robot, *symbols)
+    last = list(link_motions(robot, *symbols))[robot.last_link("a payload")]
     place = ca.Function("place", symbols, [last.origin + ca.mtimes(last.rotation, sparse(np.asarray(point)))])
     none = np.zeros(robot.n)
     return np.asarray(place(pose, none, none), dtype=float).ravel()

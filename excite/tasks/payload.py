@@ -109,7 +109,7 @@ def installed(robot: Robot, by: Installation) -> Robot:
         g = float(np.linalg.norm(robot.gravity))
         turned = rotation_from_rpy(angles).T @ robot.gravity
         robot = robot.replace(gravity=np.where(np.abs(turned) < 1e-15 * g, 0.0, turned))
-    if isinstance(by.payload, tuple) and (last := robot.links[-1]).theta is not None:
+    if isinstance(by.payload, tuple) and (last := robot.links[robot.last_link("a payload")]).theta is not None:
         theta = last.theta + payload_parameters(by.payload)
         robot = robot.replace(links=(*robot.links[:-1], Link(last.name, theta, last.number)))
     return robot if by.locked_drives is None else with_locked_drives(robot, by.locked_drives)

@@ -10,6 +10,7 @@ from excite.tasks.stored_files import StoredRobot
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel
+from regressors.quantities import Tips
 from regressors.readers.library import load_robot
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.locked_joints import with_joint_rotors, with_locked_joints
@@ -24,7 +25,7 @@ _OF_NAMED = (
 def robot_and_task(
     model: RegressorModel | Robot | Task | str,
     base_link: str | None = None,
-    tip: str | None = None,
+    tip: Tips = None,
     installation: Installation | None = None,
     snap_angles: bool = True,
     xacro: bool = False,
@@ -38,7 +39,7 @@ def robot_and_task(
     if installation is not None and not installation.described:
         raise InputError(_OF_NAMED)
     if base_link is not None or tip is not None:
-        raise InputError("`base_link` and `tip` are the ends of the chain where the file of a robot is named")
+        raise InputError("`base_link` and `tip` are the ends of what moves where the file of a robot is named")
     for asked, option in ((not snap_angles, "`snap_angles=False`"), (xacro, "`xacro=True`")):
         if asked:
             raise InputError(f"{option} says how to read the file of a robot, but no file is named")

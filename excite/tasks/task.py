@@ -16,6 +16,7 @@ from excite.tasks.stored_files import StoredRobot
 from excite.tasks.trajectory_choice import TrajectoryChoice
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
+from regressors.quantities import Tips
 
 if TYPE_CHECKING:
     from regressors.robot.friction.curves import FrictionCurves
@@ -52,8 +53,10 @@ class Task:
     ----------
     robot : str or Robot
         Built-in name, file, or a robot object.
-    base_link, tip : str, optional
-        Ends of the chain, for a URDF.
+    base_link : str, optional
+        First link of what moves, for a URDF.
+    tip : str or sequence of str, optional
+        Last link of the chain, or last links of the branches of a tree; all limbs if not given.
     snap_angles : bool
         Take rounded right angles of a URDF or an MJCF for right angles.
     xacro : bool
@@ -81,7 +84,7 @@ class Task:
 
     robot: str | Robot | StoredRobot
     base_link: str | None
-    tip: str | None
+    tip: str | tuple[str, ...] | None
     snap_angles: bool
     xacro: bool
     installation: Installation
@@ -97,12 +100,15 @@ class Task:
         robot: str | Robot | StoredRobot,
         *,
         base_link: str | None = None,
-        tip: str | None = None,
+        tip: Tips = None,
         snap_angles: bool = True,
         xacro: bool = False,
         **options: Any,
     ) -> None:
-        whole: dict[str, Any] = {"robot": robot, "base_link": base_link, "tip": tip, "snap_angles": snap_angles}
+        if tip is not None and not isinstance(tip, str):
+            tip = tuple(tip) if len(tip) > 1 else next(iter(tip), None)
+        ends = {"base_link": base_link, "tip": tip}
+        whole: dict[str, Any] = {"robot": robot, **ends, "snap_angles": snap_angles}
         whole |= {"xacro": xacro, **_parts(options, {name: kind() for name, kind in PARTS.items()})}
         for name, value in whole.items():
             object.__setattr__(self, name, value)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -60,12 +60,18 @@ def player_data(
         "segments": [{"name": name, "end": end} for name, end in segments],
         "limits": [_limit(course, number) for course in courses],
         "values": _short(np.array([course.values for course in courses]).reshape(len(courses), len(motion.time)).T, 5),
-        "tip": robot.n - 1,
+        "tips": [robot.links.index(link) for link in robot.tips],
         "tool": list(task.limits.tool_point),
-        "joint_size": _JOINT_SIZE * max(0.1, sum(float(np.linalg.norm(j.translation)) for j in robot.joints)),
+        "joint_size": _JOINT_SIZE * max(0.1, *(_stretched(robot, limb) for limb in robot.limbs)),
         "about": about,
         **player_shapes(robot, task, shape, number, robot_file),
     }
+
+
+def _stretched(robot: Robot, limb: Collection[str]) -> float:
+    """Distances from joint to joint of a limb together [m]."""
+    pairs = zip(robot.joints, robot.links, strict=True)
+    return sum(float(np.linalg.norm(joint.translation)) for joint, link in pairs if link.name in limb)
 
 
 def _short(values: Array, digits: int) -> Any:
@@ -215,7 +221,7 @@ def matches(robot: Robot, task: Task, robot_file: str) -> bool:
         read = read_urdf(robot_file, base=task.base_link, tip=task.tip, snap_angles=task.snap_angles)
     except InputError:
         if Path(robot_file).is_file():
-            return False  # a URDF without this chain
+            return False  # a URDF without these links
         raise
     places = [[(joint.name, joint.kind) for joint in each.joints] for each in (read, robot)]
     return places[0] == places[1] and all(

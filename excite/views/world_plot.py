@@ -153,13 +153,13 @@ def workspace_figure(design: Design) -> Figure:
     robot = design.task.limits.applied(design.robot)
     samples = design.samples
     poses = link_poses(robot, whole_pose(robot, design.moving.joint_names, samples.q))
-    last = poses[robot.links[-1].name]
-    path = last[:, :3, :3] @ np.array(design.task.limits.tool_point) + last[:, :3, 3]
+    lasts = [poses[link.name] for link in robot.tips]
+    paths = [last[:, :3, :3] @ np.array(design.task.limits.tool_point) + last[:, :3, 3] for last in lasts]
     nearest = min(_uses(design), key=lambda use: use.extreme, default=None)
-    shown = np.linspace(0, len(path) - 1, _POSES + 1).round().astype(int)[:-1].tolist()
+    shown = np.linspace(0, len(samples.time) - 1, _POSES + 1).round().astype(int)[:-1].tolist()
     shown += [] if nearest is None else [int(np.argmin(np.abs(samples.time - nearest.time)))]
     links = [[part.capsule.moved(poses[part.link][k]) for part in parts if part.link in poses] for k in shown]
-    middle, half, said = _seen(path, [capsule for pose in links for capsule in pose], obstacles)
+    middle, half, said = _seen(np.vstack(paths), [capsule for pose in links for capsule in pose], obstacles)
     notes = broken(textwrap.fill("; ".join(said), _LETTERS), column_width())
     height = min(_SIDE, column_width() / columns_that_fit(3, Panel.least) / low(1.0))
     panel = Panel(widths=(_SIDE,) * 3, height=height, below=0.95 + 0.16 * len(notes.splitlines()))
@@ -171,30 +171,31 @@ def workspace_figure(design: Design) -> Figure:
             style = _SOME if k < _POSES else _NEAREST_LINKS
             for capsule in pose:
                 ax.add_patch(Polygon(_outline(capsule, plane), **style))
-        ax.plot(path[:, plane[0]], path[:, plane[1]], **_PATH)
+        for path in paths:
+            ax.plot(path[:, plane[0]], path[:, plane[1]], **_PATH)
         x0, y0 = middle[list(plane)]
         ax.set_aspect("equal", adjustable="box")
         ax.set_xlim(x0 - half, x0 + half)
         ax.set_ylim(y0 - half, y0 + half)
         ax.set_xlabel(f"{_AXES[plane[0]]} [m]", fontsize=LABEL, color=DARK)
         value_axis(ax, f"{_AXES[plane[1]]} [m]")
-    legend_below(figure, _legend_of_views(nearest), title=plain(notes), title_fontsize=NOTE)
+    legend_below(figure, _legend_of_views(len(paths), nearest), title=plain(notes), title_fontsize=NOTE)
     return figure
 
 
-def _legend_of_views(nearest: LimitUse | None) -> list[Artist]:
+def _legend_of_views(tools: int, nearest: LimitUse | None) -> list[Artist]:
     near = [] if nearest is None else [f"where two bodies are nearest, at {significant(nearest.time, 3)} s"]
     return [
-        Line2D([], [], **_PATH, label="path of the tool"),
+        Line2D([], [], **_PATH, label="path of the tool" if tools == 1 else "paths of the last links"),
         Patch(**_SOME, label=f"links at {_POSES} equally spaced instants"),
         *(Patch(**_NEAREST_LINKS, label=text) for text in near),
         Patch(**_SOLID, label="obstacles"),
     ]
 
 
-def _seen(path: Array, links: Sequence[Capsule], obstacles: Sequence[Obstacle]) -> tuple[Array, float, list[str]]:
-    """Middle and half side of the cube around path, links and obstacles not far too large [m]; notes on the others."""
-    corners = np.vstack([path, *(_extent(capsule) for capsule in links)])
+def _seen(paths: Array, links: Sequence[Capsule], obstacles: Sequence[Obstacle]) -> tuple[Array, float, list[str]]:
+    """Middle and half side of the cube around paths, links and obstacles not far too large [m]; notes on the others."""
+    corners = np.vstack([paths, *(_extent(capsule) for capsule in links)])
     least, most = corners.min(axis=0), corners.max(axis=0)
     largest = _HUGE * float((most - least).max())
     low, high, cut, tilted = least, most, [], []

@@ -1,4 +1,4 @@
-"""Bodies of a chain and their regressor in JAX.
+"""Bodies of a robot and their regressor in JAX.
 
 Branches are bodies like the links: body k is attached to its parent by its own joint, at the coordinate
 ``s = G q + s0`` (for a link its own joint's). Velocities and accelerations are sums over a body's ancestors, so only
@@ -94,7 +94,7 @@ def tree_of(robot: Robot) -> KinematicTree:
     joints = [*robot.joints, *(branch.joint for branch in robot.branches)]
     B, n = len(joints), robot.n
     place = {BASE: B, **{body.name: k for k, body in enumerate(robot.bodies)}}
-    parent = np.array([B, *range(n - 1), *(place[branch.parent] for branch in robot.branches)], dtype=np.intp)
+    parent = np.array([*(k - 1 if k else B for k in robot.parents), *(place[b.parent] for b in robot.branches)])
     ancestors = np.eye(B + 1)
     for k in range(B):
         ancestors[k] += ancestors[parent[k]]

@@ -19,8 +19,8 @@ from regressors.robot.robot import Joint, Robot
 from regressors.robot.symbolic.kinematics import (
     LinkMotion,
     body_regressor,
-    chain,
     effort_regressor,
+    link_motions,
     next_link,
 )
 from regressors.samples import Array, Samples
@@ -71,16 +71,18 @@ class Sensor:
         Raises
         ------
         UnknownName
-            The link is not on the chain.
+            The robot has no such link.
+        InputError
+            No link is given, and the robot has several last ones.
         """
         if self.link is None:
-            return robot.n - 1
-        return place_of("link of the chain for the sensor", self.link, [link.name for link in robot.links])
+            return robot.last_link("a force/torque sensor, unless `sensor` names its link,")
+        return place_of("link of the robot for the sensor", self.link, [link.name for link in robot.links])
 
 
 def _sensor_motion(robot: Robot, sensor: Sensor, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> LinkMotion:
     """Motion of the sensor's frame, in its own axes."""
-    link = list(chain(robot, q, dq, ddq))[sensor.place(robot)]
+    link = list(link_motions(robot, q, dq, ddq))[sensor.place(robot)]
     fixed = Joint("sensor", "prismatic", sensor.rotation, sensor.translation)
     return next_link(link, fixed, *3 * [ca.SX(1, 1)])
 
@@ -205,6 +207,7 @@ class PayloadModel(RegressorModel):
     keeps_all_links = True
 
     def __init__(self, robot: Robot) -> None:
+        robot.last_link("a payload")
         self.robot = robot
         self.columns = _COLUMNS
         units = ("Nm" if joint.kind == "revolute" else "N" for joint in robot.joints)
@@ -212,5 +215,5 @@ class PayloadModel(RegressorModel):
 
     def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         """Torques of the joints, shape (n, 10) [Nm or N, per unit parameter]."""
-        *_, last = chain(self.robot, q, dq, ddq)
+        *_, last = link_motions(self.robot, q, dq, ddq)
         return effort_regressor(last)

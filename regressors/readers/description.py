@@ -44,7 +44,8 @@ def parse_description(text: str, source: str) -> Robot:
     branches = tuple(branch.branch() for branch in description.branches)
     chain = tuple(link.link() for link in links)
     bodies = [(body.number or k, body) for k, body in enumerate((*chain, *(branch.link for branch in branches)), 1)]
-    problems = [*_count_problems(description, links), *_branch_problems(description, links)]
+    problems = [*_count_problems(description, links), *_parent_problems(description, links)]
+    problems += _branch_problems(description, links)
     problems += [*_name_problems(description, bodies), *_value_problems(description, bodies)]
     if problems:
         raise document.error(problems)
@@ -60,6 +61,7 @@ def _robot(
         return Robot(
             name=description.name,
             joints=tuple(joint.joint_named(joint.name) for joint in description.joints),
+            parents=tuple(_parents(description, links)),
             links=links,
             limits=limits([joint.limits for joint in description.joints]),
             transmission=_transmission(description),
@@ -117,6 +119,20 @@ def _count_problems(description: Description, links: Sequence[LinkSection]) -> P
     for k, row in enumerate(coupling):
         if len(row) != n:
             yield ("coupling", k), f"expected as many columns as joints, {n}, given {len(row)}"
+
+
+def _parents(description: Description, links: Sequence[LinkSection | Link]) -> Iterator[int]:
+    """Number of the link that carries each joint, 0 for the base."""
+    names = [BASE, *(link.name for link in links)]
+    for k, joint in enumerate(description.joints):
+        yield k if joint.parent is None else names.index(joint.parent)
+
+
+def _parent_problems(description: Description, links: Sequence[LinkSection]) -> Problems:
+    names = [BASE, *(link.name for link in links)]
+    for k, joint in enumerate(description.joints):
+        if joint.parent is not None and joint.parent not in names[: k + 1]:
+            yield ("joints", k, "parent"), str(UnknownName("earlier link", joint.parent, names[: k + 1]))
 
 
 def _branch_problems(description: Description, links: Sequence[LinkSection]) -> Problems:

@@ -182,7 +182,7 @@ class FrameSection(Section):
 
 
 class PoseSection(FrameSection):
-    """Pose of a link's frame in the one before it at q = 0, and the joint's axis in the link's frame.
+    """Pose of a link's frame in the one that carries it at q = 0, and the joint's axis in the link's frame.
 
     The rows of a rotation ``matrix`` may stand in the place of ``rpy``: they say every digit.
     """
@@ -238,8 +238,9 @@ class NamedSection(Section):
 
 
 class JointSection(PlacedSection, NamedSection):
-    """A joint, and the limits of its coordinate."""
+    """A joint, and the limits of its coordinate; ``parent`` is the link that carries it, else the one before."""
 
+    parent: str | None = None
     limits: LimitsSection = LimitsSection()
 
     @field_validator("limits", mode="before")

@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 
 from regressors.errors import Finding
-from regressors.readers.chain_ends import Chain, carried, resting_rotation
 from regressors.readers.description import range_findings, range_of
+from regressors.readers.moving_part import MovingPart, carried, resting_rotation
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree, listing
 from regressors.robot.inertia import Array
 from regressors.robot.plausibility import principal_moments
@@ -24,68 +24,70 @@ _WEAKEST = 0.02  # of the torque of the weight that a joint carries at zero; the
 _GRAVITY = 9.81
 
 
-def health(tree: UrdfTree, chain: Chain) -> tuple[Finding, ...]:
-    """Findings on a chain of a URDF."""
-    names = ", ".join(listing(joint.name for joint in chain.moving))
-    found = f"{len(chain.moving)} moving joint(s): {names}"
-    bodies = list(_bodies(tree, chain))
-    reach = float(sum(np.linalg.norm(joint.pose[:3, 3]) for joint in chain.path))  # of the stretched chain [m]
+def health(tree: UrdfTree, part: MovingPart) -> tuple[Finding, ...]:
+    """Findings on what moves of a URDF."""
+    names = ", ".join(listing(joint.name for joint in part.moving))
+    found = f"{len(part.moving)} moving joint(s): {names}"
+    bodies = list(_bodies(tree, part))
+    paths = [tree.path(part.base, tip) or () for tip in part.tips]
+    reach = max(float(sum(np.linalg.norm(j.pose[:3, 3]) for j in path)) for path in paths)  # of a stretched limb [m]
     return (
-        Finding("found", f"link {chain.base!r} to {chain.tip!r}", found),
-        *_held(tree, chain),
-        *chain.notes,
+        Finding("found", f"link {part.base!r} to {', '.join(map(repr, part.tips))}", found),
+        *_held(tree, part),
+        *part.notes,
         *tree.notes,
-        *tree.angles.findings(_labels(tree, chain)),
-        *range_findings(chain.moving),
-        *_rates(chain),
-        *_placeholders(tree, chain),
-        *_doubtful(tree, chain, bodies),
+        *tree.angles.findings(_labels(tree, part)),
+        *range_findings(part.moving),
+        *_rates(part),
+        *_placeholders(tree, part),
+        *_doubtful(tree, part, bodies),
         *inertia_findings(bodies, reach),
+        *_equal_bodies(bodies, [{joint.child for joint in path} for path in paths]),
     )
 
 
-def _bodies(tree: UrdfTree, chain: Chain) -> Iterator[Body]:
-    """Every body that moves with the chain."""
-    for joint in chain.moving:
-        for name, _ in carried(tree, joint.child, chain.moving_names):
+def _bodies(tree: UrdfTree, part: MovingPart) -> Iterator[Body]:
+    """Every body that moves with the part."""
+    for joint in part.moving:
+        for name, _ in carried(tree, joint.child, part.moving_names):
             if (theta := tree.links[name]) is not None:
                 yield Body(name, joint.child, theta)
 
 
-def _labels(tree: UrdfTree, chain: Chain) -> set[str]:
-    """Joints and links that the chain is made of, as they are called in messages."""
-    above, below = tree.path(tree.root, chain.base) or [], _joints_carried(tree, chain)
-    joints = [*above, *chain.path, *below]
+def _labels(tree: UrdfTree, part: MovingPart) -> set[str]:
+    """Joints and links that the part is made of, as they are called in messages."""
+    above, below = tree.path(tree.root, part.base) or [], _joints_carried(tree, part)
+    joints = [*above, *part.path, *below]
     return {f"{what} {name!r}" for j in joints for what, name in (("joint", j.name), ("link", j.child))}
 
 
-def _joints_carried(tree: UrdfTree, chain: Chain) -> list[TreeJoint]:
-    """Joints beside the chain whose links move with it."""
-    stop = chain.moving_names
-    links = [name for joint in chain.moving for name, _ in carried(tree, joint.child, stop)]
+def _joints_carried(tree: UrdfTree, part: MovingPart) -> list[TreeJoint]:
+    """Other joints whose links move with it."""
+    stop = part.moving_names
+    links = [name for joint in part.moving for name, _ in carried(tree, joint.child, stop)]
     return [joint for link in links for joint in tree.below[link] if joint.name not in stop]
 
 
-def _held(tree: UrdfTree, chain: Chain) -> Iterator[Finding]:
-    """Joints beside the chain that would move what it carries."""
-    joints = (joint for joint in _joints_carried(tree, chain) if joint.kind != "fixed")
-    names = [joint.name for joint in joints if joint.name not in chain.held]
-    yield from _of("found", "joint", names, "off the chain: held at zero, what they carry is merged")
+def _held(tree: UrdfTree, part: MovingPart) -> Iterator[Finding]:
+    """Other joints that would move what it carries."""
+    joints = (joint for joint in _joints_carried(tree, part) if joint.kind != "fixed")
+    names = [joint.name for joint in joints if joint.name not in part.held]
+    yield from _of("found", "joint", names, f"off the {part.word}: held at zero, what they carry is merged")
 
 
-def _rates(chain: Chain) -> Iterator[Finding]:
+def _rates(part: MovingPart) -> Iterator[Finding]:
     for key, unit, advice in (
         ("velocity", "", "give `velocity`, or write it into the file"),
         ("effort", ", so torques are not limited", "write it into the file if `torque_margin` is to count"),
     ):
-        free = [joint.name for joint in chain.moving if not joint.bounds.get(key)]
+        free = [joint.name for joint in part.moving if not joint.bounds.get(key)]
         yield from _of("missing", "joint", free, f"no {key} limit{unit}", advice)
 
 
-def _placeholders(tree: UrdfTree, chain: Chain) -> Iterator[Finding]:
+def _placeholders(tree: UrdfTree, part: MovingPart) -> Iterator[Finding]:
     """Limits that leave a joint hardly any speed, room or torque."""
     slow, narrow, weak = {}, {}, {}
-    for joint in chain.moving:
+    for joint in part.moving:
         unit = "m" if joint.kind == "prismatic" else "rad"
         lower, upper = range_of(joint)
         speed, effort = joint.bounds.get("velocity"), joint.bounds.get("effort")
@@ -114,17 +116,17 @@ def _weight(tree: UrdfTree, joint: TreeJoint) -> float:
     return _GRAVITY * level * sum(float(np.linalg.norm(np.cross(joint.axis, moment))) for moment in moments)
 
 
-def _doubtful(tree: UrdfTree, chain: Chain, bodies: Sequence[Body]) -> Iterator[Finding]:
+def _doubtful(tree: UrdfTree, part: MovingPart, bodies: Sequence[Body]) -> Iterator[Finding]:
     """Joints that nothing drives in a file that says what drives the others, far ones, and links without a body."""
-    free = [joint.name for joint in chain.moving if joint.name not in tree.actuated]
-    if len(free) < len(chain.moving):
+    free = [joint.name for joint in part.moving if joint.name not in tree.actuated]
+    if len(free) < len(part.moving):
         what = "no transmission, though others have one, so it may be passive"
         yield from _of("suspicious", "joint", free, what, "leave a passive joint out of `joints`")
-    far = [joint.name for joint in chain.path if np.linalg.norm(joint.pose[:3, 3]) > _FAR]
+    far = [joint.name for joint in part.path if np.linalg.norm(joint.pose[:3, 3]) > _FAR]
     what = f"more than {_FAR:g} m from the one before"
     yield from _of("suspicious", "joint", far, what, "lengths are in metres, not in millimetres")
     known = {body.carrier for body in bodies}
-    unknown = [joint.child for joint in chain.moving if joint.child not in known]
+    unknown = [joint.child for joint in part.moving if joint.child not in known]
     advice = "identification does not need them, simulation and torque limits do"
     yield from _of("missing", "link", unknown, "no <inertial>: its parameters are unknown", advice)
 
@@ -158,7 +160,7 @@ class Body:
     """A body with its inertial parameters about its own frame."""
 
     name: str  # of its link
-    carrier: str  # link of the chain that it moves with
+    carrier: str  # moving link that it moves with
     theta: Array  # (10,)
 
     @property
@@ -198,15 +200,15 @@ def inertia_findings(bodies: Sequence[Body], reach: float) -> Iterator[Finding]:
     }
     for what, has in faults.items():
         yield from _doubts([body.name for body in bodies if has(body)], what)
-    yield from _equal_bodies(bodies)
 
 
-def _equal_bodies(bodies: Sequence[Body]) -> Iterator[Finding]:
-    """Links of the chain of the same mass and inertia; fingers and other parts on one link may be alike."""
+def _equal_bodies(bodies: Sequence[Body], limbs: Sequence[set[str]]) -> Iterator[Finding]:
+    """Moving links of a limb of the same mass and inertia; two limbs, and parts on one link, may be alike."""
     groups: dict[tuple[float, ...], list[str]] = defaultdict(list)
     for body in bodies:
-        if body.mass > 0.0 and body.name == body.carrier:
+        finite = np.all(np.isfinite(body.theta))
+        if finite and body.mass > 0.0 and body.name == body.carrier:
             groups[tuple(float(f"{value:.6g}") for value in (body.mass, *body.moments))].append(body.name)
     for (mass, *_), names in groups.items():
-        if len(names) >= _FEWEST_EQUAL:
+        if any(len(limb.intersection(names)) >= _FEWEST_EQUAL for limb in limbs):
             yield from _doubts(names, f"the same {mass:g} kg and the same inertia, so they may be placeholders")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from regressors.arguments import checked
 from regressors.errors import LIKE, InputError, UnknownName, shortened
+from regressors.quantities import Tips
 from regressors.readers.urdf_elements import MJCF, URDF, XACRO, xml_kind
 from regressors.robot.plausibility import check_sizes
 from regressors.robot.robot import Robot
@@ -43,7 +44,7 @@ def built_in(name: str) -> Robot:
 
 @checked
 def load_robot(
-    spec: str | Path, base: str | None = None, tip: str | None = None, *, snap_angles: bool = True, xacro: bool = False
+    spec: str | Path, base: str | None = None, tip: Tips = None, *, snap_angles: bool = True, xacro: bool = False
 ) -> Robot:
     """Robot by the name of a built-in one, or by its file.
 
@@ -55,8 +56,10 @@ def load_robot(
         Built-in name, or path of a description: ours (``.yaml``, ``.yml``), a Denavit-Hartenberg table (``.csv``, see
         `regressors.readers.dh_table`), or a URDF, a xacro or an MJCF
         (``.urdf``, ``.xacro``, ``.mjcf``, ``.xml``; the content decides between URDF and MJCF).
-    base, tip : str, optional
-        First and last link of the chain, for a URDF, a xacro or an MJCF only.
+    base : str, optional
+        First link, for a URDF, a xacro or an MJCF only.
+    tip : str or sequence of str, optional
+        Last link of the chain, or last links of the branches of a tree, likewise; all limbs if not given.
     snap_angles : bool
         Take rounded right angles of a URDF or an MJCF for right angles, see `regressors.readers.urdf.parse_urdf`.
     xacro : bool
@@ -77,10 +80,10 @@ def load_robot(
     return robot
 
 
-def _read(spec: str, base: str | None, tip: str | None, *, snap_angles: bool, xacro: bool) -> Robot:
+def _read(spec: str, base: str | None, tip: Tips, *, snap_angles: bool, xacro: bool) -> Robot:
     suffix = Path(spec).suffix.lower()
     if not has_tree(spec) and (base is not None or tip is not None):
-        raise InputError(f"`base` and `tip` choose a chain of a URDF, xacro or MJCF file, but {spec!r} is none of them")
+        raise InputError(f"`base` and `tip` choose a part of a URDF, xacro or MJCF file, but {spec!r} is none of them")
     if xacro and not has_tree(spec):
         raise InputError(f"`xacro` expands a file that ends in {', '.join(_XML)}, but {spec!r} is none of them")
     if spec in built_in_names():
@@ -110,5 +113,5 @@ def _meant(spec: str) -> str:
 
 
 def has_tree(spec: str) -> bool:
-    """Whether a file is, by its name, one that holds a tree of links: a chain of it is chosen by base and tip."""
+    """Whether a file is, by its name, one that holds a tree of links: a part of it is chosen by base and tip."""
     return Path(spec).suffix.lower() in _XML

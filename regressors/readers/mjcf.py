@@ -1,4 +1,4 @@
-"""Reader of MJCF, the models of MuJoCo: any serial chain of a compiled model, as a `Robot`."""
+"""Reader of MJCF, the models of MuJoCo: what moves of a compiled model, as a `Robot`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 from regressors.errors import InputError, TooLargeError
 from regressors.input_files import FILE, in_bytes, opened, read_bytes, regular_size
 from regressors.memory_cap import check_memory
-from regressors.readers.chain_ends import Chain, resting_rotation, working_ends
+from regressors.quantities import Tips
 from regressors.readers.mjcf_tree import (
     Tie,
     equalities,
@@ -24,6 +24,7 @@ from regressors.readers.mjcf_tree import (
     reflected,
     tree_of_model,
 )
+from regressors.readers.moving_part import MovingPart, resting_rotation, working_ends
 from regressors.readers.urdf import robot_of_tree
 from regressors.readers.urdf_tree import UrdfTree
 from regressors.robot.inertia import Array
@@ -33,14 +34,14 @@ _LEFT_OUT = {"springs": ("jnt_stiffness", "jnt_stiffnesspoly"), "damping that is
 _UNNAMED = "MuJoCo Model"  # what the compiler calls a model without a name
 
 
-def read_mjcf(path: str | Path, *, base: str | None = None, tip: str | None = None, snap_angles: bool = True) -> Robot:
-    """Read the serial chain from one body to another of an MJCF file, as a `Robot`.
+def read_mjcf(path: str | Path, *, base: str | None = None, tip: Tips = None, snap_angles: bool = True) -> Robot:
+    """Read what moves between a base and one or several last bodies of an MJCF file, as a `Robot`.
 
     MuJoCo compiles the file, so defaults, includes, attached models and inertias of geoms are what MuJoCo makes of
-    them; meshes and textures that the file names must be there. The hinges and slides from base to tip become the
-    robot's joints, and the rest of the tree is treated as that of a URDF (`regressors.readers.urdf.parse_urdf`): what
-    hangs on a moving body by other joints is merged into it, its joints at position zero; free and ball joints off the
-    chain rest where the file puts them.
+    them; meshes and textures that the file names must be there. The hinges and slides from the base to the tips
+    become the robot's joints, and the rest of the tree is treated as that of a URDF
+    (`regressors.readers.urdf.parse_urdf`): what hangs on a moving body by other joints is merged into it, its
+    joints at position zero; free and ball joints off the chain rest where the file puts them.
 
     - A link's frame has the axes of its body. Its origin is the anchor of its hinge (``pos`` of the joint), or the
       body's origin where the joint slides. Zero of a joint's coordinate is MuJoCo's, also with ``ref``.
@@ -58,7 +59,7 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: str | None = No
     model, tree = tree_of_mjcf(path, snap_angles=snap_angles)
     joints = names_of(model, "joint")
     robot = robot_of_tree(tree, base, tip)
-    ends = (tree.root if base is None else base, robot.links[-1].name)
+    ends = (tree.root if base is None else base, tuple(link.name for link in robot.tips))
     for tie in equalities(model)[2]:
         _check_tie(tie, tree, robot, ends)
     return robot.replace(
@@ -97,8 +98,8 @@ def compiled(path: Path) -> Any:
         raise InputError(f"{path.name}: MuJoCo does not compile it: {' '.join(str(error).split())}") from error
 
 
-def _check_tie(tie: Tie, tree: UrdfTree, robot: Robot, ends: tuple[str, str]) -> None:
-    """Refuse a constraint that makes joints of the chain depend on each other, or on others."""
+def _check_tie(tie: Tie, tree: UrdfTree, robot: Robot, ends: tuple[str, tuple[str, ...]]) -> None:
+    """Refuse a constraint that makes moving joints depend on each other, or on others."""
     links = [body.name for body in robot.links]
     if not _ties(tie, tree, links):
         return
@@ -106,21 +107,21 @@ def _check_tie(tie: Tie, tree: UrdfTree, robot: Robot, ends: tuple[str, str]) ->
     names = [joint for joint in joints if joint in robot.joint_names]
     what = f"joint {names[0]!r}" if names else " and ".join(f"body {body!r}" for body in bodies[:2])
 
-    def accepts(chain: Chain) -> None:
-        if _ties(tie, tree, [joint.child for joint in chain.moving]):
+    def accepts(part: MovingPart) -> None:
+        if _ties(tie, tree, [joint.child for joint in part.moving]):
             raise InputError("still a loop")
 
-    candidates = [*((link, ends[1]) for link in links), *((ends[0], link) for link in reversed(links))]
-    working = working_ends(tree, candidates, *ends, accepts)
-    cure = f", or choose the chain beside it with {working}" if working else ""
+    candidates = [*((link, ends[1]) for link in links), *((ends[0], (link,)) for link in reversed(links))]
+    working = working_ends(tree, candidates, ends, accepts)
+    cure = f", or choose the part beside it with {working}" if working else ""
     raise InputError(
-        f"{tree.source}: {label} on {what} closes a loop with the chain, expected joints that move on their own; "
+        f"{tree.source}: {label} on {what} closes a loop with what moves, expected joints that move on their own; "
         f"switch it off in the file (active='false'){cure}"
     )
 
 
 def _ties(tie: Tie, tree: UrdfTree, links: list[str]) -> bool:
-    """Whether a constraint holds between parts that links of a chain move differently."""
+    """Whether a constraint holds between parts that moving links move differently."""
     moving = {tree.above[link].name for link in links}
     _, joints, bodies = tie
     moved = {tree.carrier(body, links) for body in bodies}
@@ -128,7 +129,7 @@ def _ties(tie: Tie, tree: UrdfTree, links: list[str]) -> bool:
 
 
 def _left_out(model: Any, robot: Robot, joints: list[str]) -> str:
-    """What acts on joints of the chain and is no part of a `Robot`, as the end of a sentence."""
+    """What acts on moving joints and is no part of a `Robot`, as the end of a sentence."""
     parts = []
     for what, fields in _LEFT_OUT.items():
         names = [name for name in robot.joint_names if any(_acts(model, f, joints.index(name)) for f in fields)]
@@ -143,7 +144,7 @@ def _acts(model: Any, field: str, joint: int) -> bool:
 
 
 def _transmission(model: Any, robot: Robot, joints: list[str]) -> Transmission | None:
-    """Drives of the chain, with the armature as inertia of their rotors."""
+    """Drives of the joints, with the armature as inertia of their rotors."""
     actuators = joint_actuators(model)
     armature = []
     for joint in (joints.index(name) for name in robot.joint_names):

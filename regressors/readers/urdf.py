@@ -1,4 +1,4 @@
-"""Readers of URDF files: any serial chain of a tree of links, as a `Robot`; and of xacro, URDF written with macros.
+"""Readers of URDF files: what moves of a tree of links, as a `Robot`; and of xacro, URDF written with macros.
 
 Macros are expanded without ROS, in a process without rights.
 """
@@ -17,9 +17,10 @@ import numpy as np
 from regressors import input_files
 from regressors.errors import InputError, reading
 from regressors.input_files import read_bytes
-from regressors.readers.chain_ends import carried, chain_of, kind_of, resting_rotation
+from regressors.quantities import Tips
 from regressors.readers.description import range_of
 from regressors.readers.health import health
+from regressors.readers.moving_part import MovingPart, carried, kind_of, moving_part, resting_rotation
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree, parse_tree
 from regressors.robot.inertia import Array, transport
 from regressors.robot.robot import Drive, Joint, Limits, Link, Robot, Transmission
@@ -28,8 +29,8 @@ _GRAVITY = np.array([0.0, 0.0, -9.81])
 _NOISE = 1e-12
 
 
-def read_urdf(path: str | Path, *, base: str | None = None, tip: str | None = None, snap_angles: bool = True) -> Robot:
-    """Read the serial chain from one link to another of a URDF file, as a `Robot`; see `parse_urdf`."""
+def read_urdf(path: str | Path, *, base: str | None = None, tip: Tips = None, snap_angles: bool = True) -> Robot:
+    """Read what moves between a base and one or several last links of a URDF file, as a `Robot`; see `parse_urdf`."""
     path = Path(path)
     return parse_urdf(urdf_content(path), name_of_source=path.name, base=base, tip=tip, snap_angles=snap_angles)
 
@@ -47,19 +48,21 @@ def parse_urdf(
     *,
     name_of_source: str = "text",
     base: str | None = None,
-    tip: str | None = None,
+    tip: Tips = None,
     snap_angles: bool = True,
 ) -> Robot:
-    """Read the serial chain from one link to another of a URDF document, as a `Robot`.
+    """Read what moves between a base and one or several last links of a URDF document, as a `Robot`.
 
-    The joints from base to tip that are revolute, continuous or prismatic become the robot's joints, with the frames
-    of URDF: a link's frame is the frame of the joint that moves it. Everything else stands still and no mass is lost:
+    The joints from the base to each tip that are revolute, continuous or prismatic become the robot's joints, with the
+    frames of URDF: a link's frame is the frame of the joint that moves it. One tip makes a chain, several a tree; where
+    none is given, all limbs move, see `regressors.readers.moving_part`. Everything else stands still and no mass is
+    lost:
 
-    - Whatever hangs on a moving link of the chain by other joints than the chain's (sensors, flanges, a gripper, the
-      arm beyond the tip) is merged into it. Joints off the chain rest at position zero, whatever their limits say, and
-      mimic joints where that puts them (at their offset).
-    - The base, what hangs on it and what is above it does not move: its mass is ignored. Joints above the base rest at
-      zero as well, and gravity, 9.81 m/s^2 along -z of the root link, is expressed in the axes of the base.
+    - Whatever hangs on a moving link by other joints (sensors, flanges, a gripper, the arm beyond the tip) is merged
+      into it. These joints rest at position zero, whatever their limits say, and mimic joints where that puts them (at
+      their offset).
+    - The base, what else hangs on it and what is above it does not move: its mass is ignored. Joints above the base
+      rest at zero as well, and gravity, 9.81 m/s^2 along -z of the root link, is expressed in the axes of the base.
     - A link with which no ``<inertial>`` was merged has unknown parameters (``theta`` is None).
 
     Limits: an effort or velocity of zero, or not stated, means no limit. If one of ``lower`` and ``upper`` is stated,
@@ -79,20 +82,22 @@ def parse_urdf(
         return robot_of_tree(parse_tree(text, name_of_source, snap_angles=snap_angles), base, tip)
 
 
-def robot_of_tree(tree: UrdfTree, base: str | None, tip: str | None) -> Robot:
-    """Serial chain of a tree of links, see `parse_urdf`."""
-    chain = chain_of(tree, base, tip)
-    moving = chain.moving
+def robot_of_tree(tree: UrdfTree, base: str | None, tip: Tips) -> Robot:
+    """What moves of a tree of links, see `parse_urdf`."""
+    part = moving_part(tree, base, tip)
+    moving = part.moving
+    joints, parents = _joints(part)
     try:
         return Robot(
             name=tree.name,
-            joints=_joints(chain.path),
-            links=tuple(Link(j.child, _merged_parameters(tree, j.child, chain.moving_names)) for j in moving),
+            joints=joints,
+            links=tuple(Link(j.child, _merged_parameters(tree, j.child, part.moving_names)) for j in moving),
             limits=_limits(moving),
             transmission=_transmission(moving),
-            gravity=_gravity(tree, chain.base),
+            gravity=_gravity(tree, part.base),
             source=f"URDF {tree.source}",
-            notes=health(tree, chain),
+            parents=parents,
+            notes=health(tree, part),
         )
     except InputError as error:
         message = " ".join(str(error).split())  # an array in it may have been printed on several lines
@@ -105,15 +110,19 @@ def _tidy(values: Array) -> Array:
     return np.where(np.abs(values - nearest) < _NOISE, nearest, values) + 0.0
 
 
-def _joints(path: Sequence[TreeJoint]) -> tuple[Joint, ...]:
-    """Give the moving joints, with the poses of the fixed ones before them merged in."""
-    joints, T = [], np.eye(4)
-    for joint in path:
-        T = T @ joint.pose
+def _joints(part: MovingPart) -> tuple[tuple[Joint, ...], tuple[int, ...]]:
+    """The moving joints, with the poses of the fixed ones before them merged in, and their parents."""
+    joints, parents = list[Joint](), list[int]()
+    placed = {part.base: (0, np.eye(4))}  # the moving link that carries each link, and its pose in that one's frame
+    for joint in part.path:
+        carrier, above = placed[joint.parent]
+        T = above @ joint.pose
         if joint.kind != "fixed":
             joints.append(Joint(joint.name, kind_of(joint), _tidy(T[:3, :3]), _tidy(T[:3, 3]), _tidy(joint.axis)))
-            T = np.eye(4)
-    return tuple(joints)
+            parents.append(carrier)
+            carrier, T = len(joints), np.eye(4)
+        placed[joint.child] = carrier, T
+    return tuple(joints), tuple(parents)
 
 
 def _merged_parameters(tree: UrdfTree, link: str, stop: set[str]) -> Array | None:
@@ -127,18 +136,18 @@ def _merged_parameters(tree: UrdfTree, link: str, stop: set[str]) -> Array | Non
     return total
 
 
-def _limits(chain: Sequence[TreeJoint]) -> Limits:
-    unlimited = np.full(len(chain), np.inf)
-    lower, upper = zip(*(range_of(joint) for joint in chain), strict=True)
-    velocity, effort = ([joint.bounds.get(key) or np.inf for joint in chain] for key in ("velocity", "effort"))
+def _limits(joints: Sequence[TreeJoint]) -> Limits:
+    unlimited = np.full(len(joints), np.inf)
+    lower, upper = zip(*(range_of(joint) for joint in joints), strict=True)
+    velocity, effort = ([joint.bounds.get(key) or np.inf for joint in joints] for key in ("velocity", "effort"))
     return Limits(np.array(lower), np.array(upper), np.array(velocity), unlimited, unlimited, np.array(effort))
 
 
-def _transmission(chain: Sequence[TreeJoint]) -> Transmission | None:
-    if not any(joint.damping or joint.friction for joint in chain):
+def _transmission(joints: Sequence[TreeJoint]) -> Transmission | None:
+    if not any(joint.damping or joint.friction for joint in joints):
         return None
-    drives = tuple(Drive(joint.name, coulomb=joint.friction, viscous=joint.damping) for joint in chain)
-    return Transmission(np.eye(len(chain)), drives, Limits.none(len(chain)))
+    drives = tuple(Drive(joint.name, coulomb=joint.friction, viscous=joint.damping) for joint in joints)
+    return Transmission(np.eye(len(joints)), drives, Limits.none(len(joints)))
 
 
 def _gravity(tree: UrdfTree, base: str) -> Array:
@@ -156,11 +165,11 @@ def read_xacro(
     path: str | Path,
     *,
     base: str | None = None,
-    tip: str | None = None,
+    tip: Tips = None,
     arguments: Mapping[str, str] | None = None,
     snap_angles: bool = True,
 ) -> Robot:
-    """Expand a xacro file, and read a serial chain of the URDF that comes out.
+    """Expand a xacro file, and read what moves of the URDF that comes out.
 
     A process of its own expands it, without a network and with caps on time and memory; expressions are limited to
     `regressors.readers.xacro_expressions`. It opens files of the folder of this one, of its package and of the packages

@@ -38,6 +38,7 @@ def robot_from_description(plain: Mapping[str, Any]) -> Robot:
             branches=tuple(_branch(branch) for branch in plain.get("branches", [])),
             home=None if plain.get("home") is None else np.array(plain["home"], dtype=float),
             shapes=tuple(Part.from_dict(part) for part in plain.get("shapes", [])),
+            parents=tuple(plain.get("parents", [])),
         )
     except InputError:
         raise

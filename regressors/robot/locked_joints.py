@@ -1,7 +1,7 @@
 """The robot that is left when some joints, or some drives, are locked: links of held joints merge into their parents.
 
-A held joint's link is merged into the link before it, so parameters of the remaining links mean the composite bodies.
-A branch that no moving joint turns is merged into what carries it.
+A held joint's link is merged into the link that carries it, so parameters of the remaining links mean composite
+bodies. A branch that no moving joint turns is merged into what carries it.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def with_locked_drives(robot: Robot, drives: Sequence[str]) -> Robot:
     """Robot whose named drives hold their coordinate at its value for q = 0; their joints follow the others.
 
     From ``z_h = C_hh q_h + C_hk q_k`` constant, ``q_h = -C_hh^-1 C_hk q_k``: behind a parallelogram a locked drive
-    keeps the direction of its link, which then is a body beside the chain, with the limits of its joint.
+    keeps the direction of its link, which then is a body beside the links, with the limits of its joint.
     """
     transmission = transmission_of(robot)
     C, names = transmission.coupling, [drive.name for drive in transmission.drives]
@@ -57,11 +57,16 @@ def with_locked_drives(robot: Robot, drives: Sequence[str]) -> Robot:
     motion[held] = -np.linalg.solve(C[np.ix_(held, held)], C[np.ix_(held, keep)])
     motion[np.abs(motion) < _NOTHING] = 0.0
     state = replace(_held(robot, keep, None), motion=motion)
-    if before := [k for k in state.follow if k < max(keep)]:
-        raise InputError(
-            f"robot {robot.name!r}: joint {robot.joint_names[before[0]]} cannot follow the others and carry joint "
-            f"{robot.joint_names[max(keep)]}, which moves: lock the drive of {robot.joint_names[max(keep)]} too"
-        )
+    rides = _rides(robot, state)[: robot.n]
+    for follower in state.follow:
+        below = [follower]
+        for k, ride in enumerate(rides):
+            below += [k] if ride.parent in below else []
+        if carried := [robot.joint_names[k] for k in below if k in keep]:
+            raise InputError(
+                f"robot {robot.name!r}: joint {robot.joint_names[follower]} cannot follow the others and carry joint "
+                f"{carried[-1]}, which moves: lock the drive of {carried[-1]} too"
+            )
     return _reduced(robot, state)
 
 
@@ -111,6 +116,7 @@ def _reduced(robot: Robot, held: _Held) -> Robot:
         branches=tuple(_branches(robot, held, rides)),
         home=None,
         shapes=tuple(_shapes(robot, rides)),
+        parents=tuple(0 if (above := rides[k].parent) is None else keep.index(above) + 1 for k in keep),
     )
 
 
@@ -128,7 +134,7 @@ def _rides(robot: Robot, held: _Held) -> list[_Ride]:
     """Of every body of the robot, links first."""
     place = {BASE: None, **{body.name: k for k, body in enumerate(robot.bodies)}}
     coordinates = [*zip(held.motion, held.rest.tolist(), strict=True), *map(held.branch, robot.branches)]
-    below = [*(k - 1 if k else None for k in range(robot.n)), *(place[branch.parent] for branch in robot.branches)]
+    below = [*(k - 1 if k else None for k in robot.parents), *(place[branch.parent] for branch in robot.branches)]
     joints = [*robot.joints, *(branch.joint for branch in robot.branches)]
     rides: list[_Ride] = []
     for number, (parent, joint, (row, position)) in enumerate(zip(below, joints, coordinates, strict=True)):

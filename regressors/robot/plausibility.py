@@ -20,15 +20,15 @@ def implausible_inertias(robot: Robot) -> dict[str, str]:
     """Reason why the inertial parameters of a body cannot be relied on, by the body's name.
 
     A body is impossible if its mass is negative, or if its principal moments of inertia ``J1 <= J2 <= J3`` about the
-    centre of mass break ``J1 >= 0`` or ``J1 + J2 >= J3``. Parameters are placeholders if three or more bodies share
-    mass and moments, and zero if no body of the robot has mass.
+    centre of mass break ``J1 >= 0`` or ``J1 + J2 >= J3``. Parameters are placeholders if three or more bodies of one
+    limb share mass and moments, and zero if no body of the robot has mass.
     """
     known = [body for body in robot.bodies if body.theta is not None]
     reasons = {body.name: "no mass is stated" for body in robot.bodies if body.theta is None}
     if known and not any(np.any(body.theta) for body in known):
         return reasons | {body.name: "the mass is zero" for body in known}
     reasons |= {body.name: reason for body in known if (reason := _impossible(body)) is not None}
-    return reasons | dict.fromkeys(_placeholders(known), "mass and inertia equal those of other links")
+    return reasons | dict.fromkeys(_placeholders(robot, known), "mass and inertia equal those of other links")
 
 
 def _impossible(body: Link) -> str | None:
@@ -54,15 +54,15 @@ def principal_moments(theta: Array) -> Array:
     return np.asarray(np.linalg.eigvalsh(tensor)) if np.all(np.isfinite(tensor)) else np.full(3, np.nan)
 
 
-def _placeholders(bodies: Sequence[Link]) -> Iterator[str]:
-    """Names of bodies that share mass and moments with two others or more; massless ones do not count."""
+def _placeholders(robot: Robot, bodies: Sequence[Link]) -> Iterator[str]:
+    """Names of bodies that share mass and moments with two others of a limb or more; massless ones do not count."""
     shared: dict[tuple[float, ...], list[str]] = {}
     for body in bodies:
         if body.theta is not None and body.theta[0] > 0:
             key = (float(body.theta[0]), *np.round(principal_moments(body.theta), 9).tolist())
             shared.setdefault(key, []).append(body.name)
     for names in shared.values():
-        if len(names) >= _FEWEST_ALIKE:
+        if any(len(limb.intersection(names)) >= _FEWEST_ALIKE for limb in robot.limbs):
             yield from names
 
 

@@ -1,4 +1,4 @@
-"""What a robot is: a serial chain of joints and links, bodies beside it, drives, limits, and known structure.
+"""What a robot is: a tree of joints and links, bodies beside it, drives, limits, and known structure.
 
 All values are SI, angles in radians; every array is read-only. A `Robot` checks itself when it is made, whichever
 reader made it, and its content hash identifies it in the files that are written.
@@ -100,7 +100,7 @@ class Link(Rebuilt):
     name: str
     # (10,) inertial parameters about the link frame's origin, see `regressors.robot.inertia`; None where unknown
     theta: Array | None = None
-    # in parameter names; 0 for its place in the chain, branches following the links. A robot some of whose joints rest
+    # in parameter names; 0 for its place among them, branches following the links. A robot some of whose joints rest
     # keeps the numbers of the whole robot
     number: int = 0
 
@@ -117,7 +117,7 @@ BASE = "base"
 
 @dataclass(frozen=True, eq=False)
 class Branch(Rebuilt):
-    """A body beside the chain that moves with a linear combination of the joints, such as a bar of a parallelogram.
+    """A body beside the links that moves with a linear combination of the joints, such as a bar of a parallelogram.
 
     Its joint sits on a link, or on another branch, and its coordinate is ``coupling @ q + offset``.
     """
@@ -247,13 +247,13 @@ class Structure:
 @checked
 @dataclass(frozen=True, eq=False)
 class Robot(Rebuilt):
-    """A serial robot, with bodies that its joints move along: everything that its regressor and its limits need.
+    """A robot on a base that stands still: everything that its regressor and its limits need.
 
     Parameters
     ----------
     name : str
     joints : tuple of Joint
-        From the base to the tip.
+        From the base outwards.
     links : tuple of Link
         Link k is moved by joint k.
     limits : Limits
@@ -268,18 +268,21 @@ class Robot(Rebuilt):
     source : str
         Where the description comes from.
     branches : tuple of Branch
-        Bodies beside the chain, each after the one that carries it.
+        Bodies beside the links, each after the one that carries it.
     home : array_like, shape (n,), optional
         Pose in which the robot waits [rad or m].
     shapes : tuple of Part
         Capsules around the links, for checks of collisions; no part of the hash, since no regressor depends on them.
+    parents : tuple of int
+        Number of the link that carries each joint, 1 for the first, and 0 for the base; smaller than the joint's own. A
+        chain, in which each joint sits on the link before it, if not given.
     notes : tuple of Finding
         What the reader noticed; no part of the description, nor of its hash.
 
     Raises
     ------
     InputError
-        No joints, counts that differ, a name twice, limits that leave no room, or a branch that nothing carries.
+        No joints, counts that differ, a name twice, limits that leave no room, or a body that nothing carries.
     """
 
     name: str
@@ -294,6 +297,7 @@ class Robot(Rebuilt):
     branches: tuple[Branch, ...] = ()
     home: Array | None = None
     shapes: tuple[Part, ...] = ()
+    parents: tuple[int, ...] = ()
     notes: tuple[Finding, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
@@ -326,8 +330,9 @@ class Robot(Rebuilt):
             if self.transmission.coupling.shape[1] != n:
                 raise InputError(f"robot {self.name!r}: the coupling must have {n} columns, one per joint")
             self.transmission.limits.check(tuple(f"drive {d.name}" for d in self.transmission.drives))
-        if self.branches:
-            _check_branches(self)
+        object.__setattr__(self, "parents", tuple(map(int, self.parents)) or tuple(range(n)))
+        if not self.is_chain or self.branches:
+            _check_tree(self)
 
     def __repr__(self) -> str:
         """One line."""
@@ -342,8 +347,43 @@ class Robot(Rebuilt):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints from the base to the tip."""
+        """Names of the joints from the base outwards."""
         return tuple(joint.name for joint in self.joints)
+
+    @property
+    def is_chain(self) -> bool:
+        """Whether each joint sits on the link before it."""
+        return self.parents == tuple(range(self.n))
+
+    @property
+    def tips(self) -> tuple[Link, ...]:
+        """Links that carry no other one: the last link of a chain, or of each branch of a tree."""
+        return tuple(link for k, link in enumerate(self.links, 1) if k not in self.parents)
+
+    @property
+    def limbs(self) -> tuple[frozenset[str], ...]:
+        """Names of the links from the base to each of the tips; of all bodies of a chain, branches included."""
+        if self.is_chain:
+            return (frozenset(body.name for body in self.bodies),)
+        paths = [frozenset[str]()]
+        for link, parent in zip(self.links, self.parents, strict=True):
+            paths.append(paths[parent] | {link.name})
+        return tuple(path for k, path in enumerate(paths) if k not in self.parents)
+
+    def last_link(self, what: str) -> int:
+        """Index of the one link that carries something, such as a tool.
+
+        Raises
+        ------
+        InputError
+            There are several last links.
+        """
+        if self.is_chain:
+            return self.n - 1
+        raise InputError(
+            f"robot {self.name!r} ends in {listed_names([link.name for link in self.tips])}, and {what} has its place "
+            "on one last link; read the part of its URDF or MJCF that ends there, with `tip`"
+        )
 
     @property
     def link_numbers(self) -> tuple[int, ...]:
@@ -376,7 +416,9 @@ class Robot(Rebuilt):
         return place_of("joint", name, self.joint_names)
 
     def replace(self, **changes: object) -> Robot:
-        """A copy with some fields changed, checked again."""
+        """A copy with some fields changed, checked again; one of a chain with other joints is a chain."""
+        if self.is_chain:
+            changes.setdefault("parents", ())
         return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
 
     def description(self) -> dict[str, object]:
@@ -384,8 +426,10 @@ class Robot(Rebuilt):
         content = plain(self)
         assert isinstance(content, dict)
         content["shapes"] = [part.to_dict() for part in self.shapes]
-        # robots without them keep the hash that they had before there were branches, or homes
-        optional = ("branches", "home", "shapes")
+        # robots without them keep the hash that they had before there were branches, homes, or trees
+        optional = ("branches", "home", "shapes", "parents")
+        if self.is_chain:
+            content["parents"] = []
         return {name: value for name, value in content.items() if name != "notes" and (value or name not in optional)}
 
     def sha256(self) -> str:
@@ -397,10 +441,9 @@ class Robot(Rebuilt):
 
 def placed_bodies(robot: Robot) -> Iterator[tuple[str, str, Joint, Array, float]]:
     """Each body after the one that carries it: its name, that one's, its joint, row and offset of its coordinate."""
-    below = BASE
-    for link, joint, row in zip(robot.links, robot.joints, np.eye(robot.n), strict=True):
-        yield link.name, below, joint, row, 0.0
-        below = link.name
+    names = (BASE, *(link.name for link in robot.links))
+    for name, parent, joint, row in zip(names[1:], robot.parents, robot.joints, np.eye(robot.n), strict=True):
+        yield name, names[parent], joint, row, 0.0
     for branch in robot.branches:
         yield branch.name, branch.parent, branch.joint, branch.coupling, branch.offset
 
@@ -438,8 +481,13 @@ def _check_name(name: object) -> None:
         raise InputError(wrong)
 
 
-def _check_branches(robot: Robot) -> None:
+def _check_tree(robot: Robot) -> None:
     here = f"robot {robot.name!r}"
+    if len(robot.parents) != robot.n or not all(0 <= parent <= k for k, parent in enumerate(robot.parents)):
+        raise InputError(
+            f"{here}: expected, for each of {robot.n} joints, the number of an earlier link as its parent, or 0 for "
+            f"the base, given {list(robot.parents)}"
+        )
     carriers = [BASE, *(link.name for link in robot.links)]
     for branch in robot.branches:
         if branch.parent not in carriers:

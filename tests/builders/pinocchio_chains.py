@@ -1,4 +1,4 @@
-"""Pinocchio's model of any of our chains, and the torques and motions it has: the tests' oracle."""
+"""Pinocchio's model of any of our robots, and the torques and motions it has: the tests' oracle."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def inertia(theta: np.ndarray) -> Any:
 
 
 def chain_model(robot: Robot) -> Any:
-    """The chain without its drives; joints and links unknown to Pinocchio but for their frames, axes and inertias.
+    """The robot without its drives; joints and links unknown to Pinocchio but for their frames, axes and inertias.
 
     Parameters
     ----------
@@ -32,12 +32,11 @@ def chain_model(robot: Robot) -> Any:
     kinds = {"revolute": pin.JointModelRevoluteUnaligned, "prismatic": pin.JointModelPrismaticUnaligned}
     model = pin.Model()
     model.gravity = pin.Motion(np.array(robot.gravity), np.zeros(3))
-    parent = 0
-    for joint, link in zip(robot.joints, robot.links, strict=True):
+    for joint, link, parent in zip(robot.joints, robot.links, robot.parents, strict=True):
         placement = pin.SE3(np.array(joint.rotation), np.array(joint.translation))
-        parent = model.addJoint(parent, kinds[joint.kind](np.array(joint.axis)), placement, joint.name)
+        own = model.addJoint(parent, kinds[joint.kind](np.array(joint.axis)), placement, joint.name)
         if link.theta is not None:
-            model.appendBodyToJoint(parent, inertia(link.theta), pin.SE3.Identity())
+            model.appendBodyToJoint(own, inertia(link.theta), pin.SE3.Identity())
     return model
 
 

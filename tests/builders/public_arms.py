@@ -1,4 +1,4 @@
-"""Serial chains of public robots (example-robot-data) with Pinocchio's model of each, made without our reader."""
+"""Chains and trees of public robots (example-robot-data) with Pinocchio's model of each, made without our reader."""
 
 from __future__ import annotations
 
@@ -21,12 +21,17 @@ _PREFIX = "joint "
 
 @dataclass(frozen=True)
 class Arm:
-    """One chain: an identifier, the file below the robots' folder, the first and the last link (None for the root)."""
+    """An identifier, the file below the robots' folder, the first (None for the root) and the last link or links."""
 
     id: str
     file: str
     base: str | None
-    tip: str
+    tip: str | tuple[str, ...]
+
+    @property
+    def tips(self) -> tuple[str, ...]:
+        """The last links, one of a chain."""
+        return (self.tip,) if isinstance(self.tip, str) else self.tip
 
     @property
     def path(self) -> Path:
@@ -95,6 +100,76 @@ ARMS = tuple(
 )
 
 
+_CALVES = "FL_calf FR_calf RL_calf RR_calf"
+_SHANKS = "LF_SHANK RF_SHANK LH_SHANK RH_SHANK"
+_FEET = "FL_LOWER_LEG FR_LOWER_LEG HL_LOWER_LEG HR_LOWER_LEG"
+_UPPER = "head_2_link arm_left_7_link arm_right_7_link"
+_PR2_ARMS = "r_wrist_roll_link l_wrist_roll_link"
+_G1 = "g1_description/urdf/g1_29dof_with_hand_rev_1_0.urdf"
+_G1_FEET = "left_ankle_roll_link right_ankle_roll_link"
+TREES = tuple(
+    Arm(id, file, base, tuple(tips.split()))
+    for id, file, base, tips in (
+        ("go2", "go2_description/urdf/go2.urdf", None, _CALVES),
+        ("baxter", "baxter_description/urdf/baxter.urdf", None, "head right_wrist left_wrist"),
+        ("talos-upper", "talos_data/robots/talos_full_v2.urdf", None, _UPPER),
+        (
+            "allegro",
+            "allegro_hand_description/urdf/allegro_left_hand.urdf",
+            None,
+            "link_11.0 link_7.0 link_3.0 link_15.0",
+        ),
+        ("tiago-dual", "tiago_description/robots/tiago_dual.urdf", None, _UPPER),
+        ("icub", "icub_description/robots/icub.urdf", None, "l_ankle_2 r_ankle_2 l_hand head r_hand"),
+        ("anymal", "anymal_c_simple_description/urdf/anymal.urdf", None, _SHANKS),
+        (
+            "hyq",
+            "hyq_description/robots/hyq_no_sensors.urdf",
+            None,
+            "lf_lowerleg rf_lowerleg lh_lowerleg rh_lowerleg",
+        ),
+        ("solo12", "solo_description/robots/solo12.urdf", None, _FEET),
+        ("solo", "solo_description/robots/solo.urdf", None, _FEET),
+        ("b1-z1-legs-arm", "b1_description/urdf/b1-z1.urdf", None, f"{_CALVES} link06"),
+        ("a1", "a1_description/urdf/a1.urdf", None, _CALVES),
+        ("laikago", "laikago_description/urdf/laikago.urdf", None, _CALVES),
+        ("pr2", "pr2_description/urdf/pr2.urdf", None, f"head_tilt_link laser_tilt_mount_link {_PR2_ARMS}"),
+        ("pr2-arms", "pr2_description/urdf/pr2.urdf", "torso_lift_link", _PR2_ARMS),
+        ("tiago-pro", "tiago_pro_description/robots/tiago_pro.urdf", None, _UPPER),
+        ("centauro-arms", "centauro_description/urdf/centauro.urdf", None, "arm1_6 arm2_6"),
+        ("romeo", "romeo_description/urdf/romeo.urdf", None, "l_ankle r_ankle HeadRollLink l_wrist r_wrist"),
+        ("g1", _G1, None, f"{_G1_FEET} left_wrist_yaw_link right_wrist_yaw_link"),
+        ("g1-hand", _G1, "left_hand_palm_link", "left_hand_thumb_2_link left_hand_index_1_link"),
+        (
+            "alex",
+            "alex_description/urdf/alex_psyonic_hands.urdf",
+            None,
+            "Head LeftWristRollLink RightWristRollLink",
+        ),
+        (
+            "human-upper",
+            "human_description/robots/human.urdf",
+            "middle_thorax",
+            "middle_head left_hand right_hand",
+        ),
+        (
+            "simple-humanoid",
+            "simple_humanoid_description/urdf/simple_humanoid.urdf",
+            None,
+            "r_ankle l_ankle r_wrist l_wrist",
+        ),
+        (
+            "anymal-kinova-tree",
+            "anymal_b_simple_description/robots/anymal-kinova.urdf",
+            None,
+            f"{_SHANKS} j2s6s200_link_6",
+        ),
+    )
+)
+_FEW = ("go2", "baxter", "allegro", "tiago-dual")
+SOME_TREES = tuple(pytest.param(tree, marks=() if tree.id in _FEW else pytest.mark.slow, id=tree.id) for tree in TREES)
+
+
 def robots_folder() -> Path | None:
     """Folder of the example robots, None where they are not installed."""
     places = [Path(entry) / _INSIDE for entry in sys.path if entry]
@@ -105,10 +180,10 @@ def robots_folder() -> Path | None:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """Pinocchio's model of one chain, all other joints locked at zero (mimic joints at their offset).
+    """Pinocchio's model of one chain or tree, all other joints locked at zero (mimic joints at their offset).
 
-    ``joints`` are the chain's names from base to tip; the model's joints 1, 2, ... are the same ones in that order (its
-    own names carry a prefix, since Pinocchio cannot reduce a model where a joint and a link share a name).
+    ``joints`` are the moving ones' names from the base outwards; the model's joints 1, 2, ... are the same ones in that
+    order (its own names carry a prefix, since Pinocchio cannot reduce a model where a joint and a link share a name).
     """
 
     model: Any
@@ -181,13 +256,13 @@ def _full_model(path: Path) -> tuple[Any, Any]:
 
 @cache
 def reference(arm: Arm) -> Reference:
-    """Pinocchio's reduced model of a chain; the test is skipped where Pinocchio is not installed."""
+    """Pinocchio's reduced model of a chain or tree; the test is skipped where Pinocchio is not installed."""
     pin = pytest.importorskip("pinocchio", reason="Pinocchio is not installed (pip install pin)")
     full, q = _full_model(arm.path)
-    tip = full.frames[full.getFrameId(arm.tip, _body())].parentJoint
+    tips = [full.frames[full.getFrameId(tip, _body())].parentJoint for tip in arm.tips]
     above = full.frames[full.getFrameId(arm.base, _body())].parentJoint if arm.base else 0
-    chain = [j for j in full.supports[tip] if j not in list(full.supports[above])]
-    model = pin.buildReducedModel(full, [j for j in range(1, full.njoints) if j not in chain], q)
-    names = [full.names[j] for j in chain]
+    moving = sorted({j for tip in tips for j in full.supports[tip]} - set(full.supports[above]))
+    model = pin.buildReducedModel(full, [j for j in range(1, full.njoints) if j not in moving], q)
+    names = [full.names[j] for j in moving]
     assert list(model.names)[1:] == names
     return Reference(model, tuple(name.removeprefix(_PREFIX) for name in names), arm.base)

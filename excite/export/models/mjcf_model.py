@@ -18,7 +18,7 @@ from excite.export.models.export_model import ModelFormat, ModelText
 from excite.export.models.exported_model import about_centre, number, numbers, quaternion_of, stated
 from excite.export.models.identified_model import COUPLED, DrivenRobot, IdentifiedModel
 from excite.export.models.servo_model import FRICTION, ServoRobot
-from excite.export.models.xml_copy import XmlDocument, XmlSpan, chain_in, comment, pose_error, share_inertia, start
+from excite.export.models.xml_copy import XmlDocument, XmlSpan, comment, joints_in, pose_error, share_inertia, start
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
 from regressors.models.servo_response import STRIBECK_SPEED
@@ -201,10 +201,12 @@ def joint_values(model: DrivenRobot, joint: int) -> dict[str, str]:
     return stated(armature=model.armature(joint), damping=model.damping(joint), frictionloss=model.friction(joint))
 
 
-def _bodies(model: DrivenRobot) -> Iterator[str]:
-    robot = model.robot
+def _bodies(model: DrivenRobot, parent: int = 0, depth: int = 0) -> Iterator[str]:
+    """The bodies that a link carries, by its number, each with those that it carries itself."""
+    robot, indent = model.robot, "    " + "  " * depth
     for k, (joint, link) in enumerate(zip(robot.joints, robot.links, strict=True)):
-        indent = "    " + "  " * k
+        if robot.parents[k] != parent:
+            continue
         pose = {"pos": numbers(joint.translation), "quat": numbers(quaternion_of(joint.rotation))}
         yield indent + start("body", {"name": link.name, **pose})
         theta = link.theta
@@ -212,8 +214,8 @@ def _bodies(model: DrivenRobot) -> Iterator[str]:
             theta = np.array([_NO_MASS, 0, 0, 0, _NO_MASS, 0, 0, _NO_MASS, 0, _NO_MASS])
         yield f"{indent}  " + start("inertial", inertial_values(theta), empty=True)
         yield f"{indent}  " + start("joint", _joint(model, k, joint), empty=True)
-    for k in reversed(range(robot.n)):
-        yield "    " + "  " * k + "</body>"
+        yield from _bodies(model, k + 1, depth + 1)
+        yield indent + "</body>"
 
 
 def _joint(model: DrivenRobot, k: int, joint: Joint) -> dict[str, str]:
@@ -270,7 +272,7 @@ def open_mjcf(model: DrivenRobot, file: Path) -> tuple[XmlDocument, Any, dict[st
     if xml_kind(str(file)) != MJCF:
         raise InputError(f"{str(file)!r} is no MJCF; leave `robot_file` out, and a new MJCF is written")
     compiled, tree = tree_of_mjcf(file, snap_angles=False)
-    chain = chain_in(tree, model.described, file)
+    joints = joints_in(tree, model.described, file)
     snapped = tree_of_mjcf(file)[1]
     pose_error((tree, snapped), model.described, file)
     document = XmlDocument(read_bytes(file), file.name)
@@ -286,7 +288,7 @@ def open_mjcf(model: DrivenRobot, file: Path) -> tuple[XmlDocument, Any, dict[st
     def write(body: str, theta: Array, _: float) -> None:
         _set_inertial(document, _found(bodies, body, "body", document), theta, _anchor(compiled, body))
 
-    notes = share_inertia(tree, chain, model, write)
+    notes = share_inertia(tree, joints, model, write)
     elements = {e.attributes.get("name"): e for body in every_body for e in body.below("joint")}
     return document, compiled, elements, tuple(notes)
 

@@ -228,6 +228,7 @@ def arrays(model: IdentifiedModel, comment: tuple[str, ...]) -> dict[str, Any]:
         "comment": np.array(comment),
         "robot": np.array(model.described.name),
         "joint_names": np.array(robot.joint_names),
+        "parents": np.array(robot.parents),
         "link_names": np.array([link.name for link in robot.links]),
         "mass": np.array([mass for mass, _, _ in bodies]),
         "lever": np.array([centre for _, centre, _ in bodies]),

@@ -17,7 +17,7 @@ from regressors.errors import InputError
 from regressors.readers.description import parse_description
 from regressors.readers.documents import yaml_float
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
-from regressors.robot.robot import Branch, Drive, Joint, Limits, Link, Robot, Transmission
+from regressors.robot.robot import BASE, Branch, Drive, Joint, Limits, Link, Robot, Transmission
 
 _quoted = partial(json.dumps, ensure_ascii=False)
 _HEAD = "# metres, kilograms, seconds, radians; inertial parameters about the origin of each link's frame\n"
@@ -60,7 +60,7 @@ def _content(robot: Robot) -> dict[str, Any]:
         "gravity": robot.gravity.tolist(),
         "constants": dict(robot.constants),
         "joints": [
-            {"name": joint.name, **_placed(joint), "limits": _limits(robot.limits, k)}
+            {"name": joint.name, **_carried(robot, k), **_placed(joint), "limits": _limits(robot.limits, k)}
             for k, joint in enumerate(robot.joints)
         ],
         "links": [_link(link) for link in robot.links],
@@ -76,6 +76,12 @@ def _content(robot: Robot) -> dict[str, Any]:
 def _filled(fields: dict[str, Any]) -> dict[str, Any]:
     """Without the fields that say nothing."""
     return {name: value for name, value in fields.items() if value not in (None, "", [], {})}
+
+
+def _carried(robot: Robot, k: int) -> dict[str, str]:
+    """The link that carries a joint, where that is not the one before."""
+    parent = robot.parents[k]
+    return {} if parent == k else {"parent": robot.links[parent - 1].name if parent else BASE}
 
 
 def _placed(joint: Joint) -> dict[str, Any]:

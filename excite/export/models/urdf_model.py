@@ -15,7 +15,7 @@ from excite.export.models.export_model import ModelFormat, ModelText
 from excite.export.models.exported_model import about_centre, number, numbers, rpy_of, stated
 from excite.export.models.identified_model import DrivenRobot, IdentifiedModel
 from excite.export.models.servo_model import FRICTION, ServoRobot
-from excite.export.models.xml_copy import XmlDocument, XmlSpan, chain_in, comment, pose_error, share_inertia, start
+from excite.export.models.xml_copy import XmlDocument, XmlSpan, comment, joints_in, pose_error, share_inertia, start
 from regressors.errors import reading
 from regressors.input_files import read_bytes
 from regressors.readers.urdf_tree import parse_tree
@@ -164,9 +164,9 @@ def urdf_text(
         *_root(robot, base),
         start("link", {"name": base}, empty=True),
     ]
-    for k, (joint, link) in enumerate(zip(robot.joints, robot.links, strict=True)):
+    for k, (joint, link, parent) in enumerate(zip(robot.joints, robot.links, robot.parents, strict=True)):
         body += [start("link", {"name": link.name}), *_inertial(link.theta), "</link>"]
-        body += _joint(model, k, joint, base if k == 0 else robot.links[k - 1].name)
+        body += _joint(model, k, joint, robot.links[parent - 1].name if parent else base)
     return "\n".join([*body, *drives, "</robot>", ""])
 
 
@@ -286,7 +286,7 @@ def urdf_copy(model: DrivenRobot, file: Path) -> tuple[XmlDocument, tuple[str, .
         content = read_bytes(file)
     tree = parse_tree(content, file.name, snap_angles=False)
     document = XmlDocument(content, file.name)
-    chain = chain_in(tree, model.described, file)
+    joints = joints_in(tree, model.described, file)
     notes = []
     away = pose_error((tree, parse_tree(content, file.name, snap_angles=True)), model.described, file)
     if away > _NEAR:
@@ -302,11 +302,11 @@ def urdf_copy(model: DrivenRobot, file: Path) -> tuple[XmlDocument, tuple[str, .
         else:
             _scale_inertial(document, links[link], factor)
 
-    notes += share_inertia(tree, chain, model, write)
-    joints = {element.attributes.get("name"): element for element in document.root.below("joint")}
-    for k, joint in enumerate(chain):
+    notes += share_inertia(tree, joints, model, write)
+    elements = {element.attributes.get("name"): element for element in document.root.below("joint")}
+    for k, joint in enumerate(joints):
         if attributes := dynamics_attributes(model, k):
-            document.set_child(joints[joint.name], "dynamics", attributes)
+            document.set_child(elements[joint.name], "dynamics", attributes)
     return document, tuple(notes)
 
 

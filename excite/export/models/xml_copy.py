@@ -17,7 +17,7 @@ import numpy as np
 from excite.export.models.identified_model import DrivenRobot
 from excite.export.models.nearest_bodies import held_note, own_part
 from regressors.errors import InputError, shortened
-from regressors.readers.chain_ends import carried, kind_of
+from regressors.readers.moving_part import carried, kind_of
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree
 from regressors.robot.robot import Joint, Robot
 from regressors.samples import Array
@@ -197,7 +197,7 @@ def comment(lines: Iterable[str]) -> str:
 _ROUNDED = 1e-3  # of a pose whose angles were snapped
 
 
-def chain_in(tree: UrdfTree, robot: Robot, file: Path) -> list[TreeJoint]:
+def joints_in(tree: UrdfTree, robot: Robot, file: Path) -> list[TreeJoint]:
     """The joints of a robot in a file, in their order."""
     by_name = {joint.name: joint for joint in tree.above.values()}
     if missing := [name for name in robot.joint_names if name not in by_name]:
@@ -210,10 +210,10 @@ def chain_in(tree: UrdfTree, robot: Robot, file: Path) -> list[TreeJoint]:
 
 def pose_error(trees: tuple[UrdfTree, ...], robot: Robot, file: Path) -> float:
     """Largest difference of the poses and axes of joints in the first tree from those of the robot."""
-    chain = chain_in(trees[0], robot, file)
+    theirs = joints_in(trees[0], robot, file)
     distances = [_distances(tree, robot, file) for tree in trees]
     for k, joint in enumerate(robot.joints):
-        if kind_of(chain[k]) != joint.kind or min(d[k] for d in distances) > _ROUNDED:
+        if kind_of(theirs[k]) != joint.kind or min(d[k] for d in distances) > _ROUNDED:
             raise InputError(
                 f"{str(file)!r} is not the file of robot {robot.name!r}: joint {joint.name!r} sits elsewhere in it, or "
                 "moves otherwise; give the file that the robot was read from, or leave `robot_file` out"
@@ -223,12 +223,11 @@ def pose_error(trees: tuple[UrdfTree, ...], robot: Robot, file: Path) -> float:
 
 def _distances(tree: UrdfTree, robot: Robot, file: Path) -> list[float]:
     """Largest difference of each joint's pose and axis from the robot's; infinite where no chain leads to it."""
-    distances, before = [], None
-    for joint, mine in zip(robot.joints, chain_in(tree, robot, file), strict=True):
-        path = [mine] if before is None else tree.path(before, mine.child)
-        paths = _paths(tree, path, open_above=before is None)
+    distances, theirs = [], joints_in(tree, robot, file)
+    for joint, mine, parent in zip(robot.joints, theirs, robot.parents, strict=True):
+        path = tree.path(theirs[parent - 1].child, mine.child) if parent else [mine]
+        paths = _paths(tree, path, open_above=parent == 0)
         distances.append(min((_distance(path, joint) for path in paths), default=np.inf))
-        before = mine.child
     return distances
 
 
@@ -249,25 +248,25 @@ def _distance(path: list[TreeJoint], joint: Joint) -> float:
 
 
 def share_inertia(
-    tree: UrdfTree, chain: list[TreeJoint], model: DrivenRobot, write: Callable[[str, Array, float], None]
+    tree: UrdfTree, joints: list[TreeJoint], model: DrivenRobot, write: Callable[[str, Array, float], None]
 ) -> list[str]:
     """Write the inertia of every link whose group moved; the others of a group keep theirs, or a factor of theirs."""
-    names, notes = {joint.name for joint in chain}, []
+    names, notes = {joint.name for joint in joints}, []
     for own, name in enumerate(link.name for link in model.described.links):
         if name not in model.composites:
             continue
         parts = [
             (link, tree.links[link], pose @ T)  # (10,); (4, 4)
-            for k, (carrier, pose) in enumerate(model.carriers[: len(chain)])
+            for k, (carrier, pose) in enumerate(model.carriers[: len(joints)])
             if carrier == own
-            for link, T in carried(tree, chain[k].child, names)
-            if link != chain[own].child
+            for link, T in carried(tree, joints[k].child, names)
+            if link != joints[own].child
         ]
         others = [(link, theta, T) for link, theta, T in parts if theta is not None and np.any(theta)]
         mine, factor = own_part(model.composites[name], [(theta, T) for _, theta, T in others])
-        write(chain[own].child, mine, 1.0)
+        write(joints[own].child, mine, 1.0)
         for other, theta, _ in others if factor != 1.0 else ():
             write(other, factor * theta, factor)
         if others:
-            notes.append(held_note(chain[own].child, [other for other, _, _ in others], factor))
+            notes.append(held_note(joints[own].child, [other for other, _, _ in others], factor))
     return notes

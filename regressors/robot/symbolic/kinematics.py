@@ -1,7 +1,7 @@
-"""Kinematics of a chain and the regressor of a body as CasADi expressions.
+"""Kinematics of a tree of links and the regressor of a body as CasADi expressions.
 
-Every vector of link i is written in the axes of frame i. The chain is a CasADi expression of (q, dq, ddq), so whatever
-is built on it can be differentiated exactly.
+Every vector of link i is written in the axes of frame i. All are CasADi expressions of (q, dq, ddq), so whatever is
+built on them can be differentiated exactly.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class LinkMotion:
     rotation: ca.SX  # (3, 3) pose of the frame in the base frame [-, m]
     origin: ca.SX  # (3, 3)
     # angular and linear velocity of this frame per unit rate of joint 1, 2, ...; joints beyond the last entry do not
-    # move it
+    # move it, nor do those of other branches, whose entries have no nonzeros
     axes: tuple[tuple[ca.SX, ca.SX], ...]
 
 
@@ -42,7 +42,7 @@ def sparse(values: ArrayLike) -> ca.SX:
 
 
 def relative_pose(joint: Joint, q: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Axes and origin of a joint's link in the frame of the link before it, at joint position q [rad or m]."""
+    """Axes and origin of a joint's link in the frame of the link that carries it, at joint position q [rad or m]."""
     R, p, axis = sparse(joint.rotation), sparse(joint.translation), sparse(joint.axis)
     if joint.kind == "prismatic":
         return R, p + ca.mtimes(R, axis) * q
@@ -51,12 +51,12 @@ def relative_pose(joint: Joint, q: ca.SX) -> tuple[ca.SX, ca.SX]:
     return ca.mtimes(R, ca.sparsify(ca.simplify(turn))), p
 
 
-def chain(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Iterator[LinkMotion]:
+def link_motions(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Iterator[LinkMotion]:
     """Motion of each link in turn, by the outward Newton-Euler recursion."""  # q, dq, ddq (n, 1)
-    state = _base_motion(robot)
-    for i, joint in enumerate(robot.joints):
-        state = next_link(state, joint, q[i], dq[i], ddq[i])
-        yield state
+    states = [_base_motion(robot)]
+    for i, (joint, parent) in enumerate(zip(robot.joints, robot.parents, strict=True)):
+        states.append(next_link(states[parent], joint, q[i], dq[i], ddq[i], i))
+        yield states[-1]
 
 
 def _base_motion(robot: Robot) -> LinkMotion:
@@ -64,8 +64,11 @@ def _base_motion(robot: Robot) -> LinkMotion:
     return LinkMotion(zero, zero, zero, -gravity, gravity, ca.SX.eye(3), zero, ())
 
 
-def next_link(parent: LinkMotion, joint: Joint, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> LinkMotion:
-    """Motion of the link that a joint on another one moves."""  # q, dq, ddq (1, 1)
+def next_link(
+    parent: LinkMotion, joint: Joint, q: ca.SX, dq: ca.SX, ddq: ca.SX, place: int | None = None
+) -> LinkMotion:
+    """Motion of the link that a joint on another one moves, the next one unless its place among them is given."""
+    # q, dq, ddq (1, 1)
     R, p = relative_pose(joint, q)
     Rt = R.T
     w, dw = parent.omega, parent.domega
@@ -74,6 +77,8 @@ def next_link(parent: LinkMotion, joint: Joint, q: ca.SX, dq: ca.SX, ddq: ca.SX)
     w, dw = ca.mtimes(Rt, w), ca.mtimes(Rt, dw)
     axes = tuple((ca.mtimes(Rt, s), ca.mtimes(Rt, l + ca.cross(s, p))) for s, l in parent.axes)
     e, zero = sparse(joint.axis), ca.SX(3, 1)
+    if place is not None:
+        axes += ((zero, zero),) * (place - len(axes))
     if joint.kind == "revolute":
         dw = dw + e * ddq + ca.cross(w, e * dq)
         w = w + e * dq
@@ -89,7 +94,7 @@ def next_link(parent: LinkMotion, joint: Joint, q: ca.SX, dq: ca.SX, ddq: ca.SX)
 def bodies(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Iterator[LinkMotion]:
     """Motion of every body that has inertial parameters, in the order of their parameters."""  # q, dq, ddq (n, 1)
     carriers = {BASE: _base_motion(robot)}
-    for link, motion in zip(robot.links, chain(robot, q, dq, ddq), strict=True):
+    for link, motion in zip(robot.links, link_motions(robot, q, dq, ddq), strict=True):
         carriers[link.name] = motion
         yield motion
     for branch in robot.branches:

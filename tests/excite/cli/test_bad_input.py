@@ -65,7 +65,7 @@ design => Missing argument 'ROBOT' ... (help)
 design irp6 => Missing option '--out' ... (help)
 robots nope => no robot 'nope': built-in robots are ... a file of that name does not exist
 robots irp6 --joints 9 => no joint named '9'; available: 1 (q1), 2 (q2), 3 (q3), 4 (q4), 5 (q5)
-robots irp6 --tip tool0 => --base and --tip choose a chain of a URDF, xacro or MJCF file, but 'irp6' is none
+robots irp6 --tip tool0 => --base and --tip choose a part of a URDF, xacro or MJCF file, but 'irp6' is none
 plan irp6 --at-once 0 => '--at-once': must be a whole number from 1 to 1000, given 0
 plan panda --no-friction --at-once 1 => motions of at most 1 drive(s) at a time do not identify all 43 parameters
 plan irp6 --after r => --after is for the next motion ... give --precision too ... see 'excite plan --help'
@@ -99,7 +99,7 @@ OPTIONS = r"""
 --noise 1,2 => noise needs one value, or 3 for ... q1, q2, q3; given 2
 --solver magic => '--solver': 'magic' is not one of sqp, ipopt, nor module:Name of your own ... (help)
 --executor cloud => 'cloud' is not one of process, serial, dask://HOST:PORT, dask-file:PATH, dask-loc ... (help)
---tip tool0 => --base and --tip choose a chain of a URDF, xacro or MJCF file, but 'irp6' is none
+--tip tool0 => --base and --tip choose a part of a URDF, xacro or MJCF file, but 'irp6' is none
 --xacro => --xacro expands a file that ends in .urdf, .xml, .xacro, .mjcf, but 'irp6' is none of them
 --base piovted => --base 'piovted': expected one of gautier, pivoted, orthonormal, or the base link of a URDF
 --drives 1 --joints 1 => --joints and --drives exclude each other; give one of them
@@ -135,7 +135,7 @@ bad.yaml | name: one\njoints: [{name: a, mdh: {}, limits: {position: [1, -1]}}]\
 bad.yaml | name: one\njoints: [{name: a, mdh: {}, limits: {velocity: 0}}]\n |  => bad.yaml: joints[1].limits.velocity
     (line 2): should be greater than 0, given 0
 bad.urdf | <robot name="a">\n<link name="b">\n</robot> |  => bad.urdf, line 3: not well-formed XML: mismatched tag
-arm.urdf | ARM |  => arm.urdf: 2 moving chains start from link 'base'; choose the last link with --tip ... left, right
+arm.urdf | ARM |  => arm.urdf, joint 'shoulder': no position limits are stated (the same for l, r); write <limit
 arm.urdf | ARM | --base left --tip right => arm.urdf: link 'right' does not hang below link 'left'
 arm.urdf | ARM | --base base --tip base => arm.urdf: no moving joint between the links 'base' and 'base'
 arm.urdf | ARM | --tip left => arm.urdf, joint 'shoulder': no position limits are stated (the same for l); write

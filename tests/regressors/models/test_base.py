@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from hypothesis import given, strategies as st
-from public_arms import ARMS, Arm, reference
+from public_arms import ARMS, SOME_TREES, Arm, reference
 from slow_dynamics import general, three_axes
 
 from regressors.models.base import CHOICES, base_parameters, random_states
@@ -152,7 +152,7 @@ def pinocchio_rank(arm: Arm, count: int = 60) -> int:
     return int(np.sum(sigma > 1e-7 * sigma[0]))
 
 
-@pytest.mark.parametrize("arm", ARMS[::2], ids=str)
+@pytest.mark.parametrize("arm", [*ARMS[::2], *SOME_TREES], ids=str)
 def test_rank_equals_that_of_pinocchios_regressor(arm: Arm) -> None:
     model = DifferentialModel(read_urdf(arm.path, base=arm.base, tip=arm.tip, snap_angles=False), INERTIAL)
     rank = pinocchio_rank(arm)

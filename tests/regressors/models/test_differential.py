@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from hypothesis import given, settings, strategies as st
-from public_arms import ARMS, THETA_FROM_PINOCCHIO, Arm, reference
+from public_arms import ARMS, SOME_TREES, THETA_FROM_PINOCCHIO, Arm, reference
 from slow_dynamics import driven_chain, random_body, random_chain, torques
 
 from regressors.models.differential import DifferentialModel
@@ -39,7 +39,7 @@ def random_state(robot: Robot, rng: np.random.Generator) -> tuple[Array, Array, 
 # --- public robots against Pinocchio ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("arm", ARMS, ids=str)
+@pytest.mark.parametrize("arm", [*ARMS, *SOME_TREES], ids=str)
 def test_regressor_and_torques_equal_pinocchio(arm: Arm) -> None:
     expected, robot = reference(arm), read_urdf(arm.path, base=arm.base, tip=arm.tip, snap_angles=False)
     model, data = DifferentialModel(robot, INERTIAL), expected.model.createData()

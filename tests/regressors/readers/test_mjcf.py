@@ -303,7 +303,6 @@ BROKEN = {
     "SDF": ('<sdf version="1.8"/>', {}, "arm.xml: SDF is not read, expected URDF, xacro or MJCF"),
     "nothing moves": ("<mujoco/>", {}, "arm.xml: no moving joint below link 'world'"),
     "no such body": (arm(), {"tip": "hand"}, "no link in arm.xml named 'hand'; available: world, a"),
-    "fork": (arm(FINGERS), {}, "2 moving chains start from link 'world'; choose the last link with `tip` (`tip='a'`"),
     "free": (arm(further("b", 'name="k"'), joint='name="j" type="free"'), {}, "joint 'j' on the chain is free, expect"),
     "mimic": (arm(further("b", 'name="k"'), after=COUPLED), {}, "joint 'k' off the chain mimics joint 'j' on the chai"),
     "closed loop": (arm(further("b", 'name="k"'), after=LOOP), {}, "the equality <connect> on body 'b' and body 'worl"),

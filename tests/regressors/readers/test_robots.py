@@ -293,7 +293,7 @@ def test_built_in_name_wins_over_a_file(tmp_path: Path, monkeypatch: pytest.Monk
         ("robot.txt", None, "'robot.txt': a robot's file ends in .yaml, .yml, .urdf, .xml, .xacro, .mjcf, .csv"),
         ("folder.yaml", None, "cannot read 'folder.yaml'"),
         ("nul\0.yaml", None, "spec: expected text or a path that a file can have, given"),
-        ("robot.yaml", "base", "`base` and `tip` choose a chain of a URDF, xacro or MJCF file, but 'robot.yaml' is no"),
+        ("robot.yaml", "base", "`base` and `tip` choose a part of a URDF, xacro or MJCF file, but 'robot.yaml' is no"),
     ],
 )
 def test_load_robot_refuses(

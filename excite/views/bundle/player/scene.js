@@ -54,15 +54,15 @@ export class View {
       group.matrixAutoUpdate = false;
       this.scene.add(group);
     });
-    const { trace, frames } = this.places();
+    const { traces, frames } = this.places();
     const size = data.joint_size;
     this.looks = this.groups.map(() => material("#aab2bd"));
     this.path = new LineBasicMaterial({ color: "#56B4E9" });
-    this.scene.add(new Line(new BufferGeometry().setFromPoints(trace), this.path));
+    traces.forEach((trace) => this.scene.add(new Line(new BufferGeometry().setFromPoints(trace), this.path)));
     const width = this.addLinks(size);
-    const all = [new Vector3(), ...trace, ...frames];
+    const all = [new Vector3(), ...traces.flat(), ...frames];
     const space = new Box3().setFromPoints(all).expandByScalar(Math.min(width, 4 * size));
-    const extent = Math.max(...trace.map((point) => point.length()), width);
+    const extent = Math.max(...traces.flat().map((point) => point.length()), width);
     this.objectLooks = [];
     this.objects = new Map(data.objects.map((each) => [each.name, this.addObject(each, extent)]));
     this.grid = new GridHelper(2 * Math.ceil(extent), 4 * Math.ceil(extent));
@@ -77,17 +77,17 @@ export class View {
     return extent;
   }
 
-  // Places of the tool and of all frames at every sample.
+  // Places of the tool, of each last link, and of all frames at every sample.
   places() {
-    const tip = this.poses[this.data.tip + 1];
+    const tips = this.data.tips.map((tip) => this.poses[tip + 1]);
     const tool = new Vector3(...this.data.tool);
     const frames = [];
     const trace = this.data.time.map((t) => {
       setPoses(this.data.bodies, positions(this.data, t), this.poses);
       frames.push(...this.poses.map((pose) => new Vector3().setFromMatrixPosition(pose)));
-      return tool.clone().applyMatrix4(tip);
+      return tips.map((tip) => tool.clone().applyMatrix4(tip));
     });
-    return { trace, frames };
+    return { traces: tips.map((_, k) => trace.map((points) => points[k])), frames };
   }
 
   addLinks(size) {

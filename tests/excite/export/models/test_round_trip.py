@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from commands import Here
 from identified import predicted, relative, result_of, true_standard
-from public_arms import ARMS, Arm
+from public_arms import ARMS, TREES, Arm
 from reloaded import by_mujoco, by_pinocchio
 
 import excite
@@ -153,21 +153,47 @@ def test_the_robot_yaml_is_the_identified_robot(tmp_path: Path) -> None:
         assert relative(mine, theirs) < RIGID
 
 
-def test_the_arrays_are_pinocchios(tmp_path: Path) -> None:
+GO2, BAXTER, SOLO12, *_ = (arm for arm in TREES if arm.id in ("go2", "baxter", "solo12"))
+
+
+@pytest.mark.parametrize("arm", [GO2, pytest.param(BAXTER, marks=SLOW), pytest.param(SOLO12, marks=SLOW)], ids=str)
+def test_a_tree_is_written_as_one(arm: Arm, tmp_path: Path) -> None:
+    """New files and a copy of the user's; Baxter's inertias are no bodies', so the nearest are written."""
+    close = 1e-4 if arm is BAXTER else RIGID
+    rigid, friction = exported_copy(arm, tmp_path, 200)
+    assert (rigid < close, friction < FRICTION) == (True, True)
+    robot = excite.load_robot(str(arm.path), arm.base, arm.tip)
+    result = result_of(robot, tmp_path)
+    samples = states_of(instantaneous_target(robot, result.task, result.recipe), 200)
+    expected, _ = predicted(result, samples)
+    excite.export_model(result, "mjcf", tmp_path / "robot.xml")
+    excite.export_model(result, "urdf", tmp_path / "robot.urdf")
+    found = by_mujoco(tmp_path / "robot.xml", robot.joint_names, samples, friction=True)
+    assert relative(found.rigid, expected) < close
+    assert relative(by_pinocchio(tmp_path / "robot.urdf", robot.joint_names, samples).rigid, expected) < close
+    assert_read_back(robot)
+
+
+@pytest.mark.parametrize(("name", "tree"), [("ur10e", False), ("ur10e", True)])
+def test_the_arrays_are_pinocchios(name: str, tree: bool, tmp_path: Path) -> None:
     import pinocchio as pin
 
-    result, _, samples = case("ur10e", {"joint_rotors": True}, tmp_path)
+    robot = built_in(name)
+    robot = robot.replace(parents=(0, 1, 1, 3, 3, 5)) if tree else robot
+    result = result_of(robot, tmp_path, joint_rotors=True)
+    samples = states_of(instantaneous_target(robot, result.task, result.recipe), COUNT)
     excite.export_model(result, "npz", tmp_path / "robot.npz")
     with np.load(tmp_path / "robot.npz", allow_pickle=False) as file:
         arrays = dict(file)
-    model, parent = pin.Model(), 0
+    model = pin.Model()
     model.gravity.linear = arrays["gravity"]
     for k, name in enumerate(arrays["joint_names"]):
         placement = pin.SE3(arrays["placement_rotation"][k], arrays["placement_translation"][k])
-        parent = model.addJoint(parent, pin.JointModelRevoluteUnaligned(arrays["axis"][k]), placement, str(name))
+        carrier = int(arrays["parents"][k])
+        own = model.addJoint(carrier, pin.JointModelRevoluteUnaligned(arrays["axis"][k]), placement, str(name))
         body = pin.Inertia(float(arrays["mass"][k]), arrays["lever"][k], arrays["inertia"][k])
         np.testing.assert_allclose(body.toDynamicParameters(), arrays["dynamic_parameters"][k], rtol=0, atol=1e-12)
-        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+        model.appendBodyToJoint(own, body, pin.SE3.Identity())
     model.armature = arrays["armature"]
     np.testing.assert_allclose(arrays["rotorGearRatio"] ** 2 * arrays["rotorInertia"], arrays["armature"])
     data = model.createData()

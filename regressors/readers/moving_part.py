@@ -1,4 +1,4 @@
-"""The ends of the chain that is meant among all links, and the joints that are held."""
+"""The part of a tree of links that moves: below a base, up to some tips; and the joints that are held."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 
 import numpy as np
 
 from regressors.errors import Finding, InputError, UnknownName
+from regressors.quantities import Tips
 from regressors.readers.description import range_of
 from regressors.readers.urdf_tree import MOVING, TreeJoint, UrdfTree, listing
 from regressors.robot.inertia import Array
@@ -22,20 +23,19 @@ _FINGER = re.compile(r"finger|jaw|claw|knuckle", re.IGNORECASE)
 _GRIPPER = re.compile(r"gripper", re.IGNORECASE)
 _HAND = re.compile(r"(?<![a-z])hand(?![a-z])", re.IGNORECASE)
 _ARM = re.compile(r"wrist|elbow|shoulder|arm|axis", re.IGNORECASE)
-_LEG = re.compile(r"wheel|caster|leg|hip|thigh|knee|calf|shank|ankle|foot|rotor|head|neck", re.IGNORECASE)
-_WHEEL = re.compile(r"wheel|caster|rotor|motor", re.IGNORECASE)
+_ENDS = re.compile(rf"wheel|caster|suspension|propeller|{_FINGER.pattern}", re.IGNORECASE)
 _NUMBERED = re.compile(r"\d")  # joint6 may well carry the body of the gripper
 _FEWEST_OF_ARM = 3  # joints; what parts behind fewer is no hand
 _UNTIE = "switch the coupling off in the file (no <mimic>, active='false' of an <equality>), if a drive moves the joint"
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
-    """Joints from the base to the tip."""
+class MovingPart:
+    """Joints from the base to the tips: a chain where there is one tip, else a tree."""
 
-    base: str  # first and last link
-    tip: str
-    path: list[TreeJoint]  # all joints between them, fixed ones too
+    base: str  # first link
+    tips: tuple[str, ...]  # last links
+    path: list[TreeJoint]  # all joints between them, fixed ones too, each behind those that carry it
     notes: tuple[Finding, ...] = ()  # on what was left out
     held: tuple[str, ...] = ()  # joints that these notes name
 
@@ -49,18 +49,29 @@ class Chain:
         """Names of these joints."""
         return {joint.name for joint in self.moving}
 
+    @property
+    def word(self) -> str:
+        """What it is."""
+        return "chain" if len(self.tips) == 1 else "tree"
 
-def chain_of(tree: UrdfTree, base: str | None, tip: str | None) -> Chain:
-    """The chain between two links, or below the base, checked.
 
-    Where no tip is given, the chain ends where fingers part, and before joints that move a gripper.
+def moving_part(tree: UrdfTree, base: str | None, tips: Tips) -> MovingPart:
+    """What moves between a base and some tips, checked.
+
+    Where no tip is given, that is everything below the base, but neither fingers, nor joints that move a gripper, nor
+    wheels beside limbs.
     """
     base = tree.root if base is None else _known(tree, base)
-    chain = _without_gripper(tree, base) if tip is None else _between(tree, base, _known(tree, tip))
-    if not chain.moving:
-        raise InputError(f"{tree.source}: no moving joint between the links {base!r} and {chain.tip!r}")
-    _check(tree, chain)
-    return chain
+    if tips is None:
+        part = _by_default(tree, base)
+    else:
+        names = (tips,) if isinstance(tips, str) else tuple(dict.fromkeys(tips))
+        part = _between(tree, base, tuple(_known(tree, tip) for tip in names))
+    if not part.moving:
+        ends = " or ".join(map(repr, part.tips))
+        raise InputError(f"{tree.source}: no moving joint between the links {base!r} and {ends}")
+    _check(tree, part)
+    return part
 
 
 def _known(tree: UrdfTree, link: str) -> str:
@@ -70,14 +81,24 @@ def _known(tree: UrdfTree, link: str) -> str:
     return link
 
 
-def _between(tree: UrdfTree, base: str, tip: str) -> Chain:
-    path = tree.path(base, tip)
-    if path is None:
-        raise InputError(
-            f"{tree.source}: link {tip!r} does not hang below link {base!r}; choose another base or tip: "
-            f"{_how_they_hang(tree, base, tip)}"
-        )
-    return Chain(base, tip, path)
+def _between(tree: UrdfTree, base: str, tips: tuple[str, ...]) -> MovingPart:
+    names: set[str] = set()
+    for tip in tips:
+        path = tree.path(base, tip)
+        if path is None:
+            raise InputError(
+                f"{tree.source}: link {tip!r} does not hang below link {base!r}; choose another base or tip: "
+                f"{_how_they_hang(tree, base, tip)}"
+            )
+        names |= {joint.name for joint in path}
+    joints, todo = list[TreeJoint](), tree.below[base][::-1]
+    while todo:
+        joint = todo.pop()
+        if joint.name in names:
+            joints.append(joint)
+            todo += reversed(tree.below[joint.child])
+    above = {joint.parent for joint in joints if len(tips) > 1}
+    return MovingPart(base, tuple(tip for tip in tips if tip not in above), joints)
 
 
 def _how_they_hang(tree: UrdfTree, base: str, tip: str) -> str:
@@ -88,28 +109,66 @@ def _how_they_hang(tree: UrdfTree, base: str, tip: str) -> str:
     return f"both hang below link {shared!r}"
 
 
-def _without_gripper(tree: UrdfTree, base: str) -> Chain:
+def _by_default(tree: UrdfTree, base: str) -> MovingPart:
     tips = _moving_tips(tree, base)
     if not tips:
         raise InputError(f"{tree.source}: no moving joint below link {base!r}")
-    fork, fingers = tips[0], list[str]()
-    notes: tuple[Finding, ...] = ()
-    if len(tips) > 1:
-        fork = _fork(tree, base, tips)
-        below = [[joint.name for joint in tree.path(fork, tip) or () if joint.kind != "fixed"] for tip in tips]
-        fingers = list(dict.fromkeys(names[0] for names in below))
-        what = f"the chain ends here, where fingers part; {', '.join(listing(fingers))} are held at zero"
-        notes = (Finding("assumed", f"link {fork!r}", what, "`tip` chooses another end"),)
-    chain = _between(tree, base, fork)
-    moving = chain.moving
+    if len(tips) == 1:
+        return _without_gripper(tree, base, tips[0])
+    paths = [tree.path(base, tip) or [] for tip in tips]
+    shared: list[TreeJoint] = [
+        level[0] for level in zip(*paths, strict=False) if all(joint is level[0] for joint in level)
+    ]
+    arm = _count(shared)
+    if not (arm >= _FEWEST_OF_ARM and max(map(_count, paths)) - arm < arm):
+        return _limbs_alone(tree, base, tips)
+    fork = shared[-1].child
+    below = [[joint.name for joint in tree.path(fork, tip) or () if joint.kind != "fixed"] for tip in tips]
+    fingers = list(dict.fromkeys(names[0] for names in below))
+    what = f"the chain ends here, where fingers part; {', '.join(listing(fingers))} are held at zero"
+    note = Finding("assumed", f"link {fork!r}", what, "`tip` chooses another end")
+    return _without_gripper(tree, base, fork, (note,), tuple(fingers))
+
+
+def _without_gripper(
+    tree: UrdfTree, base: str, tip: str, notes: tuple[Finding, ...] = (), fingers: tuple[str, ...] = ()
+) -> MovingPart:
+    """The chain to a tip, up to the first of the joints at its end that move a gripper."""
+    part = _between(tree, base, (tip,))
+    moving = part.moving
     held: list[TreeJoint] = []
     while moving and _moves_gripper(moving[-1]):
         held.insert(0, moving.pop())
     if not held or not moving:  # a hand or a finger alone is kept whole
-        return Chain(base, fork, chain.path, notes, tuple(fingers))
-    shorter = _between(tree, base, held[0].parent)
+        return replace(part, notes=notes, held=fingers)
+    shorter = _between(tree, base, (held[0].parent,))
     names = (*(joint.name for joint in held), *fingers)
-    return Chain(base, shorter.tip, shorter.path, (*_held(tree, held, fork), *notes), names)
+    return replace(
+        shorter, notes=(*_held(tree, held, "moves a gripper", f"`tip={tip!r}` includes it"), *notes), held=names
+    )
+
+
+def _limbs_alone(tree: UrdfTree, base: str, tips: Sequence[str]) -> MovingPart:
+    """All limbs, without what they hold; wheels and fingers only where there is nothing else."""
+    limbs = _limbs(tree, base, tips)
+    ends = [limb[-1].child for limb in map(_without_wheels, limbs) if limb] or [limb[-1].child for limb in limbs]
+    part = _between(tree, base, tuple(ends))
+    still = "stands still, as on a stand or a table, and so does all that it carries but these limbs"
+    notes = [Finding("assumed", f"link {base!r}", still, "`base_link` and `tip` choose a part")]
+    links = {joint.child for tip in tips for joint in tree.path(base, tip) or ()}
+    moving = part.moving_names
+    held = [j for link in tree.below if link in links and (j := tree.above[link]).kind != "fixed"]
+    if held := [joint for joint in held if joint.name not in moving]:
+        notes += _held(tree, held, "moves a gripper, or is a wheel", "`tip`, given for each end, includes it")
+    return replace(part, notes=tuple(notes), held=tuple(joint.name for joint in held))
+
+
+def _without_wheels(limb: Sequence[TreeJoint]) -> list[TreeJoint]:
+    """A limb up to the wheels, or fingers, at its end; nothing where it is one."""
+    left = list(limb)
+    while left and (left[-1].kind == "fixed" or _ENDS.search(f"{left[-1].name} {left[-1].child}")):
+        left.pop()
+    return left
 
 
 def _moves_gripper(joint: TreeJoint) -> bool:
@@ -122,9 +181,9 @@ def _moves_gripper(joint: TreeJoint) -> bool:
     return bool(_HAND.search(joint.name) or _FINGER.search(joint.child) or gripper)
 
 
-def _held(tree: UrdfTree, held: Sequence[TreeJoint], tip: str) -> tuple[Finding, ...]:
-    where = f"joint {', '.join(joint.name for joint in held)}"
-    note = Finding("assumed", where, "moves a gripper: held at zero and left out", f"`tip={tip!r}` includes it")
+def _held(tree: UrdfTree, held: Sequence[TreeJoint], what: str, advice: str) -> tuple[Finding, ...]:
+    where = f"joint {', '.join(listing(joint.name for joint in held))}"
+    note = Finding("assumed", where, f"{what}: held at zero and left out", advice)
     ranges = ((joint.name, rest(tree, joint)[0], range_of(joint)) for joint in held)
     if outside := [name for name, position, (lower, upper) in ranges if not lower <= position <= upper]:
         return (note, Finding("suspicious", f"joint {', '.join(outside)}", "held where its limits do not allow it"))
@@ -145,25 +204,6 @@ def _moving_tips(tree: UrdfTree, base: str) -> list[str]:
         if joint.kind != "fixed" or link in leads_on:
             leads_on.add(joint.parent)
     return tips
-
-
-def _fork(tree: UrdfTree, base: str, tips: Sequence[str]) -> str:
-    """Link behind which fingers part: several chains, each of fewer joints than the arm before them."""
-    paths = [tree.path(base, tip) or [] for tip in tips]
-    shared: list[TreeJoint] = [
-        level[0] for level in zip(*paths, strict=False) if all(joint is level[0] for joint in level)
-    ]
-    arm = _count(shared)
-    if arm >= _FEWEST_OF_ARM and max(map(_count, paths)) - arm < arm:
-        return shared[-1].child
-    hint = f" (`tip={shared[-1].child!r}` ends where they part)" if arm else ""
-    limbs = sorted(_limbs(tree, base, tips), key=_rank)
-    proposed = f"; {_proposal(tree, base, limbs)}" if limbs else ""
-    ends = ", ".join(listing(limb[-1].child for limb in limbs)) or ", ".join(listing(tips))
-    raise InputError(
-        f"{tree.source}: {len(limbs) or len(tips)} moving chains start from link {base!r}; choose the last link with "
-        f"`tip`{hint}{proposed}; the chains end at: {ends}"
-    )
 
 
 def _count(path: Iterable[TreeJoint]) -> int:
@@ -194,88 +234,79 @@ def _limbs(tree: UrdfTree, base: str, tips: Sequence[str]) -> list[list[TreeJoin
     return list(limbs.values())
 
 
-def _rank(limb: Sequence[TreeJoint]) -> tuple[bool, bool, int]:
-    """Order of limbs: arms first, wheels last, and the more joints the better."""
-    ends = f"{limb[-1].name} {limb[-1].child}"
-    return bool(_WHEEL.search(ends) or _FINGER.search(ends)), not _is_arm(limb), -_count(limb)
-
-
-def _is_arm(limb: Sequence[TreeJoint]) -> bool:
-    names = " ".join(f"{joint.name} {joint.child}" for joint in limb)
-    return bool(_ARM.search(names)) and not _LEG.search(names)
-
-
-def _proposal(tree: UrdfTree, base: str, limbs: Sequence[Sequence[TreeJoint]]) -> str:
-    """The first limb that can be read, with the options that choose it."""
-    for limb in limbs:
-        first = limb[0].parent if _count(tree.path(base, limb[0].parent) or ()) else base
-        if given := working_ends(tree, [(first, limb[-1].child)], base, None):
-            joints = f"{_count(limb)} joint{'s' * (_count(limb) > 1)}"
-            return f"for the {'arm' if _is_arm(limb) else 'limb'} of {joints} give {given}"
-    return "none of them is a serial chain of joints that move on their own"
+Ends = tuple[str, tuple[str, ...]]  # a base and its tips
 
 
 def working_ends(
     tree: UrdfTree,
-    candidates: Iterable[tuple[str, str]],
-    base: str,
-    tip: str | None,
-    accepts: Callable[[Chain], object] = lambda chain: None,
+    candidates: Iterable[Ends],
+    given: Ends,
+    accepts: Callable[[MovingPart], object] = lambda part: None,
 ) -> str:
-    """Options that choose a chain that can be read, each with what differs from the ends given; empty if none does."""
+    """Options that choose what can be read, each with what differs from the ends given; empty if none does."""
     texts = []
-    for first, last in candidates:
+    for base, tips in candidates:
         with suppress(InputError):
-            chain = _between(tree, first, last)
-            _check(tree, chain, advise=False)
-            accepts(chain)
-            options = {"base_link": (first, base), "tip": (last, tip)}
-            given = " and ".join(f"`{name}={new!r}`" for name, (new, old) in options.items() if new != old)
-            if chain.moving and given:
-                texts.append(given)
+            part = _between(tree, base, tips)
+            _check(tree, part, advise=False)
+            accepts(part)
+            options = [f"`base_link={base!r}`"] if base != given[0] else []
+            options += [f"`tip={tip!r}`" for tip in part.tips] if part.tips != given[1] else []
+            if part.moving and options:
+                texts.append(" and ".join(options))
     return ", or ".join(dict.fromkeys(texts))
 
 
-def _check(tree: UrdfTree, chain: Chain, *, advise: bool = True) -> None:
-    """Refuse joints that a serial chain of independent coordinates cannot hold."""
+def _check(tree: UrdfTree, part: MovingPart, *, advise: bool = True) -> None:
+    """Refuse joints that independent coordinates cannot hold."""
 
-    def refuse(what: str, candidates: Iterable[tuple[str, str]], otherwise: str) -> None:
-        working = working_ends(tree, candidates, chain.base, chain.tip) if advise else ""
+    def refuse(what: str, candidates: Iterable[Ends], otherwise: str) -> None:
+        working = working_ends(tree, candidates, (part.base, part.tips)) if advise else ""
         cure = f"what works is {working}" if working else otherwise
         raise InputError(f"{tree.source}: {what}; {cure}")
 
-    base, tip = chain.base, chain.tip
-    for joint in chain.moving:
+    for joint in part.moving:
         if joint.kind not in MOVING:
             refuse(
-                f"joint {joint.name!r} on the chain is {joint.kind}, expected {', '.join(MOVING)} or fixed",
-                [(joint.child, tip), (base, joint.parent)],
+                f"joint {joint.name!r} on the {part.word} is {joint.kind}, expected {', '.join(MOVING)} or fixed",
+                _beside(tree, part, [joint]),
                 'no joint of the other kinds moves before or behind it: write type="fixed" if it stands still',
             )
         if joint.mimic is not None:
             refuse(
-                f"joint {joint.name!r} on the chain mimics joint {joint.mimic.joint!r}, expected joints that move on "
-                "their own",
-                _around(tree, chain, joint, joint.mimic.joint),
+                f"joint {joint.name!r} on the {part.word} mimics joint {joint.mimic.joint!r}, expected joints that "
+                "move on their own",
+                _around(tree, part, joint, joint.mimic.joint),
                 _UNTIE,
             )
-    moving = chain.moving_names
+    moving = part.moving_names
     for joint in tree.above.values():
         leader = rest(tree, joint)[1]
         if joint.name not in moving and leader in moving:
             refuse(
-                f"joint {joint.name!r} off the chain mimics joint {leader!r} on the chain, expected one that stands "
-                "still",
-                _around(tree, chain, joint, leader),
+                f"joint {joint.name!r} off the {part.word} mimics joint {leader!r} on the {part.word}, expected one "
+                "that stands still",
+                _around(tree, part, joint, leader),
                 _UNTIE,
             )
 
 
-def _around(tree: UrdfTree, chain: Chain, follower: TreeJoint, leader: str) -> list[tuple[str, str]]:
-    """Ends of chains that may leave out a joint and the one that it follows."""
+def _beside(tree: UrdfTree, part: MovingPart, joints: Sequence[TreeJoint]) -> list[Ends]:
+    """What moves behind each of some joints, then what moves without each."""
+    below = [tuple(tip for tip in part.tips if tree.path(joint.child, tip) is not None) for joint in joints]
+    behind = [(joint.child, tips or part.tips) for joint, tips in zip(joints, below, strict=True)]
+    without = []
+    for joint, tips in zip(joints, below, strict=True):
+        others = tuple(tip for tip in part.tips if tip not in tips and len(part.tips) > 1)
+        without.append((part.base, others if others and joint.parent == part.base else (*others, joint.parent)))
+    return [*behind, *without]
+
+
+def _around(tree: UrdfTree, part: MovingPart, follower: TreeJoint, leader: str) -> list[Ends]:
+    """Ends of what may leave out a joint and the one that it follows."""
     pair = [joint for joint in tree.above.values() if joint.name in (follower.name, leader)]
-    ends = [(joint.child, chain.tip) for joint in pair] + [(chain.base, joint.parent) for joint in pair]
-    return [*ends, *((first.child, last.parent) for first in pair for last in pair)]
+    between = ((first.child, (last.parent,)) for first in pair for last in pair)
+    return [*_beside(tree, part, pair), *between]
 
 
 def rest(tree: UrdfTree, joint: TreeJoint) -> tuple[float, str]:
