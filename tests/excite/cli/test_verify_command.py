@@ -105,7 +105,7 @@ def test_numbers_are_printed_before_figures_are_drawn(
     here.run("identify", "irp6", "run.csv", "--out", "new")
     here.run("verify", "result", "again.csv")
     identified, verified = printed
-    assert identified.startswith("Identified all ")
+    assert identified.startswith("Base parameters of ")
     assert "least certain" in identified
     assert "q1" in verified.partition("again.csv: 401 rows; torques are predicted within ")[2]
 
@@ -114,7 +114,7 @@ def test_a_wrong_result_is_not_and_tolerances_are_percents(here: Here) -> None:
     changed(here, scaled(1.3))
     ended = here.run("verify", "result", "again.csv")
     assert (ended.returncode, ended.stderr) == (1, "")
-    assert "Do not rely on the result: predictions differ from the measurements by 30" in ended.stdout
+    assert "Do not rely on the result: predictions miss 30" in ended.stdout
     content = json.loads((here.cwd / "result" / "verification-again.json").read_text())
     assert content["holds"] is False
     assert len(content["against"]) >= 2

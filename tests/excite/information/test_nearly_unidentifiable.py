@@ -186,7 +186,7 @@ def test_of_unknown_masses_nothing_is_said() -> None:
 @pytest.mark.slow
 def test_a_design_names_the_joint_in_its_notes() -> None:
     design = design_trajectory(Task(str(SCARA), starts=1, executor="serial", period=4.0, harmonics=3))
-    assert sum("hardly excites roll (" in note for note in design.notes) == 1
+    assert sum("hide the masses behind roll (" in note for note in design.notes) == 1
 
 
 # --- left out --------------------------------------------------------------------------------------------------------
