@@ -17,7 +17,7 @@ from excite.registry import name_of
 from excite.study.period_search import runs_text
 from excite.views.comparison_view import bound_view
 from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, number, texts
-from regressors.errors import listed_names
+from regressors.errors import listed_names, percent
 
 _ASKED = ("robot", "model", "trajectory", "period", "criterion", "starts", "seed")
 _CONDITION = "condition, base gautier"
@@ -48,6 +48,11 @@ def design_view(design: Design, *, whole: bool = True) -> View:
         verdict=f"{_held(design)}; condition number {design.condition_number:.4g}{_guesses(design, guesses)}",
         holds=design.feasible and (sought is None or sought.met),
         caution=bool(collisions_unchecked(each.limit for each in design.unchecked)),
+        numbers=(
+            ("condition number", f"{design.condition_number:.4g}"),
+            ("limit used most", percent(max((use.use for use in design.limits), default=0.0), 3)),
+            ("duration", f"{design.sequence.duration:.4g} s"),
+        ),
         summary=(
             *(() if sought is None else _precision(design, sought)),
             *(_asked(design) if whole else ()),
@@ -116,6 +121,8 @@ def _asked(design: Design) -> Iterator[str]:
         longer = float(design.provenance["cpu_seconds"]) / design.search.populations
         good = "hardly better motions are left" if design.search.left < _LITTLE else "better motions are left"
         worth = f"; {good}: another {more} ({longer:.2g} s) would gain about {100 * design.search.left:.1g} %"
+    elif len(ends := sorted(start.value for start in design.starts)) > 1:
+        worth = f"; the two best starts differ by {percent(abs(ends[1] / ends[0] - 1))}"
     yield (
         f"{design.robot.name}: {name_of(task.model.model)} model, {', '.join(design.target.motion.labels)} move, "
         f"{design.base.rank} base parameters; {task.trajectory.period:g} s, {design.trajectory.family.described}; "

@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.design.task_file import task_content
 from excite.identification.between_logs import interval_scope, scatter_warning
-from excite.identification.doubts import answers, known_text
+from excite.identification.doubts import WELL, answers, known_text
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.result_json import KIND
@@ -40,6 +40,11 @@ def identification_view(result: Identification) -> View:
         title=result.name,
         verdict=_verdict(result),
         holds=False if result.doubts else None,
+        numbers=(
+            (f"parameters known to {100 * WELL:g} %", known_text(result).partition(" are")[0]),
+            ("torques missed where identified", percent(result.facts.relative_error, 3)),
+            ("condition number, measured", f"{result.condition_number:.4g}"),
+        ),
         summary=(_data(result), _condition(result), *_answers(result), *_repeated(result)),
         against=_against(result),
         remarks=(
@@ -55,7 +60,6 @@ def identification_view(result: Identification) -> View:
             *_standard(result),
             *_repetitions(result),
             _residuals(result),
-            _conditions(result),
             _logs(result),
         ),
         asked=(*asked(task_content(result.task), ("robot", "model")), *_recipe(result.recipe)),
@@ -231,13 +235,6 @@ def _residuals(result: Identification) -> ViewTable:
         for r in result.facts.residuals
     )
     return ViewTable("residuals", "Residuals", columns, rows)
-
-
-def _conditions(result: Identification) -> ViewTable:
-    designed = None if result.design is None else result.design.condition_number
-    rows = (("measured", result.condition_number), ("designed", designed))
-    note = "cond(W), columns of the left-to-right QR base (Gautier 1991), SI, unscaled."
-    return ViewTable("condition", "Condition of the equations", headed("equations:text, value"), rows, note=note)
 
 
 def repetitions_view(result: Identification, repeated: Repetitions) -> View:

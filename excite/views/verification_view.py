@@ -29,6 +29,11 @@ def verification_view(verification: Verification, name: str = "") -> View:
         title=f"verification on {log.file}",
         verdict=v.verdict.text,
         holds=v.holds,
+        numbers=(
+            ("torques missed on another log", percent(v.relative_error, 3)),
+            ("joints confirmed", f"{len(v.verdict.confirmed)} of {len(v.torques)}"),
+            ("largest drift when simulated", percent(max((m.relative for m in v.motions or ()), default=math.nan), 2)),
+        ),
         summary=(_predicted(v), *v.verdict.answers),
         remarks=(*v.verdict.remarks, *log.notes),
         asked=tuple((f"tolerance of the {name}", f"{100 * value:g} %") for name, value in vars(v.tolerances).items()),
