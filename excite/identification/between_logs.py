@@ -147,8 +147,8 @@ def interval_scope(logs: int) -> str:
     """Describe what the intervals of a result hold for."""
     if logs == 1:
         return (
-            "the intervals cover the noise of this log, not what changes from log to log, which on two real robots was "
-            f"up to {TYPICAL:g} times as much; identify from several logs to include it"
+            "the intervals cover the noise of this log alone: on two real robots, estimates from different logs "
+            f"scattered up to {TYPICAL:g} times as much as stated; identify from several logs to include that"
         )
     return f"the intervals hold across logs such as these {logs}"
 

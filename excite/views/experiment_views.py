@@ -181,6 +181,7 @@ def payload_view(payload: PayloadResult) -> View:
         against=tuple(f"doubt: {doubt}" for doubt in payload.doubts[1:]),
         remarks=payload.notes,
         tables=(_numbers(payload),),
+        facts={"robot": payload.robot.name, "robot_sha256": payload.robot.sha256()},
     )
 
 

@@ -122,6 +122,6 @@ def test_each_log_is_estimated_as_if_it_were_alone(logs: tuple[Log, Log]) -> Non
     assert "each" not in plain["between_logs"]["parameters"][0]
     single = result_content(alone[0])
     assert single["between_logs"] is None
-    assert single["interval_scope"].startswith("the intervals cover the noise of this log")
+    assert single["interval_scope"].startswith("the intervals cover the noise of this log alone")
     with pytest.raises(InputError, match="`each` compares the estimates of several logs, but one log is given"):
         identify(TASK, logs[0], recipe=EXACT, each=True)
