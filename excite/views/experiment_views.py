@@ -173,11 +173,7 @@ def payload_view(payload: PayloadResult) -> View:
         title=f"payload of {payload.robot.name}",
         verdict=f"{held}; doubt: {payload.doubts[0]}" if payload.doubts else held,
         holds=not payload.doubts,
-        numbers=(
-            ("mass", f"{body.mass:.4g} kg"),
-            ("99 % interval", f"{low:.4g} to {high:.4g} kg"),
-            ("centre of mass", f"{where} mm"),
-        ),
+        numbers=(("mass", f"{body.mass:.4g} kg"), ("99 %", f"{low:.4g} to {high:.4g} kg"), ("centre", f"{where} mm")),
         against=tuple(f"doubt: {doubt}" for doubt in payload.doubts[1:]),
         remarks=payload.notes,
         tables=(_numbers(payload),),

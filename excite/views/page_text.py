@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
-from itertools import groupby
+from itertools import chain, groupby, zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -59,10 +59,9 @@ def page_text(sections: Sequence[PageSection]) -> str:
     page: str = _template().render(
         groups=_groups(sections),
         views=views,
-        robot=headline.facts.get("robot", headline.title),
+        robot=", ".join(dict.fromkeys(v.facts["robot"] for v in views if "robot" in v.facts)) or headline.title,
         headline=headline,
-        first_numbers=_first_numbers(views),
-        moving=next((k for k, section in enumerate(sections) if section.motion is not None), None),
+        first_numbers=list(chain(*zip_longest(*(view.numbers for view in views)))),
         motions=[None if each.motion is None else _data(each.motion) for each in sections],
         policy=_policy(scripts, style),
         scripts=scripts,
@@ -78,12 +77,6 @@ def _headline(views: Sequence[View]) -> View:
     """The first view that does not hold, or else the last that was judged."""
     judged = [view for view in views if view.holds is not None] or views[:1]
     return next((view for view in judged if not view.holds), judged[-1])
-
-
-def _first_numbers(views: Sequence[View]) -> list[tuple[str, str]]:
-    """Three numbers of a page: of each of several views the first one."""
-    ranked = sorted((k, j, pair) for j, view in enumerate(views) for k, pair in enumerate(view.numbers))
-    return [pair for *_, pair in ranked[:3]]
 
 
 def _groups(sections: Sequence[PageSection]) -> list[list[tuple[int, PageSection]]]:
@@ -105,13 +98,6 @@ def _grouped(texts: Sequence[str]) -> list[tuple[str, list[str]]]:
     return groups
 
 
-def _judged(view: View) -> str:
-    """One or two words."""
-    if view.holds:
-        return "Caution" if view.caution else "Holds"
-    return "Result" if view.holds is None else "Does not hold"
-
-
 def notebook_text(result: Any) -> str:
     """What a notebook shows of a result: its verdict, its summary, and its first table."""
     view = None
@@ -125,8 +111,7 @@ def _template(name: str = "page.html") -> Any:
         loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.finalize = _literal
-    environment.filters |= {"code": _with_code, "cells": _cells, "facts": _facts}
-    environment.filters |= {"grouped": _grouped, "judged": _judged}
+    environment.filters |= {"code": _with_code, "cells": _cells, "facts": _facts, "grouped": _grouped}
     return environment.get_template(name)
 
 
