@@ -15,7 +15,7 @@ from excite.cli.friction_commands import OF_RUNS
 from excite.cli.main import NOT_HELD
 from excite.cli.options import chosen_of, robot_file_of, task_of
 from excite.cli.progress import one_interrupt
-from excite.cli.streams import in_options, remark, tell
+from excite.cli.streams import tell
 from excite.cli.summary import console, print_view, show
 from excite.design.design_folder import check_no_design, shown_content
 from excite.design.friction_runs.friction_plan import FIGURE as RUNS, check_no_plan
@@ -122,8 +122,6 @@ def design_and_write(robot: str, out: Path, **given: Any) -> None:
             interruption.ignore()
             files = motion.design.save(out, replace=given["force"])
             files = [*given["figures"].write(motion.design, out), *files]
-    for note in motion.notes:
-        remark(f"excite: note: {in_options(note)}")
     design, box = motion.design, motion.box
 
     def content() -> dict[str, Any]:

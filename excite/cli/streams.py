@@ -53,6 +53,7 @@ def remark(text: str) -> None:
     """Print a line on stderr that ``--quiet`` leaves out, such as a note."""
     if not verbosity().quiet:
         say(text)
+        verbosity().said.append(text)
 
 
 class _Lines(logging.Handler):
@@ -94,6 +95,7 @@ class Verbosity:
     as_json: bool = False  # one JSON document on stdout instead of text
     # when the command line was read, on the clock `time.monotonic` [s]
     began: float = field(default_factory=time.monotonic)
+    said: list[str] = field(default_factory=list)  # notes on stderr, which the summary leaves out
 
 
 def verbosity() -> Verbosity:

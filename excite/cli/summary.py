@@ -12,6 +12,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from importlib.metadata import version
 from itertools import chain, takewhile
 from pathlib import Path
@@ -56,6 +57,8 @@ def show(
     """Show a view in the form that was asked for: its summary, all of it, its verdict alone, or its content as JSON."""
     something_is_shown()
     chosen = verbosity()
+    left = tuple(text for text in view.remarks if f"excite: note: {in_options(text)}" not in chosen.said)
+    view = replace(view, remarks=left)
 
     def drawn() -> Sequence[Path]:
         written = files() if callable(files) else files

@@ -97,8 +97,8 @@ def _torques(robot: Robot, joints: tuple[str, ...], task: Task) -> StatedLimits:
     except InputError as error:
         return StatedLimits(unchecked=(Unchecked("torque", str(error)),))
     note = (
-        f"the design keeps {100 * TORQUE_MARGIN:g} % of the torque limits in reserve, computed from the known "
-        "masses and friction; `torque_margin` changes the reserve"
+        f"torques, computed from the known masses and friction, stay {100 * TORQUE_MARGIN:g} % below their limits; "
+        "`torque_margin` changes that"
     )
     return StatedLimits(tuple(constraints), (), (note,))
 
@@ -217,8 +217,8 @@ def _surface_note(surface: Obstacle, robot: Robot, *, assumed: bool) -> str:
     height = "through" if abs(offset) < _ROUNDING else f"{abs(offset):.3g} m {'above' if offset > 0 else 'below'}"
     still = "; the base is assumed to stand still" if abs(offset) > _MOVABLE else ""
     return (
-        f"all that moves{shape} keeps {surface.clearance:g} m from the {surface.name}, which is a plane {height} the "
-        f"origin of the base{still}; `floor` moves it"
+        f"what moves{shape} stays {surface.clearance:g} m from the {surface.name}, a plane {height} the origin of the "
+        f"base{still}; `floor` moves it"
     )
 
 

@@ -28,7 +28,7 @@ from excite.information.target import (
 from excite.registry import CRITERIA, instance, name_of, part
 from excite.tasks.criteria import Criterion, TorqueCriterion
 from excite.tasks.task import Task
-from regressors.errors import InputError
+from regressors.errors import InputError, listed_names
 from regressors.models.base import Base
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion
@@ -171,8 +171,8 @@ def task_notes(target: IdentificationTarget, task: Task, limits: tuple[LinearCon
 
 
 def _limit_notes(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> tuple[str, ...]:
-    free = ", ".join(unbounded(motion, limits, 2))
-    return (f"no acceleration limit is known for {free}; give one with `acceleration`",) if free else ()
+    free = listed_names(unbounded(motion, limits, 2), 3)
+    return (f"accelerations of {free} are not limited: none is stated; give one with `acceleration`",) if free else ()
 
 
 def _prior_notes(task: Task) -> tuple[str, ...]:

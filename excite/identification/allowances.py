@@ -204,15 +204,15 @@ def allowing_for_curves(
     if estimate.method not in METHODS:
         return noted(
             estimate,
-            "intervals do not allow for the uncertainty of the friction curves: it is "
-            f"not implemented for {estimate.method}",
+            "the intervals leave out the uncertainty of the friction curves, which the estimator "
+            f"{estimate.method} cannot include",
         )
     changes, correlation = curve_errors(estimate, observations, measured, friction.of(moving))
     wider = allowing_for(estimate, changes, covariance=correlation)
     known = np.isfinite(estimate.deviation) & (estimate.deviation > 0)
     ratio = np.divide(wider.deviation, estimate.deviation, out=np.ones(known.size), where=known)
     worst = int(np.argmax(ratio))
-    note = "intervals allow for the uncertainty of the friction curves"
+    note = "the intervals include the uncertainty of the friction curves"
     if ratio[worst] < _LITTLE:
         note += ", which changes them little"
     else:
@@ -372,7 +372,7 @@ def allowing_for_selection(estimate: Estimate, added: Sequence[int] | Index, can
     tail = (1 - CONFIDENCE) / 2
     one, several = -scipy.special.stdtrit(freedom, [tail, tail / candidates])
     share = ((several / one) ** 2 - 1) * np.linalg.pinv(C[np.ix_(J, J)], hermitian=True)
-    note = f"the intervals allow for {J.size} of {candidates} possible terms having been chosen by the same data"
+    note = f"{J.size} of {candidates} possible terms were chosen by the same data, which the intervals include"
     return allowing_for(estimate, C[:, J], note, covariance=share)
 
 
@@ -383,4 +383,4 @@ def allowing_for_pull(estimate: Estimate, estimator: Estimator, observations: Ob
     free = weighted(observations)
     seen = np.isfinite(np.diag(estimate.covariance)) & np.isfinite(free.values)
     bias = np.where(seen, estimate.values - free.values, 0.0)
-    return allowing_for(estimate, bias, "the intervals allow for the pull: they reach the estimate without it")
+    return allowing_for(estimate, bias, "the intervals reach as far as the estimate without the description")

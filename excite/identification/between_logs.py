@@ -115,16 +115,18 @@ def _probabilities(each: EachLog, weights: Array, counts: Array, ratios: Array) 
 def allowing_for_logs(estimate: Estimate, scatter: LogScatter) -> Estimate:
     """Extend the intervals of an estimate from several logs by their scatter."""
     if not np.any(np.isfinite(scatter.ratios)):
-        note = "no parameter is identifiable from two of the logs alone: the intervals do not allow for their scatter"
+        note = (
+            "no parameter is identifiable from two of the logs alone: the intervals leave out the scatter between logs"
+        )
         return noted(estimate, note)
     factor = np.sqrt(scatter.factors())
     seen = np.isfinite(np.diag(estimate.covariance))
     wider = np.where(np.outer(seen, seen), estimate.covariance * np.outer(factor, factor), estimate.covariance)
     K = len(scatter.each.logs)
     note = (
-        f"the intervals allow for the scatter between the {K} logs, which is {scatter.rms:.2g} times what their noise "
-        f"explains (root mean square): deviations up to {factor.max():.2g} times those for noise alone, Student's t "
-        f"with {K} degrees of freedom; more logs narrow them"
+        f"estimates from the {K} logs scatter {scatter.rms:.2g} times as much as noise explains; the intervals include "
+        f"that (deviations up to {factor.max():.2g} times those for noise alone, Student's t with {K} degrees of "
+        "freedom), and more logs narrow them"
     )
     freedom = min(K, estimate.degrees_of_freedom)
     return noted(replace(estimate, covariance=wider, degrees_of_freedom=freedom), note)
@@ -135,9 +137,9 @@ def scatter_warning(scatter: LogScatter) -> str | None:
     if not (names := scatter.exceeding):
         return None
     return (
-        f"{', '.join(names)} differ{'s' * (len(names) == 1)} between the logs by more than the noise of each explains "
-        f"(Welch's test at 1 % for all parameters together): something changes from log to log, such as temperature or "
-        "payload, or the model leaves out what the motions excite differently"
+        f"{', '.join(names)} differ{'s' * (len(names) == 1)} from log to log by more than noise explains (Welch's test "
+        "at 1 % for all parameters together): check whether temperature or payload changed; otherwise the model lacks "
+        "something that the motions excite differently"
     )
 
 
@@ -145,11 +147,10 @@ def interval_scope(logs: int) -> str:
     """Describe what the intervals of a result hold for."""
     if logs == 1:
         return (
-            "the intervals are for this log: they state what its noise does, not what changes from log to log. On the "
-            f"two real robots measured, estimates from different logs scattered up to {TYPICAL:g} times as much as "
-            "such intervals state; identify from several logs to have that included"
+            "the intervals cover the noise of this log alone: on two real robots, estimates from different logs "
+            f"scattered up to {TYPICAL:g} times as much as stated; identify from several logs to include that"
         )
-    return f"the intervals hold across logs such as these {logs}: the scatter between them is included"
+    return f"the intervals hold across logs such as these {logs}"
 
 
 @dataclass(frozen=True, eq=False)

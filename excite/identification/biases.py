@@ -96,8 +96,8 @@ def allowing_for_standstill(
     change = np.where(np.isfinite(other.values), other.coefficients - before.coefficients, estimate.coefficients)
     worst, share = largest_share(estimate, change)
     note = (
-        f"friction near standstill: without rows of drives slower than {speed:.3g} rad/s (m/s) {estimate.names[worst]} "
-        f"changes most, by {share:.2g} of its deviations; the intervals allow for that"
+        f"without the rows of drives slower than {speed:.3g} rad/s (m/s), where friction is uncertain, "
+        f"{estimate.names[worst]} changes most, by {share:.2g} standard deviations, which the intervals include"
     )
     return allowing_for(estimate, change, *((note,) if share >= _SAID else ()))
 
@@ -241,14 +241,16 @@ def allowing_for_motion_noise(estimate: Estimate, estimator: Estimator, context:
     try:
         shifted = [_estimated_with(estimator, context, what, [sign * n for n, _ in known]) for sign in (1.0, -1.0)]
     except ExciteError:  # so much noise that nothing can be estimated
-        return noted(estimate, "the bias by noise in the motion could not be determined")
+        return noted(
+            estimate, "noise of the positions is too large to determine what it does: the intervals leave it out"
+        )
     bias = _motion_bias(estimate, shifted, share)
     bias = np.where(np.isfinite(bias), bias, 0.0)
     worst, deviations = largest_share(estimate, bias)
     parts = f"{percent(abs(bias[worst] / estimate.values[worst]))} or " if estimate.values[worst] else ""
     note = (
-        f"noise in the motion biases {estimate.names[worst]} most, by about {parts}{deviations:.2g} of its deviations; "
-        "the intervals allow for that. A lower `cutoff` lessens it"
+        f"noise of the positions shifts {estimate.names[worst]} most, by about {parts}{deviations:.2g} standard "
+        "deviations, which the intervals include; a lower `cutoff` reduces it"
     )
     return allowing_for(estimate, bias, *((note,) if deviations > _BIAS_SAID else ()))
 
@@ -365,10 +367,10 @@ def hidden_offset(estimate: Estimate, observations: Observations, target: Identi
     names = [estimate.names[known[k]] for k in np.flatnonzero(moved.max(axis=1) > 1)]
     joint, unit = observations.equations[j]
     return Doubt(
-        f"the intervals of {', '.join(names)} are right only if the torques have no offset",
-        f"a constant {size[j]:.2g} {unit} of {joint} would not show in these logs, and would move "
-        f"{estimate.names[known[worst]]} by {moved[worst, j]:.2g} times half of its interval",
-        "check the zeros of the torques, or identify an offset of each drive along (`offset=True`)",
+        f"an offset of the measured torques would hide in {', '.join(names)}",
+        f"{size[j]:.2g} {unit} on {joint} moves {estimate.names[known[worst]]} by {moved[worst, j]:.2g} times the "
+        "half-width of its interval and shows nowhere in these logs",
+        "check the zeros of the torques, or identify an offset of each drive too (`offset=True`)",
     )
 
 

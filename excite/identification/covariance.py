@@ -89,7 +89,7 @@ def _newey_west(estimate: Estimate, observations: Observations, paths: NoisePath
     m = observations.y.size
     spread *= m / max(1, estimate.degrees_of_freedom)
     over = " to ".join(str(width) for width in sorted({min(widths), max(widths)}))
-    note = f"covariance by Newey and West over {over} instants, about {paths.effective:.0f} effective rows of {m}"
+    note = f"the noise is correlated: {m} rows count as {paths.effective:.0f} (Newey and West over {over} instants)"
     return np.asarray(bread.half @ spread @ bread.half.T), note
 
 
@@ -111,7 +111,7 @@ def _autoregressive(estimate: Estimate, observations: Observations, paths: Noise
             noise, channels = score[stretch][part] / weight, paths.channels[stretch][part]
             groups.append(NoiseGroup(noise, x[part], weight * u[part], channels))
     covariance = bread.half @ autoregressive_covariance(groups, paths.effective, share) @ bread.half.T
-    note = f"covariance for autoregressive noise, about {paths.effective:.0f} effective rows"
+    note = f"the noise is correlated: {m} rows count as {paths.effective:.0f} (autoregressive model)"
     return covariance, note if share == 1.0 else f"{note}; found from {sum(map(len, X))} of {m} rows"
 
 
@@ -134,7 +134,7 @@ def _robust(estimate: Estimate, observations: Observations, paths: NoisePaths) -
     ratio = np.divide(np.diag(other), np.diag(stationary), out=np.ones(len(other)), where=np.diag(stationary) > 0)
     factor = np.sqrt(np.maximum(ratio, 1.0))
     stretches = assumed.partition("; ")[2]
-    least = "each deviation at least that for autoregressive noise" + (stretches and f", {stretches}")
+    least = "no deviation is below that of an autoregressive model" + (stretches and f", {stretches}")
     return stationary * np.outer(factor, factor), f"{note}; {least}"
 
 
@@ -198,7 +198,7 @@ def with_covariance(
     if kind == "white":
         return estimate
     if kind == "auto" and estimate.method not in METHODS:
-        note = "residuals are correlated in time, but the intervals assume white ones: they are too narrow"
+        note = "the intervals are too narrow: they assume independent residuals, but these are correlated in time"
         return replace(estimate, notes=(*estimate.notes, note))
     return robust_covariance(estimate, observations, cumulated=cumulated, channels=channels)
 

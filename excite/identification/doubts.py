@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -102,8 +103,8 @@ def _untold_load(result: Identification, target: IdentificationTarget) -> Doubt 
     if load is None or load[0] < 0:
         return None
     return Doubt(
-        f"the bodies depart from the described ones as if the robot carried something: {load[1]}",
-        "what was identified is the robot with that load, if it had one",
+        f"the robot seems to carry something that its description lacks: {load[1]}",
+        "the parameters are those of the robot with that load",
         "identify again from a log without it, or say with `identify_payload` what it is",
     )
 
@@ -111,9 +112,9 @@ def _untold_load(result: Identification, target: IdentificationTarget) -> Doubt 
 WELL = 0.05  # relative deviation of a parameter that is well known
 
 
-def answers(result: Identification) -> tuple[str, str]:
-    """Whether a possible robot has the parameters of a result, and which of them are known: a sentence each."""
-    return _possible(result), _known(result)
+def answers(result: Identification) -> tuple[str, ...]:
+    """Whether a possible robot has the parameters of a result, how many are known, and which are not: sentences."""
+    return _possible(result), f"parameters: {known_text(result)}", *unknown_texts(result)
 
 
 def _possible(result: Identification) -> str:
@@ -123,27 +124,27 @@ def _possible(result: Identification) -> str:
     if result.doubts:
         return "bodies: not checked, since the torques are not explained"
     if result.estimate.method == "physical":
-        return "bodies: those of a possible robot, which the estimator makes sure of"
-    return f"bodies: nothing shows them impossible (signs of the parameters, mass matrix in some {POSES} poses)"
+        return "bodies: physically possible, since the estimator allows no others"
+    return f"bodies: no sign of impossible ones (checked: signs of the parameters, mass matrix in some {POSES} poses)"
 
 
-def _known(result: Identification) -> str:
-    """Which parameters are known, which are not, and what would show them."""
+def known_text(result: Identification) -> str:
+    """How many parameters are known."""
+    count, known = len(result.names), int(np.sum(result.estimate.relative_deviation < WELL))
+    found = f"all {count} are" if known == count else f"{known} of {count} are"
+    return f"{found} known to {100 * WELL:g} %" + f", {count - known} are not" * (known < count)
+
+
+def unknown_texts(result: Identification) -> Iterator[str]:
+    """Which parameters may be zero, and which do not show, with what would show them: a sentence each."""
     estimate = result.estimate
-    if len(estimate.unseen) == len(result.names):
-        return f"parameters: none of the {len(result.names)} is identifiable from these logs"
-    known = int(np.sum(estimate.relative_deviation < WELL))
-    text = f"parameters: {known} of {len(result.names)} have a standard deviation below {100 * WELL:g} % of their value"
     with np.errstate(invalid="ignore"):
         vague = [n for n, d in zip(result.names, estimate.relative_deviation, strict=True) if np.isfinite(d) and d > 1]
     if vague:
-        text += f"; too small for these logs, if not zero: {', '.join(vague)}"
+        yield f"may be zero, as far as these logs show: {', '.join(vague)}"
     if estimate.unseen:
-        text += (
-            f"; not identifiable from these logs: {', '.join(estimate.unseen)}, which a motion designed for "
-            "them or values known beforehand would show"
-        )
-    return text
+        named = ", ".join(estimate.unseen)
+        yield f"not shown by these logs: {named}; design a motion for them, or state what is known beforehand"
 
 
 def _tried(result: Identification) -> str:
@@ -323,16 +324,15 @@ def few_data(
         return None
     what, noise = ("this log is", "its noise") if logs == 1 else (f"these {logs} logs are", "their noise")
     kept = (
-        "what the estimate has beyond comes from the condition that bodies are real"
+        "only the condition that bodies are possible holds them down"
         if method == "physical"
-        else "errors of the model come on top"
+        else "errors of the model come on top of that"
     )
     cause = (
-        f"blocks of time that were left out are predicted by least squares with errors of {percent(excess)} of "
-        "the torque beyond those of the rows identified from"
+        f"least squares predicts blocks of time that it was not given worse by {percent(excess)} of the torque"
         if excess > expected
-        else f"{noise} alone leaves errors of {percent(expected)} of the torque on other motions of the same ranges "
-        "and speeds"
+        else f"{noise} alone makes predictions of other motions of the same ranges and speeds wrong by "
+        f"{percent(expected)} of the torque"
     )
     return Doubt(f"{what} too little", f"{cause}, and {kept}", _cure(expected, designed, tried or method))
 
@@ -342,6 +342,6 @@ def _cure(expected: float, designed: float | None, method: str) -> str:
     if designed is None or designed > _USEFUL * expected:
         return f"add a log of another motion{physical}"
     return (
-        f"the noise of a designed motion of the same length, ranges and speeds leaves {percent(designed)}, that "
-        f"of this one {percent(expected)} (`design_trajectory`); or add a log of another motion{physical}"
+        f"play a motion designed for this (`design_trajectory`): of the same length, ranges and speeds it leaves "
+        f"{percent(designed)} instead of {percent(expected)}; or add a log of another motion{physical}"
     )

@@ -152,7 +152,7 @@ def hide_parameters(estimate: Estimate, hidden: NDArray[np.bool_]) -> Estimate:
     seen = np.isfinite(estimate.values) & ~hidden
     names = [name for name, one in zip(estimate.names, hidden, strict=True) if one]
     return replace(
-        noted(estimate, *([f"not shown by the logs: {', '.join(names)}"] if names else [])),
+        noted(estimate, *([f"not shown by these logs: {', '.join(names)}"] if names else [])),
         values=np.where(seen, estimate.values, np.nan),
         covariance=of_seen(estimate.covariance, seen),
         unseen=(*estimate.unseen, *names),

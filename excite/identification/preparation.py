@@ -275,7 +275,7 @@ def _held_joints(log: Log, robot: Robot, target: IdentificationTarget) -> list[s
                 f"but the model holds it at {rest[k]:.4g} {unit}"
             )
     absent = [n for n in robot.joint_names if n not in target.robot.joint_names and n not in log.joints]
-    return [f"joints {', '.join(absent)} are not in the log and are assumed to rest"] if absent else []
+    return [f"{', '.join(absent)}: not in the log, assumed to stand still"] if absent else []
 
 
 _MOST_SATURATED = 0.5  # of the rows: a motion whose larger part is missing is no longer the one that was designed

@@ -196,7 +196,7 @@ def presliding_note(recipe: Recipe, target: IdentificationTarget, *, known: bool
     """Describe the presliding of friction, or the length of the windows."""
     base, window = target.base, target.model.window
     if window is not None:
-        cumulated = "the noise of long windows is a cumulated sum, and the intervals allow for that"
+        cumulated = "the noise of long windows is a cumulated sum, which the intervals include"
         return (cumulated if window.kind == "long" else f"windows of {1e3 * window.length:.4g} ms",)
     columns = any(base.columns[k].kind == COULOMB for k in base.index)
     if not known and not columns:
@@ -208,7 +208,7 @@ def presliding_note(recipe: Recipe, target: IdentificationTarget, *, known: bool
 def presliding_words(recipe: Recipe, what: str = "Coulomb friction") -> str:
     """Describe how friction changes its direction."""
     if np.any(recipe.breakaway or 0.0):
-        return f"{what} changes its direction over {listed(recipe.breakaway)} rad (or m), and holds at standstill"
+        return f"{what} reverses over a travel of {listed(recipe.breakaway)} rad (or m), and holds at standstill"
     if np.any(recipe.sign_width or 0.0):
-        return f"{what} changes its sign over {listed(recipe.sign_width)} rad/s (or m/s)"
+        return f"{what} reverses over {listed(recipe.sign_width)} rad/s (or m/s)"
     return f"{what} has the sign of the velocity"

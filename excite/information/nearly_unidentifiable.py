@@ -170,14 +170,12 @@ def hardly_excited_note(target: IdentificationTarget, samples: Samples, noise: t
         }
         of_what, size = _largest(hides)
         if not unknown[k] and masses[k] < _HARDLY * size:
-            listed.append(f"{joint} (the known masses cause {masses[k]:.2g} {unit}, {of_what} is {size:.2g} {unit})")
+            listed.append(f"{joint} (they cause {masses[k]:.2g} {unit}, {of_what} is {size:.2g} {unit})")
     if not listed:
         return None
     return (
-        f"the motion hardly excites {'; '.join(listed)}: what identification says of the masses behind "
-        f"{'it' if len(listed) == 1 else 'them'} drowns in friction and noise. Remedy: carry a known load off the "
-        "joint's axis (`payload`), tilt the robot (`mount`) where gravity does not act on the joint, or move faster or "
-        "longer."
+        f"friction and noise hide the masses behind {'; '.join(listed)}. Remedy: carry a known load off the joint's "
+        "axis (`payload`), tilt the robot (`mount`) where gravity does not act on the joint, or move faster or longer."
     )
 
 

@@ -67,7 +67,7 @@ def _seconds(log: Log, start: int, stop: int) -> float:
 
 def _summary(log: Log, stretches: list[_Rows], start: int, stop: int) -> str:
     first, last, end = (log.row_numbers[k] for k in (start, stop - 1, -1))
-    text = f"rows {first} to {last} of {end} excite ({_seconds(log, start, stop):.3g} s)"
+    text = f"rows {first} to {last} of {end} are used ({_seconds(log, start, stop):.3g} s)"
     for where, a, b in (("before", 0, start), ("after", stop, log.count)):
         if a < b:
             lengths = [f"{_seconds(log, *s):.2g} s" for s in stretches if a <= s[0] and s[1] <= b]

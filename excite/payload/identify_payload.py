@@ -237,8 +237,8 @@ def _notes(held: PayloadResult, equations: LoadEquations) -> tuple[str, ...]:
     link, place = held.robot.links[-1].name, held.frame
     where = "whose origin is at {:g}, {:g}, {:g} m of link ".format(*place.translation) + link
     if not np.any(place.translation) and np.allclose(place.rotation, np.eye(3)):
-        where = f"that of link {link} as {held.robot.name} is described, which need not be the flange"
-    notes = [f"centre and inertia are stated in the {place.name}, {where}"]
+        where = f"link {link} of {held.robot.name}; if the flange is elsewhere, give its `frame`"
+    notes = [f"centre and inertia are in the {place.name}, {where}"]
     if held.gains is not None:
         notes.append(held.gains.origin)
     if held.estimate.phi[0] > 0 and held.constrained:
@@ -246,9 +246,9 @@ def _notes(held: PayloadResult, equations: LoadEquations) -> tuple[str, ...]:
     if held.source == "wrench":
         notes.append("the sensor's offsets are estimated with the load")
     else:
-        counted = "noise that is correlated in time, friction that differs between the logs and the gains of the drives"
+        counted = "correlated noise, friction that differs between the logs, and the gains of the drives"
         robot = ", and the robot's identified parameters" if equations.known is not None else ""
-        notes.append(f"intervals count {counted}{robot}")
+        notes.append(f"the intervals include {counted}{robot}")
     if held.rated is not None and held.intervals[0, 1] > held.rated:
         word = "is heavier" if held.intervals[0, 0] > held.rated else "may be heavier"
         notes.append(f"warning: the load {word} than the {held.rated:g} kg that {held.robot.name} may carry")

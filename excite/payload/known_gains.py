@@ -104,7 +104,7 @@ class KnownGains:
 def stated_gains(drives: Sequence[str], common: float = STATED_COMMON, each: float = STATED_EACH) -> KnownGains:
     """Gains as stated, which may all be off by one factor, and each by one of its own."""
     k = len(drives)
-    origin = f"the stated gains are taken as known to {percent(np.hypot(common, each))} (standard deviation)"
+    origin = f"the stated drive gains are taken as known to {percent(np.hypot(common, each))} (standard deviation)"
     if common:
         origin += f", of which {percent(common)} are the same in all drives"
     return KnownGains(tuple(drives), np.ones(k), common**2 * np.ones((k, k)) + each**2 * np.eye(k), origin)

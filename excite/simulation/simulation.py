@@ -20,6 +20,7 @@ from excite.storage.codec import named
 from excite.storage.manifest import sha256_of
 from excite.storage.records import Shown
 from excite.tasks.reference import MotionSource
+from regressors.errors import percent
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
 from regressors.robot.columns import COULOMB, OFFSET, ROTOR, VISCOUS, drive_column
@@ -341,8 +342,7 @@ def _excess_remark(
 ) -> tuple[str, bool]:
     """A limit that is passed, and whether by too much; torques count where they are limited."""
     text = (
-        f"the {quantity} of {label} passes its limit of {limit:.4g} {unit} by {excess:.3g} {unit} "
-        f"({100 * relative:.2g} %)"
+        f"the {quantity} of {label} passes its limit of {limit:.4g} {unit} by {excess:.3g} {unit} ({percent(relative)})"
     )
     return text, bool(relative > {"position": BEYOND_POSITION, "velocity": BEYOND_VELOCITY}.get(quantity, np.inf))
 

@@ -88,9 +88,14 @@ def motion_remarks(replay: Replay | None, horizon: float | None, asked: float) -
         return ()
     remarks = []
     if not replay.ok:
-        remarks.append(f"the simulated motion says nothing: {failure(replay)}, over shorter times too")
+        remarks.append(
+            f"the motion cannot be simulated ({failure(replay)}, over shorter times too): judge by the torques"
+        )
     elif horizon < asked:
-        remarks.append(f"the motion is simulated over {horizon:.3g} s at a time: it diverges within {asked:g} s")
+        remarks.append(
+            f"a joint has too little inertia to test by simulation: it diverges within {asked:g} s, so that simulation "
+            f"restarts every {horizon:.2g} s; judge that joint by its torque"
+        )
     if replay.left_out:
         count = len(replay.starts)
         remarks.append(

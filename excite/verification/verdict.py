@@ -50,7 +50,7 @@ class Verdict:
         if self.undecided:
             return (
                 f"The result predicts {confirmed} of this log: you can rely on it there for motions of this kind. "
-                f"The log cannot judge {', '.join(self.undecided)}, where its noise hides what it could tell."
+                f"The log cannot judge {', '.join(self.undecided)}: noise hides the torques there."
             )
         return "The result predicts this log: you can rely on it for motions of this kind."
 
@@ -63,9 +63,8 @@ class Verdict:
         if not unknown:
             return self
         reason = (
-            f"it does not know the torques of {', '.join(unknown)}: they agree with this log within the 99 % intervals "
-            f"of {listed_names(parameters)}, which the logs of the identification do not show well enough; "
-            "identify from this log too"
+            f"the torques of {', '.join(unknown)} are not known well enough: within the 99 % intervals of "
+            f"{listed_names(parameters)} they agree with this log; identify from this log too"
         )
         return replace(self, against=(*best.against, reason), contradicted=best.contradicted, unknown=unknown)
 
@@ -104,18 +103,19 @@ def verdict(
     against = [*doubted, *of_total]
     if poor:
         against.append(
-            f"torques in motion differ, without noise, by {', '.join(poor)} of what was measured, "
-            f"more than {100 * tolerances.torque:g} %"
+            f"without noise, torques in motion miss {', '.join(poor)} of what was measured, more than "
+            f"{100 * tolerances.torque:g} %"
         )
     elif not named["confirmed"] and not against:
         names = ", ".join(t.name for t in torques)
-        against.append(f"this log cannot judge it, since its noise is as large as the torques of {names}")
-    for m in motions:
-        if math.isfinite(m.relative) and m.relative > tolerances.motion:
-            remarks.append(
-                f"the simulated motion of {m.name} deviates by {m.error:.3g} {m.unit}, {percent(m.relative, 3)} of its "
-                f"travel, more than {100 * tolerances.motion:g} %"
-            )
+        against.append(f"this log cannot judge it: noise is as large as the torques of {names}")
+    far = [m for m in motions if math.isfinite(m.relative) and m.relative > tolerances.motion]
+    if far:
+        by = ", ".join(f"{m.name} by {m.error:.3g} {m.unit} ({percent(m.relative, 3)})" for m in far)
+        remarks.append(
+            f"simulation drifts by more than {100 * tolerances.motion:g} % of the travel, as light joints do: {by}; "
+            "the verdict is on the torques"
+        )
     return Verdict(tuple(against), tuple(remarks), **{key: tuple(names) for key, names in named.items()})
 
 
@@ -129,7 +129,7 @@ def _of_total(
     without = f", {percent(whole.relative)} without the noise of the measurement" if noisy else ""
     if not whole.least <= tolerances.torque:
         against.append(
-            f"predictions differ from the measurements by {percent(total, 3)}{without}, "
+            f"predictions miss {percent(total, 3)} of what was measured{without}, "
             f"more than {100 * tolerances.torque:g} %"
         )
     elif noisy and total > tolerances.torque:
@@ -137,8 +137,8 @@ def _of_total(
         if whole.relative > tolerances.torque:
             within = f"somewhere within {percent(whole.relative)}, which its noise leaves open"
         remarks.append(
-            f"the measurements differ from the predictions by {percent(total, 3)}, most of which is their own noise; "
-            f"without it they are predicted {within}"
+            f"of the error of {percent(total, 3)} most is noise of the measurements; without it they are predicted "
+            f"{within}"
         )
     if training is not None and training > 0 and whole.least > MORE_THAN_TRAINING * training:
         ratio = whole.relative / training

@@ -207,9 +207,9 @@ def _other_load(
 
 def _torques_answer(judged: Verdict, whole: CorrectedError) -> str:
     """Whether the torques of the log are predicted, and within what."""
-    within = f"torques: within {percent(whole.relative)} of what was measured, without noise"
+    within = f"torques: off by {percent(whole.relative)} of what was measured, apart from noise"
     if not (judged.contradicted or judged.undecided or judged.unknown):
-        return f"{within}; each is confirmed"
+        return f"{within}; every joint is confirmed"
     verbs = ("confirmed for", "contradicted for", "not to be judged for", "not known for")
     named = zip(verbs, (judged.confirmed, judged.contradicted, judged.undecided, judged.unknown), strict=True)
     return "; ".join([within, *(f"{verb} {', '.join(names)}" for verb, names in named if names)])
@@ -231,7 +231,7 @@ def _event_remarks(part: PreparedLog, predicted: LogPrediction, event_free: floa
         return ()
     found = [note for note in part.notes if note.startswith(LEFT_OUT)]
     if np.any(predicted.left_out):
-        found.append(f"without these rows predictions differ by {percent(event_free, 3)}")
+        found.append(f"without these rows predictions miss {percent(event_free, 3)}")
     return tuple(found)
 
 

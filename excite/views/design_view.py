@@ -17,13 +17,14 @@ from excite.registry import name_of
 from excite.study.period_search import runs_text
 from excite.views.comparison_view import bound_view
 from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, number, texts
-from regressors.errors import listed_names
+from regressors.errors import listed_names, percent
 
 _ASKED = ("robot", "model", "trajectory", "period", "criterion", "starts", "seed")
 _CONDITION = "condition, base gautier"
 _MOST_STARTS = 30
 _NAMED = 3  # parameters with what they move with
 _NEAR = 4  # limits of a short summary
+_LITTLE = 0.01  # of the criterion, by which more starts hardly improve it
 _DRAWN = (
     Drawing("Motion and its limits over time", "motion", "motion_plot.motion_figure"),
     Drawing("Velocity over position", "phase", "world_plot.phase_figure"),
@@ -47,6 +48,11 @@ def design_view(design: Design, *, whole: bool = True) -> View:
         verdict=f"{_held(design)}; condition number {design.condition_number:.4g}{_guesses(design, guesses)}",
         holds=design.feasible and (sought is None or sought.met),
         caution=bool(collisions_unchecked(each.limit for each in design.unchecked)),
+        numbers=(
+            ("condition number", f"{design.condition_number:.4g}"),
+            ("limit used most", percent(max((use.use for use in design.limits), default=0.0), 3)),
+            ("duration", f"{design.sequence.duration:.4g} s"),
+        ),
         summary=(
             *(() if sought is None else _precision(design, sought)),
             *(_asked(design) if whole else ()),
@@ -113,7 +119,10 @@ def _asked(design: Design) -> Iterator[str]:
     if design.search is not None and design.search.left is not None:
         more = design.number_of_starts // design.search.populations
         longer = float(design.provenance["cpu_seconds"]) / design.search.populations
-        worth = f"; another {more} ({longer:.2g} s) would bring about {100 * design.search.left:.1f} %"
+        good = "hardly better motions are left" if design.search.left < _LITTLE else "better motions are left"
+        worth = f"; {good}: another {more} ({longer:.2g} s) would gain about {100 * design.search.left:.1g} %"
+    elif len(ends := sorted(start.value for start in design.starts)) > 1:
+        worth = f"; the two best starts differ by {percent(abs(ends[1] / ends[0] - 1))}"
     yield (
         f"{design.robot.name}: {name_of(task.model.model)} model, {', '.join(design.target.motion.labels)} move, "
         f"{design.base.rank} base parameters; {task.trajectory.period:g} s, {design.trajectory.family.described}; "
@@ -124,7 +133,7 @@ def _asked(design: Design) -> Iterator[str]:
 
 def _kept(design: Design, content: Mapping[str, Any]) -> str:
     """Which limits are exceeded, or what was checked and what was not; whether the search was stopped."""
-    kept = kept_text(design.unchecked, (use.quantity for use in design.limits))
+    kept = kept_text(design.unchecked, (use.quantity for use in design.limits)).partition("; ")[2]
     if design.broken:
         kept = f"the motion exceeds {number(len(design.broken), 'limit')}: {', '.join(design.broken)}"
     return f"{kept}; the search was interrupted" if content["interrupted"] else kept
@@ -138,7 +147,7 @@ def _transfers(design: Design) -> Iterator[str]:
             uses = both.limits[segment]
             broken = [use.label for use in uses if not use.holds]
             most = max(uses, key=lambda use: use.use)
-            kept = f"no limit is exceeded, {most.label} used to {100 * most.use:.1f} %"
+            kept = f"within all limits, {most.label} used to {100 * most.use:.1f} %"
             yield (
                 f"{names[segment]}: {transfer.duration:g} s ({transfer.shortest:.4g} s at the quickest), "
                 f"{'BREAKS ' + ', '.join(broken) if broken else kept}"
@@ -156,7 +165,7 @@ def _precision(design: Design, forecast: PrecisionForecast) -> Iterator[str]:
         return
     wide, asked = forecast.too_wide, sum(p.allowed is not None for p in forecast.parameters)
     most, search = design.task.objective.max_time, design.precision_search
-    yield f"out of reach within {most:g} s: after {text}, {len(wide)} of {asked} parameters are too wide"
+    yield f"out of reach within {most:g} s: after {text}, {len(wide)} of {asked} intervals are too wide"
     if search is None or search.out_of_reach is None:
         yield f"worst parameter {_width(wide[0])}"
     else:
@@ -194,7 +203,7 @@ def _limits(name: str, title: str, uses: Sequence[Mapping[str, Any]]) -> ViewTab
         )
         for u in ranked
     )  # fmt: skip
-    note = "An exact extreme is that of the motion at every instant; an enclosed one is a proven bound."
+    note = "Extremes are over every instant, not over samples: exact, or proven bounds."
     broken = {(k, 4): "bad" for k, use in enumerate(ranked) if not use["holds"]}
     how: dict[str, Any] = {"note": note} if name == "limits" else {"folded": True}
     return ViewTable(name, title, columns, rows, marked=broken, most=_NEAR, **how)

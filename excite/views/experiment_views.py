@@ -26,8 +26,7 @@ def accuracy_view(prediction: AccuracyPrediction) -> View:
     return View(
         kind="accuracy",
         title=f"predicted accuracy of repeats of {prediction.name}",
-        verdict=f"Repeats scatter most, in relation to its value, in {worst.name}: {worst.deviation:.2g} {worst.unit} "
-        f"of {worst.value:.4g}",
+        verdict=f"Least certain in repeats: {worst.name}, {worst.value:.4g} +- {worst.deviation:.2g} {worst.unit}",
         summary=(
             f"{len(prediction.parameters)} parameters of {prediction.robot}, {prediction.model} model; deviations to "
             f"{percent(prediction.precision)} ({prediction.count} samples)",
@@ -78,7 +77,7 @@ def _verdict(study: TimeStudy) -> tuple[str, bool]:
     late = [(int(np.isnan(course.time_below(study.below)).sum()), course) for course in study.courses]
     count, course = min(late, key=lambda pair: pair[0])
     left = f"{count} of {len(course.names)}"
-    return f"No motion determines every parameter to {share}; fewest are left by {course.name}: {left}", False
+    return f"No motion determines every parameter to {share}; {course.name} leaves fewest: {left}", False
 
 
 def _sentence(course: TimeCourse, below: float) -> str:
@@ -174,9 +173,11 @@ def payload_view(payload: PayloadResult) -> View:
         title=f"payload of {payload.robot.name}",
         verdict=f"{held}; doubt: {payload.doubts[0]}" if payload.doubts else held,
         holds=not payload.doubts,
+        numbers=(("mass", f"{body.mass:.4g} kg"), ("99 %", f"{low:.4g} to {high:.4g} kg"), ("centre", f"{where} mm")),
         against=tuple(f"doubt: {doubt}" for doubt in payload.doubts[1:]),
         remarks=payload.notes,
         tables=(_numbers(payload),),
+        facts={"robot": payload.robot.name, "robot_sha256": payload.robot.sha256()},
     )
 
 
@@ -201,7 +202,7 @@ def gains_view(calibrated: CalibratedGains) -> View:
         title=f"gains of {calibrated.robot}",
         verdict=f"Gains of {calibrated.robot} are {factors.min():.3f} to {factors.max():.3f} times those stated",
         summary=(
-            f"with stated gains, the load of {calibrated.known_mass:g} kg appears as {calibrated.stated_mass:.4g} kg",
+            f"with stated gains, the load of {calibrated.known_mass:g} kg would weigh {calibrated.stated_mass:.4g} kg",
         ),
         remarks=tuple(calibrated.notes),
         tables=(ViewTable("gains", "Factors of the stated gains", columns, rows),),

@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.design.task_file import task_content
 from excite.identification.between_logs import interval_scope, scatter_warning
-from excite.identification.doubts import answers
+from excite.identification.doubts import WELL, answers, known_text
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.result_json import KIND
@@ -40,11 +40,16 @@ def identification_view(result: Identification) -> View:
         title=result.name,
         verdict=_verdict(result),
         holds=False if result.doubts else None,
-        summary=(_data(result), _condition(result), *answers(result), *_repeated(result)),
+        numbers=(
+            (f"parameters known to {100 * WELL:g} %", known_text(result).partition(" are")[0]),
+            ("torques missed where identified", percent(result.facts.relative_error, 3)),
+            ("condition number, measured", f"{result.condition_number:.4g}"),
+        ),
+        summary=(_data(result), _condition(result), *_answers(result), *_repeated(result)),
         against=_against(result),
         remarks=(
             interval_scope(len(logs)),
-            *result.estimate.notes,
+            *_once(result.estimate.notes, [*answers(result), *(choice.reason for choice in result.choices)]),
             *(f"{log.file}: {note}" if several else note for log in logs for note in log.notes),
             *(f"chosen: {choice.reason}" for choice in result.choices),
         ),
@@ -55,7 +60,6 @@ def identification_view(result: Identification) -> View:
             *_standard(result),
             *_repetitions(result),
             _residuals(result),
-            _conditions(result),
             _logs(result),
         ),
         asked=(*asked(task_content(result.task), ("robot", "model")), *_recipe(result.recipe)),
@@ -74,11 +78,19 @@ def identification_view(result: Identification) -> View:
 def _verdict(result: Identification) -> str:
     if result.doubts:
         return f"This result cannot be right: {result.doubts[0].what}: {result.doubts[0].cause}"
-    count, error = len(result.names), result.facts.relative_error
-    seen = count - len(result.estimate.unseen)
-    residual = f"; residual {percent(error, 3)} of what was measured" if math.isfinite(error) else ""
-    found = f"all {count}" if seen == count else f"{seen} of {count}"
-    return f"Identified {found} base parameters of {result.robot.name}{residual}"
+    error = result.facts.relative_error
+    residual = f"; the model misses {percent(error, 3)} of what was measured" if math.isfinite(error) else ""
+    return f"Base parameters of {result.robot.name}: {known_text(result)}{residual}"
+
+
+def _answers(result: Identification) -> tuple[str, ...]:
+    """Without the number of known parameters, which is in a verdict without doubts."""
+    return tuple(text for text in answers(result) if result.doubts or known_text(result) not in text)
+
+
+def _once(notes: Sequence[str], others: Sequence[str]) -> tuple[str, ...]:
+    """Notes that no other sentence begins with."""
+    return tuple(note for note in notes if not any(other.startswith(note) for other in others))
 
 
 def _against(result: Identification) -> tuple[str, ...]:
@@ -100,7 +112,7 @@ def _data(result: Identification) -> str:
 
 def _condition(result: Identification) -> str:
     measured = result.condition_number
-    text = "condition number of the measured W: " + (f"{measured:.4g}" if math.isfinite(measured) else "infinite")
+    text = "condition number of the measured motion: " + (f"{measured:.4g}" if math.isfinite(measured) else "infinite")
     designed = math.inf if result.design is None else result.design.condition_number
     return text + (f" (designed: {designed:.4g})" if math.isfinite(designed) else "")
 
@@ -223,13 +235,6 @@ def _residuals(result: Identification) -> ViewTable:
         for r in result.facts.residuals
     )
     return ViewTable("residuals", "Residuals", columns, rows)
-
-
-def _conditions(result: Identification) -> ViewTable:
-    designed = None if result.design is None else result.design.condition_number
-    rows = (("measured", result.condition_number), ("designed", designed))
-    note = "cond(W), columns of the left-to-right QR base (Gautier 1991), SI, unscaled."
-    return ViewTable("condition", "Condition of the equations", headed("equations:text, value"), rows, note=note)
 
 
 def repetitions_view(result: Identification, repeated: Repetitions) -> View:

@@ -7,23 +7,23 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
+from itertools import chain, groupby, zip_longest
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from excite.storage.manifest import Entry, check_files, read_manifest
 from excite.views.figures import svg_text
+from excite.views.style import drawing_style, take_sizes
 from excite.views.view import Column, Drawing, Format, View, ViewTable, raised, text_of, view_of
 from regressors.errors import ExciteError, InputError, percent, printable
-from regressors.samples import Array
 
 _PAGE = Path(__file__).parent / "page"
 _CODE = re.compile(r"`([^`]+)`")
@@ -31,6 +31,7 @@ _UNSAFE = str.maketrans({"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028
 _DIGITS = 6  # significant, of numbers that are read; the page has all of them beside
 _NAMES = {"wall_seconds": "time taken [s]", "cpu_seconds": "processor time [s]", "problem": "hash of the problem"}
 _LEFT_OUT = ("run",)  # of the provenance
+_JUDGED = ("identification", "servos")  # kinds of what verifications are of
 
 
 @dataclass(frozen=True)
@@ -53,9 +54,14 @@ def page_text(sections: Sequence[PageSection]) -> str:
     """One HTML page, whose content policy allows its own scripts and styles alone, by their hashes."""
     moves = any(section.motion is not None for section in sections)
     scripts = [_asset("tables.js"), *([_asset("player.min.js")] if moves else [])]
-    style = _asset("style.css") + dark_rules(figure.svg for section in sections for figure in section.figures)
+    style, views = _asset("style.css"), [section.view for section in sections]
+    headline = _headline(views)
     page: str = _template().render(
-        sections=sections,
+        groups=_groups(sections),
+        views=views,
+        robot=", ".join(dict.fromkeys(v.facts["robot"] for v in views if "robot" in v.facts)) or headline.title,
+        headline=headline,
+        first_numbers=list(chain(*zip_longest(*(view.numbers for view in views)))),
         motions=[None if each.motion is None else _data(each.motion) for each in sections],
         policy=_policy(scripts, style),
         scripts=scripts,
@@ -65,6 +71,31 @@ def page_text(sections: Sequence[PageSection]) -> str:
         date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     )
     return page
+
+
+def _headline(views: Sequence[View]) -> View:
+    """The first view that does not hold, or else the last that was judged."""
+    judged = [view for view in views if view.holds is not None] or views[:1]
+    return next((view for view in judged if not view.holds), judged[-1])
+
+
+def _groups(sections: Sequence[PageSection]) -> list[list[tuple[int, PageSection]]]:
+    """Numbered sections, a verification with what it judges."""
+    groups: list[list[tuple[int, PageSection]]] = []
+    for k, section in enumerate(sections):
+        if section.view.kind != "verification" or not groups or groups[-1][0][1].view.kind not in _JUDGED:
+            groups.append([])
+        groups[-1].append((k, section))
+    return groups
+
+
+def _grouped(texts: Sequence[str]) -> list[tuple[str, list[str]]]:
+    """Neighbours that begin with the same words before a colon, without them; others alone, with none."""
+    groups: list[tuple[str, list[str]]] = []
+    for subject, group in groupby(texts, lambda text: text.partition(": ")[0]):
+        same = list(group)
+        groups.append(("", same) if len(same) == 1 else (subject, [text.removeprefix(f"{subject}: ") for text in same]))
+    return groups
 
 
 def notebook_text(result: Any) -> str:
@@ -80,7 +111,7 @@ def _template(name: str = "page.html") -> Any:
         loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.finalize = _literal
-    environment.filters |= {"code": _with_code, "cells": _cells, "facts": _facts}
+    environment.filters |= {"code": _with_code, "cells": _cells, "facts": _facts, "grouped": _grouped}
     return environment.get_template(name)
 
 
@@ -165,7 +196,9 @@ def drawn(figures: Sequence[Drawing], prefix: str) -> tuple[tuple[PageFigure, ..
     made, left_out = [], []
     for k, each in enumerate(figures):
         try:
-            made.append(PageFigure(each.title, svg_text(each.draw(), f"{prefix}-{k}", each.title)))
+            with drawing_style("single"):
+                take_sizes(figure := each.draw())
+                made.append(PageFigure(each.title, svg_text(figure, f"{prefix}-{k}", each.title)))
         except ExciteError as error:
             left_out.append(f"figure {each.title!r} is not drawn: {error}")
     return tuple(made), tuple(left_out)
@@ -197,65 +230,3 @@ def _address(path: Path) -> str:
         return f"data:image/{kind};base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from error
-
-
-CARD = "#1c2127"  # behind figures on a dark page, as in style.css
-_COLOUR = re.compile(r'\b(fill|stroke|stop-color)="(#[0-9a-fA-F]{6})"')
-_DARKEST, _LIGHTEST = 0.245, 0.945  # lightness of what is white and of what is black on paper
-_GREY, _TINT = 0.035, 0.85  # chroma below which, and lightness above which, a colour has no meaning of its own
-_READABLE, _LEAST = 0.62, 0.55  # lightness of colours that stay, and of the darkest ones
-_BEND = 0.7
-_TO_CONES = np.array(
-    [
-        [0.4122214708, 0.5363325363, 0.0514459929],
-        [0.2119034982, 0.6806995451, 0.1073969566],
-        [0.0883024619, 0.2817188376, 0.6299787005],
-    ]
-)
-_TO_LAB = np.array(
-    [
-        [0.2104542553, 0.7936177850, -0.0040720468],
-        [1.9779984951, -2.4285922050, 0.4505937099],
-        [0.0259040371, 0.7827717662, -0.8086757660],
-    ]
-)
-
-
-def dark_rules(figures: Iterable[str]) -> str:
-    """Style rules for every colour of some figures, empty where there are none."""
-    found = sorted({(name, colour) for figure in figures for name, colour in _COLOUR.findall(figure)})
-    rules = "\n".join(
-        f'  :root:not(.printed) .paper [{name}="{value}"] {{ {name}: {dark(value)}; }}' for name, value in found
-    )
-    return f"\n@media screen and (prefers-color-scheme: dark) {{\n{rules}\n}}\n" if found else ""
-
-
-def dark(colour: str) -> str:
-    """The colour on a dark page."""
-    lightness, *hue = _TO_LAB @ np.cbrt(_TO_CONES @ _linear(colour))
-    chroma = np.hypot(*hue)
-    if colour.lower() == "#ffffff":
-        return CARD
-    if chroma < _GREY or lightness > _TINT:
-        new = _DARKEST + (_LIGHTEST - _DARKEST) * max(0.0, 1.0 - lightness) ** _BEND
-    else:
-        new = max(lightness, _LEAST + (_READABLE - _LEAST) * lightness / _READABLE)
-    return _in_gamut(new, np.array(hue))
-
-
-def _linear(colour: str) -> Array:
-    """Red, green and blue in proportion to light."""
-    rgb = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
-    return np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
-
-
-def _in_gamut(lightness: float, hue: Array) -> str:
-    """The colour of a lightness with as much of its chroma as a screen shows."""
-    for part in np.linspace(1.0, 0.0, 41):
-        cones = np.linalg.solve(_TO_LAB, np.array([lightness, *(part * hue)])) ** 3
-        light = np.linalg.solve(_TO_CONES, cones)
-        if light.min() >= -1e-4 and light.max() <= 1 + 1e-4:
-            break
-    light = light.clip(0.0, 1.0)
-    rgb = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
-    return "#" + "".join(f"{round(255 * float(x)):02x}" for x in rgb)

@@ -14,7 +14,6 @@ import numpy as np
 from excite.design.campaign import Campaign
 from excite.design.comparison import compare
 from excite.design.design import Design
-from excite.design.design_folder import design_content
 from excite.design.friction_runs.friction_plan import FrictionPlan
 from excite.design.task_file import task_content
 from excite.friction.friction_fit import FrictionFit
@@ -71,9 +70,8 @@ def _drawn(view: View, prefix: str, *commands: Sequence[str], missing: tuple[str
 
 def _of_design(design: Design, prefix: str, looks: Appearance, path: Path | None) -> PageSection:
     missing = _missing(design)
-    view, task = design_view(design, whole=not missing), design_content(design)["task"]
-    unchecked = (f"not checked: {each}" for each in design.unchecked)
-    view = replace(view, holds=design.feasible, remarks=(*design.believed, *unchecked, *view.remarks))
+    view, task = design_view(design, whole=not missing), task_content(design.task)
+    view = replace(view, holds=design.feasible, remarks=(*design.believed, *view.remarks))
     folder = "designs/again" if design.folder is None else f"{design.folder}-again"
     again = ["excite", "design", str(task["robot"]), "--task", "task.yaml", "--out", folder]
     compared = ["excite", "compare", str(design.folder or "designs/this"), folder]

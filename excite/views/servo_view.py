@@ -26,6 +26,10 @@ def servos_view(result: ServoResult) -> View:
         verdict=f"Identified {len(result.values)} servos of {result.robot.name}: the logs show {known} of {count} "
         "quantities",
         holds=not result.doubts,
+        numbers=(
+            ("quantities shown by the logs", f"{known} of {count}"),
+            ("joints better than a delayed command", f"{sum(f.better for f in result.fits)} of {len(result.fits)}"),
+        ),
         against=tuple(f"doubt: {doubt}" for doubt in result.doubts),
         summary=(f"from {result.windows} windows of {listed_names([log.file for log in result.logs])}",),
         remarks=(*result.notes, *(f"{log.file}: {text}" for log in result.logs for text in log.left_out)),
@@ -101,6 +105,7 @@ def servo_verification_view(verification: ServoVerification, name: str = "") -> 
         title=f"verification on {v.log.file}",
         verdict=v.verdict,
         holds=v.holds,
+        numbers=(("joints confirmed on another log", f"{sum(f.better for f in v.fits)} of {len(v.fits)}"),),
         summary=("errors are root mean squares of the motion that follows from the commands alone",),
         remarks=v.log.left_out,
         tables=(_errors(v.fits),),

@@ -23,7 +23,6 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis, XAxis, YAxis
 from matplotlib.collections import Collection
 from matplotlib.figure import Figure
-from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.text import Annotation, Text
@@ -171,8 +170,7 @@ def take_sizes(figure: Figure) -> None:
     small, thin = _in_proportion("xtick.labelsize"), _in_proportion("lines.linewidth")
     sizes = {TITLE: "figure.titlesize", LABEL: "axes.labelsize", NOTE: "xtick.labelsize"}
     taken = {size_of(parameter) for parameter in ("font.size", *sizes.values())}
-    for text in figure.findobj(Text):
-        assert isinstance(text, Text)
+    for text in _texts(figure):  # those of ticks follow below: to find them would make them
         before = float(text.get_fontsize())
         if before in sizes or before not in taken:
             text.set_fontsize(size_of(sizes[before]) if before in sizes else small * before)
@@ -183,7 +181,7 @@ def take_sizes(figure: Figure) -> None:
         ax.tick_params(labelsize=size_of("xtick.labelsize"), grid_linewidth=size_of("grid.linewidth"))
         for artist in (*ax.lines, *ax.patches, *ax.collections):
             _thin(artist, thin)
-    for legend in (each for each in figure.findobj(Legend) if isinstance(each, Legend)):
+    for legend in filter(None, [*figure.legends, *(ax.get_legend() for ax in figure.axes)]):
         for handle in legend.legend_handles:
             _thin(handle, thin)
 

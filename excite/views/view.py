@@ -95,6 +95,7 @@ class View:
     kind: str = ""  # of result, in one or two words
     holds: bool | None = None  # whether what was asked holds; None where nothing was judged
     caution: bool = False  # whether something that may break the robot was not checked
+    numbers: tuple[tuple[str, str], ...] = ()  # the three that a page begins with, and what they are
     summary: tuple[str, ...] = ()  # the sentences with the numbers that matter most
     against: tuple[str, ...] = ()  # reasons against the result
     remarks: tuple[str, ...] = ()  # what was assumed, what was not checked, and what does not affect the verdict

@@ -98,7 +98,7 @@ def choose_settings(
         for further in _choices(robot, task, logs, recipe, free, friction, progress):
             chosen = further
     except (InputError, ConicSolverError) as error:
-        return replace(chosen, notes=(*chosen.notes, f"not everything is chosen by left-out torques: {error}"))
+        return replace(chosen, notes=(*chosen.notes, f"not everything is chosen by cross-validation: {error}"))
     return chosen
 
 

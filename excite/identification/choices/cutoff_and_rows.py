@@ -88,7 +88,7 @@ def choose_cutoff(candidates: Sequence[float], scored: Scored) -> tuple[float, C
     gains = {cutoff: scores[best].gain_over(errors) for cutoff, errors in scores.items()}
     chosen = max(cutoff for cutoff, (gain, e) in gains.items() if gain <= min(max(e, _PLATEAU[0]), _PLATEAU[1]))
     value = float(f"{chosen:.3g}")
-    reason = f"positions are low-passed at {value:g} Hz, which predicts left-out torques to {scores[chosen].percent}"
+    reason = f"positions are low-passed at {value:g} Hz: error in cross-validation {scores[chosen].percent}"
     if chosen != best:
         gain, deviation = gains[chosen]
         reason += f" ({best:.3g} Hz: {scores[best].percent}, better by {100 * gain:.2g} +- {percent(deviation)} only)"
@@ -123,11 +123,11 @@ def choose_signals(scoring: Scoring, recipe: Recipe, *, whole: bool) -> Chosen:
     best, listed = best_of(tried), candidates_of(tried)
     if not tried[best].is_better(tried[_LOW_PASS], _METHOD_WORTH):
         others = ", ".join(name for name in tried if name != _LOW_PASS)
-        reason = f"positions {_METHODS[_LOW_PASS]}: no other method predicts left-out torques clearly better ({others})"
+        reason = f"positions {_METHODS[_LOW_PASS]}: no other method is clearly better in cross-validation ({others})"
         return recipe, (Choice("signals", _LOW_PASS, listed, reason),)
     reason = (
-        f"positions {_METHODS[best]}, which predicts left-out torques to {tried[best].percent}; after the low-pass "
-        f"they are predicted to {tried[_LOW_PASS].percent}"
+        f"positions {_METHODS[best]}: error in cross-validation {tried[best].percent}, after the low-pass "
+        f"{tried[_LOW_PASS].percent}"
     )
     return replace(recipes[best], cutoff=recipe.cutoff, signals_chosen=True), (Choice("signals", best, listed, reason),)
 
@@ -197,7 +197,7 @@ def preferred_rows(cutoffs: Mapping[str, float | None], errors: Mapping[str, Lef
         what, instead = ("the delay is" if best == _FAST_DELAY else "settings are"), errors[_ALL].percent
         return best, (
             f"{what} chosen by the rows of moving drives, since friction near standstill misleads the choice by all "
-            f"rows: left-out torques of moving drives are then predicted to {errors[best].percent} instead of {instead}"
+            f"rows: their error in cross-validation is then {errors[best].percent} instead of {instead}"
         )
     if low and high and high > _HIGHER * low and not errors[_ALL].is_better(errors[_MOVING], _WORTH):
         return _MOVING, (
@@ -316,7 +316,7 @@ def choose_standstill(scoring: Scoring, recipe: Recipe, least: float = 0.0) -> t
     if chosen:
         reason = (
             f"rows are left out while a drive is slower than {value:g} rad/s (or m/s), where friction may hold it: the "
-            f"others are then predicted to {scores[chosen].percent} instead of {scores[0.0].percent}"
+            f"error of the others in cross-validation is then {scores[chosen].percent} instead of {scores[0.0].percent}"
         )
         recipe = replace(recipe, standstill=value)
     return recipe, (Choice("standstill", value, candidates_of(scores), reason, "rad/s or m/s"),)

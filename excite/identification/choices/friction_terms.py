@@ -121,15 +121,12 @@ def _reason(groups: Sequence[Group], steps: Sequence[LeftOut], kinds: Collection
     if not groups:
         *others, last = [name for kind, (_, name, _) in _TERMS.items() if kind in kinds]
         either = f"{', '.join(others)} or {last}" if others else last
-        return f"no {either} is added: none predicts left-out torques clearly better"
+        return f"no {either} is added: none is clearly better in cross-validation"
     by_kind: dict[str, list[int]] = {}
     for kind, drive in groups:
         by_kind.setdefault(kind, []).append(drive)
     words = [_TERMS[kind][2] + _of(drives) for kind, drives in by_kind.items()]
-    return (
-        f"added, since left-out torques are predicted to {steps[-1].percent} instead of {steps[0].percent}: "
-        f"{', '.join(words)}"
-    )
+    return f"added: {', '.join(words)}; error in cross-validation {steps[-1].percent} instead of {steps[0].percent}"
 
 
 def _of(drives: Sequence[int]) -> str:
@@ -262,15 +259,15 @@ def choose_friction_scale(
     factors = _factors(scoring, statistics, fitted, len(names))
     if factors is not None and fitted.is_better(given, _SCALE_WORTH):
         reason = (
-            f"known friction is scaled by one fitted factor for each curve: left-out torques are then predicted to "
+            f"known friction is scaled by one fitted factor for each curve: error in cross-validation "
             f"{fitted.percent} instead of {given.percent}"
         )
         friction = scaled_curves(friction, dict(zip(names, factors.tolist(), strict=True)))
         recipe = replace(recipe, friction_scale=True)
     else:
         reason = (
-            f"known friction is subtracted as given, which predicts left-out torques to {given.percent}; one fitted "
-            f"factor for each curve does not predict them clearly better ({fitted.percent})"
+            f"known friction is subtracted as given: error in cross-validation {given.percent}, not clearly better "
+            f"with one fitted factor for each curve ({fitted.percent})"
         )
     choice = Choice("friction_scale", recipe.friction_scale, candidates_of({False: given, True: fitted}), reason)
     return recipe, friction, (choice,)
@@ -328,7 +325,7 @@ def choose_bias(scoring: Scoring, recipe: Recipe) -> tuple[Recipe, Choice]:
     bias[used] = least_squares_of_products(few.total, fitted.weights)[-count:]
     values = tuple(float(f"{b:.6g}") for b in bias)
     reason = (
-        f"a bias of the sensor is subtracted, {', '.join(f'{b:.3g}' for b in values)} N and Nm, and the intervals "
-        f"allow for it; left-out wrenches are predicted to {fitted.percent} instead of {none.percent}"
+        f"a bias of the sensor is subtracted, {', '.join(f'{b:.3g}' for b in values)} N and Nm, which the intervals "
+        f"include; error in cross-validation {fitted.percent} instead of {none.percent}"
     )
     return replace(recipe, bias=values), Choice("bias", values, listed, reason)

@@ -163,13 +163,13 @@ def choose_bodies(
         reason = "bodies are not held physically possible: the conic solver found none"
         return recipe, Choice("estimator", "weighted", listed, reason)
     gain, deviation = free.gain_over(held[chosen])
-    worse = f"{100 * np.expm1(gain):.2g} +- {percent(deviation)} of it on average over the joints"
+    worse = f"by {100 * np.expm1(gain):.2g} +- {percent(deviation)} of it on average over the joints"
     if free.is_better(held[chosen], _WORTH):
-        reason = f"bodies are not held physically possible: that raises the error of left-out torques, by {worse}"
+        reason = f"bodies are not held physically possible: that raises the error in cross-validation {worse}"
         return recipe, Choice("estimator", "weighted", listed, reason)
     reason = (
-        f"bodies are {_words(chosen)}: left-out torques are predicted to {held[chosen].percent}, by least squares to "
-        f"{free.percent}; that changes the error by {worse}"
+        f"bodies are held {_words(chosen)}: error in cross-validation {held[chosen].percent}, by least squares "
+        f"{free.percent}, changed {worse}"
     )
     taken = replace(recipe, estimator="physical", described_within=chosen)
     return taken, Choice("estimator", _words(chosen), listed, reason)

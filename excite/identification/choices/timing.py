@@ -59,10 +59,9 @@ def choose_delay(scored: Scored, residuals: Residuals, step: float, near: float 
     when = "before" if best > 0 else "after"
     near, far = sorted((1e3 * abs(low), 1e3 * abs(high)))
     reason = (
-        f"torques are matched with the motion {1e3 * abs(best):.3g} ms {when} them ({near:.3g} to {far:.3g} ms), "
-        "which lowers the errors of left-out torques by "
-        f"{percent(1 - np.exp(-gain))}, the mean over the joints; what friction does at its reversals can look like a "
-        "delay"
+        f"torques are matched with the motion {1e3 * abs(best):.3g} ms {when} them ({near:.3g} to {far:.3g} ms): error "
+        f"in cross-validation lower by {percent(1 - np.exp(-gain))}, the mean over the joints; friction at its "
+        "reversals can look like a delay"
     )
     return best, Choice("delay", best, listed, reason, "s", (low, high))
 
@@ -278,7 +277,7 @@ class DelayFit:
         gain = percent(1 - np.exp(each.score - one.score))
         reason = (
             f"torques are matched with an earlier motion, each with its own: {', '.join(said)}; beside one delay of "
-            f"all that lowers the errors of left-out torques by {gain}, the mean over the joints"
+            f"all, the error in cross-validation is lower by {gain}, the mean over the joints"
         )
         listed = candidates_of({"one of all": one, "of each": each})
         value, ends = tuple(np.round(self.delays, 6).tolist()), tuple(map(tuple, self.ends.tolist()))
@@ -446,7 +445,7 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
         return chosen[0], chosen[2]
     words = presliding_words(chosen[0])
     listed = candidates_of({presliding_words(tried): errors for tried, errors, _ in timings})
-    return chosen[0], (*chosen[2], Choice("presliding", words, listed, f"{words}, as left-out torques show"))
+    return chosen[0], (*chosen[2], Choice("presliding", words, listed, f"{words}, by cross-validation"))
 
 
 def _later(one: Recipe, other: Recipe) -> bool:

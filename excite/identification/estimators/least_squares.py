@@ -167,7 +167,7 @@ def weighting(observations: Observations, factors: GroupFactors | None = None) -
         change = float(np.abs(np.log(updated / scale)).max())
         scale = updated
         if change < _TOLERANCE:
-            note = "rows weighted by the residuals of their log and equation"
+            note = "each equation of each log counts by its own noise"
             return _problem(observations, factors, scale, (note,))
     note = (
         f"the weights of the rows did not converge: they still changed by {change:.1e} after {_ITERATIONS} iterations"

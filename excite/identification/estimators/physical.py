@@ -31,8 +31,8 @@ from regressors.robot.inertia import from_pseudo_inertia, pseudo_inertia
 from regressors.samples import Array
 
 LEAST = 1e-9
-UNCHANGED = "the weighted least-squares estimate is already physically possible"
-INSIDE = "no physical bound is active"
+UNCHANGED = "the data alone give possible bodies"
+INSIDE = "the bodies lie inside what is possible"
 _INSIDE = 1.05  # of the least eigenvalue: the conic solver's tolerance does not reach below it
 _SHOWN = 1e-12
 _AT_BOUND = 1e-5  # slack in a body's own scale that counts as none
@@ -177,17 +177,17 @@ def _free_scale(standard: StandardProblem) -> Array:
 
 
 def _active(standard: StandardProblem, theta: Array) -> tuple[str, ...]:
-    """Notes on the active bounds."""
-    notes = []
+    """A note on the active bounds of bodies, and one on those of zero."""
+    held = []
     for body in standard.bodies:
         T = own_scale(body.reference)
         slack = np.linalg.eigvalsh(T @ (pseudo_inertia(theta[body.index]) - LEAST * np.eye(4)) @ T.T)
         if slack[0] < _AT_BOUND:
-            notes.append(f"pseudo-inertia of {body.name} at its bound")
-    for j in standard.positive:
-        if theta[j] < _AT_BOUND * standard.scale[j]:
-            notes.append(f"{standard.names[j]} at its bound of zero")
-    return tuple(notes)
+            held.append(body.name)
+    zero = [standard.names[j] for j in standard.positive if theta[j] < _AT_BOUND * standard.scale[j]]
+    bodies = "the data alone give an impossible body; held at the nearest possible one, which the intervals ignore"
+    drives = "the data alone give a negative value; held at zero, which the intervals ignore"
+    return tuple(f"{', '.join(names)}: {text}" for names, text in ((held, bodies), (zero, drives)) if names)
 
 
 class Physical(Estimator):

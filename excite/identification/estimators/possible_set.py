@@ -350,5 +350,5 @@ def possible_estimate(
     values = np.where(np.isnan(free.values), np.nan, fit)
     named = dict(zip(standard.names, theta.tolist(), strict=True))
     exact = (_EXACT_NOTE,) if np.any(problem.scale < _exact_scale(problem)) else ()
-    notes = (*free.notes, *notes, *exact, "covariance of the estimate without constraints")
+    notes = (*free.notes, *notes, *exact)
     return replace(free, values=values, standard=named, notes=notes, fit=fit, unconstrained=free.coefficients)

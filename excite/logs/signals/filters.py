@@ -84,8 +84,8 @@ class Butterworth(Method):
         smooth = low_passed(q, 1 / h, cutoff, self.order)
         ends = max(edge(1 / h, cutoff), 3)
         assumed = (
-            f"no motion above the cutoff; zero-phase Butterworth of order {self.order} twice, cutoff {origin}; "
-            f"seven-point differences; {ends * h:.3g} s cut at each end"
+            f"positions low-passed at {origin}, above which no motion is taken to be (zero-phase Butterworth of order "
+            f"{self.order}, twice); seven-point differences; {ends * h:.3g} s cut at each end"
         )
         return cut_motion(time, (smooth, *smooth_differences(smooth, h)), ends, assumed)
 

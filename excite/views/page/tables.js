@@ -26,9 +26,18 @@ document.querySelectorAll("table.sortable").forEach((table) => {
   });
 });
 
-// Paper is white: what is printed has the light colours, and nothing is folded.
-window.addEventListener("afterprint", () => document.documentElement.classList.remove("printed"));
+// Paper is white: what is printed has the light colours, and what belongs on paper is unfolded.
 window.addEventListener("beforeprint", () => {
   document.documentElement.classList.add("printed");
-  document.querySelectorAll("details").forEach((each) => each.setAttribute("open", ""));
+  document.querySelectorAll("details[data-print]:not([open])").forEach((each) => {
+    each.open = true;
+    each.dataset.print = "closed";
+  });
+});
+window.addEventListener("afterprint", () => {
+  document.documentElement.classList.remove("printed");
+  document.querySelectorAll('details[data-print="closed"]').forEach((each) => {
+    each.open = false;
+    each.dataset.print = "";
+  });
 });

@@ -105,7 +105,7 @@ def test_json_on_stdout_and_progress_on_stderr(here: Here) -> None:
     notes, rest = [], []
     for line in ended.stderr.splitlines():
         (notes if line.startswith("excite: note: ") else rest).append(line)
-    assert notes[0].startswith("excite: note: the design keeps 10 % of the torque limits in reserve")
+    assert notes[0].startswith("excite: note: torques, computed from the known masses and friction, stay 10 % below")
     assert rest[0].startswith("start 1 of 2: best so far ")
     shown = json.loads(ended.stdout)
     written = content_of(here.cwd / "o")
@@ -180,7 +180,8 @@ def test_a_urdf_goes_from_its_design_to_its_result(here: Here) -> None:
         "joint gripper: moves a gripper: held at zero and left out; --tip jaw includes it",
         "joint 'shoulder': took 1.5708 for pi/2; --no-snap-angles keeps the printed digits",
     ]
-    note = "no acceleration limit is known for shoulder, [red]elbow[/red][/]; give one with --acceleration-limit"
+    given = "none is stated; give one with --acceleration-limit"
+    note = f"accelerations of shoulder, [red]elbow[/red][/] are not limited: {given}"
     assert note in said
     assert "[red]elbow[/red][/] position" in ended.stdout
     assert "written to o[/b]: " in ended.stdout

@@ -81,7 +81,7 @@ def test_a_result_holds_what_it_rests_on(drawing: Here) -> None:
         "of 2 logs; estimator physical",
         "described",
         "rows 1 to 401 of 401",
-        "joints q4, q5 are not in the log and are assumed to rest",
+        "q4, q5: not in the log, assumed to stand still",
         "written to results/irp6: ",
         "next: excite verify results/irp6 OTHER.csv",
     ):

@@ -116,7 +116,7 @@ HAND = """<robot name="r">
 
 def test_health_of_a_urdf(here: Here) -> None:
     (here.cwd / "hand.urdf").write_text(HAND)
-    health = [row for row in rows(shown(here, "hand.urdf")) if len(row) == 4]
+    health = [row for row in rows(shown(here, "hand.urdf")) if len(row) == 4 and row[0] != "j"]
     assert [(row[0], row[1]) for row in health] == [
         ("found", "link 'a' to 'b'"),
         ("assumed", "joint gripper"),

@@ -87,7 +87,7 @@ def test_a_good_result_is_believed(here: Here, monkeypatch: pytest.MonkeyPatch) 
     assert content["relative_error"] == pytest.approx(result["prediction_error"], rel=0.3)
     assert [error["name"] for error in content["torques"]] == ["q1", "q2", "q3"]
     for text in (
-        "again.csv: 401 rows; torques are predicted within ",
+        "again.csv: 401 rows; predicted torques miss ",
         "% where identified)",
         "Predicted against measured",
         "Simulated against measured motion",
@@ -105,16 +105,16 @@ def test_numbers_are_printed_before_figures_are_drawn(
     here.run("identify", "irp6", "run.csv", "--out", "new")
     here.run("verify", "result", "again.csv")
     identified, verified = printed
-    assert identified.startswith("Identified all ")
+    assert identified.startswith("Base parameters of ")
     assert "least certain" in identified
-    assert "q1" in verified.partition("again.csv: 401 rows; torques are predicted within ")[2]
+    assert "q1" in verified.partition("again.csv: 401 rows; predicted torques miss ")[2]
 
 
 def test_a_wrong_result_is_not_and_tolerances_are_percents(here: Here) -> None:
     changed(here, scaled(1.3))
     ended = here.run("verify", "result", "again.csv")
     assert (ended.returncode, ended.stderr) == (1, "")
-    assert "Do not rely on the result: predictions differ from the measurements by 30" in ended.stdout
+    assert "Do not rely on the result: predictions miss 30" in ended.stdout
     content = json.loads((here.cwd / "result" / "verification-again.json").read_text())
     assert content["holds"] is False
     assert len(content["against"]) >= 2

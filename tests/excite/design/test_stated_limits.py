@@ -78,7 +78,7 @@ def test_a_motion_that_breaks_them_is_solved_again_with_them() -> None:
     assert shoulder(kept) <= 0.9 * 95.0 + 1e-6
     assert unchecked(free)["torque"] == "left out on request"
     assert "torque" not in unchecked(kept)
-    assert any("keeps 10 % of the torque limits in reserve" in note for note in kept.notes)
+    assert any("stay 10 % below their limits" in note for note in kept.notes)
     assert kept.feasible
     assert kept.condition_number < 1.5 * free.condition_number  # it may be less: both are local minima
 

@@ -186,6 +186,6 @@ def test_the_covariance_holds_the_square_of_the_distance_to_the_estimate_without
     for by in ({"described_within": 0.3}, {"described_within": 3.0}):
         wider = allowing_for_pull(pulled, SimpleNamespace(**by), observations)
         np.testing.assert_allclose(wider.covariance, free.covariance + np.outer(shift, shift))
-        assert "allow for the pull" in wider.notes[-1]
+        assert "estimate without the description" in wider.notes[-1]
     for by in ({"described_within": None}, {}):
         assert allowing_for_pull(free, SimpleNamespace(**by), observations) is free

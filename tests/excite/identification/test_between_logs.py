@@ -54,7 +54,7 @@ def test_noise_alone_seldom_warns_and_a_change_is_named() -> None:
     scatter = log_scatter(each_of(values))
     assert scatter.exceeding == ("b5",)
     warning = scatter_warning(scatter)
-    assert warning.startswith("b5 differs between the logs")
+    assert warning.startswith("b5 differs from log to log")
 
 
 @pytest.mark.slow
@@ -96,7 +96,7 @@ def test_a_parameter_that_one_log_does_not_show_is_left_out() -> None:
     estimate = together(each_of(np.ones((2, 2))))
     alone = allowing_for_logs(estimate, log_scatter(each_of(values, np.where(np.isnan(values), np.inf, 0.1))))
     np.testing.assert_array_equal(alone.covariance, estimate.covariance)
-    assert "do not allow for their scatter" in alone.notes[-1]
+    assert "leave out the scatter between logs" in alone.notes[-1]
 
 
 @pytest.fixture(scope="module")
@@ -122,6 +122,6 @@ def test_each_log_is_estimated_as_if_it_were_alone(logs: tuple[Log, Log]) -> Non
     assert "each" not in plain["between_logs"]["parameters"][0]
     single = result_content(alone[0])
     assert single["between_logs"] is None
-    assert single["interval_scope"].startswith("the intervals are for this log")
+    assert single["interval_scope"].startswith("the intervals cover the noise of this log alone")
     with pytest.raises(InputError, match="`each` compares the estimates of several logs, but one log is given"):
         identify(TASK, logs[0], recipe=EXACT, each=True)

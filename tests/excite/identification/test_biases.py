@@ -174,7 +174,7 @@ def test_where_friction_holds_the_change_without_slow_rows_enters(stuck: Identif
     place = result.names.index("F3c")
     assert abs(plain.values[place] - truth) > plain.half_width[place]
     assert abs(plain.values[place] - truth) < wider.half_width[place]
-    assert any("friction near standstill" in note for note in wider.notes)
+    assert any("where friction is uncertain" in note for note in wider.notes)
 
 
 def test_where_rows_are_left_out_twice_the_speed_is_tried(noisy_log: Log) -> None:
@@ -244,7 +244,7 @@ def missed(result: Identification) -> int:
 
 def test_intervals_reach_the_truth_although_the_estimate_is_biased(exact: Log, monkeypatch: pytest.MonkeyPatch) -> None:
     results = [found(TASK, noisy(exact, 0.3, NOISE, seed), recipe=RECIPE) for seed in range(4)]
-    assert any("noise in the motion biases" in note for note in results[0].estimate.notes)
+    assert any("noise of the positions shifts" in note for note in results[0].estimate.notes)
     assert sum(missed(r) for r in results) <= 2
     monkeypatch.setattr("excite.identification.procedure.allowing_for_motion_noise", lambda estimate, *_: estimate)
     without = [found(TASK, noisy(exact, 0.3, NOISE, seed), recipe=RECIPE) for seed in range(4)]
@@ -256,7 +256,7 @@ def test_an_offset_that_does_not_show_moves_a_parameter_as_the_warning_says() ->
     result, along = found(TASK, log), found(TASK.changed(offset=True), log)
     warning = hidden_offset(result.estimate, result.observations, result.target)
     assert warning is not None
-    stated = re.search(r"constant (\S+) Nm of (\S+) .* move (\S+) by (\S+) times", warning.cause)
+    stated = re.search(r"(\S+) Nm on (\S+) moves (\S+) by (\S+) times", warning.cause)
     assert stated is not None
     offset, joint, name, times = stated.groups()
     k = result.names.index(name)

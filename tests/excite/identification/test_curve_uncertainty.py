@@ -177,7 +177,7 @@ class Own(LeastSquares):
 def test_a_method_for_which_it_is_not_known_says_so() -> None:
     result, exact = (identified(replace(PLAIN, estimator=Own()), known) for known in (OPEN, {}))
     np.testing.assert_array_equal(result.estimate.covariance, exact.estimate.covariance)
-    assert any("do not allow for the uncertainty of the friction curves" in note for note in result.estimate.notes)
+    assert any("leave out the uncertainty of the friction curves" in note for note in result.estimate.notes)
 
 
 def test_it_is_added_to_a_covariance_of_correlated_residuals() -> None:
@@ -189,7 +189,7 @@ def test_it_is_added_to_a_covariance_of_correlated_residuals() -> None:
         )
         added.append(wide.covariance - alone.covariance)
     assert any("Newey" in note for note in wide.notes)
-    assert any("allow for the uncertainty" in note for note in wide.notes)
+    assert any("include the uncertainty" in note for note in wide.notes)
     np.testing.assert_allclose(added[0], added[1], atol=1e-9)
 
 

@@ -79,7 +79,7 @@ def test_no_value_where_the_interval_reaches_zero_and_is_far_too_wide(
     assert list(shown.unseen) == hidden
     assert bool(np.isnan(shown.values[j])) == bool(hidden)
     np.testing.assert_array_equal(shown.coefficients, estimate.coefficients)
-    assert [note for note in shown.notes if "not shown" in note] == [f"not shown by the logs: {n}" for n in hidden]
+    assert [note for note in shown.notes if "not shown" in note] == [f"not shown by these logs: {n}" for n in hidden]
 
 
 def test_neither_a_good_result_nor_noise_of_the_torques_is_doubted() -> None:
@@ -278,9 +278,9 @@ def test_other_motions_stay_within_the_ranges() -> None:
 def test_one_log_that_is_too_little_is_said() -> None:
     for logs, designed, method, parts in (
         (0.09, 0.01, "weighted", ()),
-        (0.19, 0.04, "weighted", ("19 % of the torque", "leaves 4 %, that of this one 19 %", "real bodies")),
-        (0.19, 0.18, "physical", ("bodies are real", "add a log of another motion")),
-        (0.19, None, "weighted", ("errors of the model come on top", "add a log of another motion")),
+        (0.19, 0.04, "weighted", ("19 % of the torque", "leaves 4 % instead of 19 %", "real bodies")),
+        (0.19, 0.18, "physical", ("bodies are possible", "add a log of another motion")),
+        (0.19, None, "weighted", ("errors of the model come on top of that", "add a log of another motion")),
     ):
         warning = few_data(1, logs, designed, method)
         assert (warning is not None) is bool(parts)
@@ -288,4 +288,4 @@ def test_one_log_that_is_too_little_is_said() -> None:
     assert few_data(1, 0.05, 0.04, "physical", excess=0.09) is None
     warning = few_data(2, 0.05, 0.03, "physical", excess=0.2)
     assert "these 2 logs are too little" in warning.text
-    assert "left out are predicted by least squares with errors of 20 %" in warning.text
+    assert "worse by 20 % of the torque" in warning.text

@@ -50,7 +50,7 @@ def test_a_planted_distance_is_found_with_known_curves(log: Log) -> None:
     moved = turned(log, measured_direction(log.q @ C.T, 0.0005, log.dq @ C.T / log.rate))
     result = found(TASK, moved, friction=CURVES)
     assert result.recipe.breakaway == pytest.approx(0.0005, rel=0.05)
-    said = "known friction changes its direction over 0.000"
+    said = "known friction reverses over a travel of 0.000"
     assert any(note.startswith(said) for note in result.estimate.notes)
     np.testing.assert_allclose(result.estimate.values, described(result), rtol=0.01, atol=0.1)
     exact = found(TASK, moved, recipe=replace(EXACT, sign_width=0.0), friction=CURVES)

@@ -109,7 +109,7 @@ def test_the_relative_error_of_a_verification_counts_rows_about_a_blow(whole) ->
     assert np.any(within(judged.time, judged.log.left_out))
     assert any("about 1 impact" in remark for remark in judged.verdict.remarks)
     assert 0 < judged.event_free_error < judged.relative_error
-    assert any("without these rows predictions differ by" in remark for remark in judged.verdict.remarks)
+    assert any("without these rows predictions miss" in remark for remark in judged.verdict.remarks)
 
 
 AUTO = replace(EXACT, rows="auto")

@@ -46,7 +46,7 @@ def test_a_planted_width_is_found() -> None:
         result = found(TASK, softened(width))
         assert result.recipe.sign_width == pytest.approx(width, rel=2e-3)
         assert result.recipe.breakaway == 0.0
-        assert any("changes its sign over 0.0" in note and "rad/s" in note for note in result.estimate.notes)
+        assert any("reverses over 0.0" in note and "rad/s" in note for note in result.estimate.notes)
         np.testing.assert_allclose(result.estimate.values, described(result), rtol=0.01, atol=0.1)
 
 
@@ -102,7 +102,7 @@ def test_widths_and_distances_of_each_drive_are_taken(tmp_path) -> None:
     for known in ({}, {"friction": FrictionCurves({"z1": curves()["z1"]})}):
         result = found(TASK, soft, recipe=replace(EXACT, sign_width=WIDTHS), **known)
         np.testing.assert_allclose(result.estimate.values, described(result), rtol=1e-8, atol=1e-8)
-        assert "changes its sign over 0.2, 0, 0.02 rad/s" in " ".join(result.estimate.notes)
+        assert "reverses over 0.2, 0, 0.02 rad/s" in " ".join(result.estimate.notes)
         assert result.training_error < 1e-8
         result.save(tmp_path, replace=True)
         assert load_result(tmp_path).recipe.sign_width == WIDTHS

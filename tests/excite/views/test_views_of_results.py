@@ -167,7 +167,7 @@ def test_the_soonest_motion_is_named(course: TimeCourse) -> None:
     )
     assert view.verdict == "good determines every parameter to 5 % soonest, after 0 s"
     view = study_view(TimeStudy("arm", "", (course,), 0.05))
-    assert (view.holds, view.verdict[:54]) == (False, "No motion determines every parameter to 5 %; fewest ar")
+    assert (view.holds, view.verdict[:54]) == (False, "No motion determines every parameter to 5 %; log leave")
 
 
 # Figure of a friction plan: break-away tests and ramps of torque are drawn as planned, on scales of their own.

@@ -1,7 +1,7 @@
 // The scene of one player: it is drawn when something changed, and not otherwise.
 import {
   Box3, BufferGeometry, Color, DirectionalLight, GridHelper, Group, HemisphereLight, Line, LineBasicMaterial, Matrix4, Mesh,
-  CylinderGeometry, Scene, Vector3, WebGLRenderer,
+  CylinderGeometry, MeshBasicMaterial, Plane, Scene, Vector3, WebGLRenderer,
 } from "three";
 import { Orbit } from "./camera.js";
 import { capsule, joint, material, object, reachOf, triangles } from "./bodies.js";
@@ -11,6 +11,8 @@ import { setPoses } from "./kinematics.js";
 const UP = new Vector3(0, 1, 0);
 const FILL = 0.9; // of the ball around the motion, that is in view: its corners are empty
 const LINE = 0.28; // radius of a line through the frames, of a joint's
+const DEEP = 1e-3; // m below the ground, from which on it is marked
+const RESTS = 1e-6; // m that the frame of a body moves which stands on the ground
 
 export class View {
   constructor(stage, data) {
@@ -34,7 +36,8 @@ export class View {
     this.palette = { ok: new Color(of("--link")), near: new Color(of("--near")), over: new Color(of("--over")) };
     this.scene.background = new Color(of("--stage"));
     this.looks.forEach((look) => look.color.copy(this.palette.ok));
-    this.objectLooks.forEach((look) => look.color.set(of("--object")));
+    this.objectLooks.forEach((look) => look.color.set(of(look.opacity < 1 ? "--object" : "--ground")));
+    this.below.color.set(of("--over"));
     this.path.color.set(of("--path"));
     this.grid.material.color.set(of("--grid"));
     this.ask();
@@ -54,7 +57,7 @@ export class View {
       group.matrixAutoUpdate = false;
       this.scene.add(group);
     });
-    const { traces, frames } = this.places();
+    const { traces, frames, rests } = this.places();
     const size = data.joint_size;
     this.looks = this.groups.map(() => material("#aab2bd"));
     this.path = new LineBasicMaterial({ color: "#56B4E9" });
@@ -64,6 +67,13 @@ export class View {
     const space = new Box3().setFromPoints(all).expandByScalar(Math.min(width, 4 * size));
     const extent = Math.max(...traces.flat().map((point) => point.length()), width);
     this.objectLooks = [];
+    this.below = new MeshBasicMaterial({ transparent: true, opacity: 0.75, depthTest: false });
+    const ground = data.objects.find((each) => each.kind === "plane");
+    if (ground) {
+      const normal = new Vector3(...ground.normal);
+      this.deep = [new Plane(normal.negate(), ground.offset - DEEP)];
+      this.standing = this.groups.filter((_, k) => rests[k]);
+    }
     this.objects = new Map(data.objects.map((each) => [each.name, this.addObject(each, extent)]));
     this.grid = new GridHelper(2 * Math.ceil(extent), 4 * Math.ceil(extent));
     this.grid.rotation.x = Math.PI / 2;
@@ -82,12 +92,19 @@ export class View {
     const tips = this.data.tips.map((tip) => this.poses[tip + 1]);
     const tool = new Vector3(...this.data.tool);
     const frames = [];
+    const first = [];
+    const rests = this.poses.map(() => true);
     const trace = this.data.time.map((t) => {
       setPoses(this.data.bodies, positions(this.data, t), this.poses);
-      frames.push(...this.poses.map((pose) => new Vector3().setFromMatrixPosition(pose)));
+      this.poses.forEach((pose, k) => {
+        const place = new Vector3().setFromMatrixPosition(pose);
+        frames.push(place);
+        first[k] ??= place;
+        rests[k] &&= place.distanceTo(first[k]) < RESTS;
+      });
       return tips.map((tip) => tool.clone().applyMatrix4(tip));
     });
-    return { traces: tips.map((_, k) => trace.map((points) => points[k])), frames };
+    return { traces: tips.map((_, k) => trace.map((points) => points[k])), frames, rests };
   }
 
   addLinks(size) {
@@ -119,10 +136,13 @@ export class View {
   }
 
   addObject(each, extent) {
-    const look = material("#E69F00", each.kind === "plane" ? 0.25 : 0.8);
+    const look = material("#E69F00", each.kind === "plane" ? 1 : 0.8);
     look.side = 2;
+    Object.assign(look, { polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 }); // behind the grid
     this.objectLooks.push(look);
-    this.scene.add(object(each, look, 1.2 * extent));
+    const made = object(each, look, 1.2 * extent);
+    this.scene.add(made);
+    this.solids = [...(this.solids ?? []), made];
     return look;
   }
 
@@ -168,5 +188,19 @@ export class View {
   draw() {
     this.asked = false;
     this.renderer.render(this.scene, this.orbit.camera);
+    if (this.deep) this.mark();
+  }
+
+  // Draws what moves below the ground once more, through it.
+  mark() {
+    const hidden = [this.grid, ...this.solids, ...this.standing];
+    const { background } = this.scene;
+    hidden.forEach((each) => (each.visible = false));
+    Object.assign(this.scene, { background: null, overrideMaterial: this.below });
+    Object.assign(this.renderer, { autoClear: false, clippingPlanes: this.deep });
+    this.renderer.render(this.scene, this.orbit.camera);
+    Object.assign(this.renderer, { autoClear: true, clippingPlanes: [] });
+    Object.assign(this.scene, { background, overrideMaterial: null });
+    hidden.forEach((each) => (each.visible = true));
   }
 }

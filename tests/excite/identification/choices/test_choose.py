@@ -276,7 +276,7 @@ def test_what_cannot_be_chosen_is_a_note(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(choose, "choose_terms", fails)
     result = excite.identify("irp6", clean(4.0))
     assert [choice.name for choice in result.choices] == ["cutoff", "signals", "delay", "presliding"]
-    assert result.estimate.notes[-1] == "not everything is chosen by left-out torques: too few rows of LOG"
+    assert result.estimate.notes[-1] == "not everything is chosen by cross-validation: too few rows of LOG"
 
 
 def test_pieces_of_very_long_logs_span_them() -> None:
