@@ -28,7 +28,7 @@ GROUPS = {
         "excite.logs",
         "excite.identification",
     ),
-    "Verification": ("excite.verification",),
+    "Verification": ("excite.verification", "excite.tasks.further_settings"),
     "Friction": ("excite.friction", "excite.tasks.friction_file"),
     "Payloads": ("excite.payload",),
     "Exports": ("excite.export",),
