@@ -16,15 +16,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 82_320,
-    "lines of code": 50_840,
+    "lines": 82_510,
+    "lines of code": 50_970,
     "files": 378,
     "classes": 680,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 17,
     "imports inside functions": 64,
     "look-ups of built-in parts by name": 18,
-    "lines of code of tests": 37_110,
+    "lines of code of tests": 37_230,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 141,

@@ -44,7 +44,8 @@ def test_the_chain_in_the_documents_runs(chain: str, here: Here) -> None:
     quick += "\nimport sys\nprint('jax' in sys.modules)"  # only batches of repetitions need it
     assert run_script(quick, here.cwd).split()[1:] == ["True", "True", "False"]
     files = {"design.json", "trajectory.csv"} | ({"motion.png"} if "write_figures" in chain else set())
-    assert files <= files_below(here.cwd / "designs" / "irp6")
+    (folder,) = re.findall(r'design\.save\("(.*?)"', chain)
+    assert files <= files_below(here.cwd / folder)
 
 
 @pytest.mark.slow
