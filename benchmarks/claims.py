@@ -17,8 +17,6 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 _PLACE = re.compile(r"(<!-- (?P<name>\w+) -->\n).*?(?=<!-- end of (?P=name) -->)", re.DOTALL)
 Cells = Sequence[object]
-#: Where those of the other systems are in other base columns.
-OTHER_COLUMNS = {("P2", "pivoted-lapack")}
 
 
 def result(name: str) -> dict[str, Any]:
@@ -45,30 +43,36 @@ def percents(values: Sequence[float]) -> str:
     return " to ".join(dict.fromkeys(ends)) + " %"
 
 
-def _compared(case: dict[str, Any]) -> tuple[str, str]:
-    """Ours, bold where it is lower, and theirs, where it is of the same base columns."""
-    ours, theirs = f"{case['condition_number']:.2f}", f"{case['known']['others']:.2f}"
-    if (case["problem"], case["convention"]) in OTHER_COLUMNS:
-        return ours, "other columns"
-    return f"**{ours}**" if float(ours) < float(theirs) else ours, theirs
+def public() -> str:
+    """All systems with the same limits and processor time, judged by one program: the medians of the seeds."""
+    study = result("results/public")
+    runs = [run for run in study["runs"] if "failure" not in run]
+    cases = list(dict.fromkeys(run["case"] for run in runs))
 
+    def medians(system: str, of: Callable[[dict[str, Any]], float]) -> list[float]:
+        return [
+            statistics.median(of(run) for run in runs if (run["case"], run["system"]) == (c, system)) for c in cases
+        ]
 
-def quality() -> str:
-    """Best designs in three conventions, beside the best of other systems."""
-    wanted = ("gautier", "pivoted-lapack", "orthonormal")
-    rows = [
-        (
-            case["problem"],
-            case["convention"],
-            *_compared(case),
-            yes(case["judgement"]["feasible"]),
-            f"{case['cpu_seconds']:.0f}",
+    systems = list(dict.fromkeys(run["system"] for run in runs))
+    conditions = {system: medians(system, lambda run: float(run["verdict"]["condition_number"])) for system in systems}
+    rows = []
+    for system, values in conditions.items():
+        others = [conditions[other] for other in systems if other != system]
+        lowest = [round(value, 2) < min(round(each[k], 2) for each in others) for k, value in enumerate(values)]
+        worst = max(run["verdict"]["limit_use_as_delivered"] for run in runs if run["system"] == system) - 1
+        rows.append(
+            (
+                f"`{system}`",
+                *(f"**{value:.2f}**" if low else f"{value:.2f}" for value, low in zip(values, lowest, strict=True)),
+                " / ".join(
+                    f"{each:.0f}" for each in medians(system, lambda run: float(run["verdict"]["robot_seconds"]))
+                ),
+                "kept" if worst < 1e-6 else f"exceeded by {100 * worst:.1f} %",
+                " / ".join(f"{each:.0f}" for each in medians(system, lambda run: float(run["cpu"]))),
+            )
         )
-        for case in result("results/quality")["cases"]
-        if case["convention"] in wanted
-    ]
-    head = ("problem", "base columns", "cond(W)", "best of the other systems", "limits kept", "CPU s")
-    return table(head, *rows)
+    return table(("system", *cases, "robot s to 5 %", "limits as delivered", "CPU s"), *rows)
 
 
 def afternoon() -> str:
@@ -181,7 +185,7 @@ def coverage() -> str:
 
 
 TABLES: dict[str, Callable[[], str]] = {
-    "quality": quality,
+    "public": public,
     "afternoon": afternoon,
     "paper": paper,
     "limits": limits,

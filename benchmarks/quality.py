@@ -55,10 +55,13 @@ def row(found: dict[str, Any]) -> list[object]:
     use = max(judged["limit_use"].values())
     where = found["problem"], found["convention"]
     same = where[1] in ("gautier", "orthonormal") or where in SAME_PIVOTS
+    texts = [f"{value:.2f}" for value in found["known"].values()]
+    ours = f"{found['condition_number']:.2f}"
+    lowest = same and float(ours) < min(map(float, texts))
     return [
         *where,
-        f"**{found['condition_number']:.2f}**",
-        *(f"{value:.2f}" if same else f"({value:.2f})" for value in found["known"].values()),
+        f"**{ours}**" if lowest else ours,
+        *(text if same else f"({text})" for text in texts),
         found["starts"],
         f"{found['cpu_seconds']:.1f}",
         f"{found['wall_seconds']:.1f}",

@@ -294,7 +294,8 @@ def collada_triangles(path: Path) -> Array:
         raise MeshError(f"{path}: expected COLLADA without a document type")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", PendingDeprecationWarning)  # it uses numpy.matrix
+            for kind in (PendingDeprecationWarning, DeprecationWarning):  # it uses numpy.matrix, and sets shapes
+                warnings.simplefilter("ignore", kind)
             document = collada.Collada(io.BytesIO(content), ignore=[collada.common.DaeError])
             parts = [] if document.scene is None else list(_primitives(document.scene))
     except MeshError as error:

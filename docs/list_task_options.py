@@ -25,12 +25,12 @@ from excite.tasks.further_settings import (
     PayloadSettings,
     RepeatSettings,
     StudySettings,
+    Tolerances,
     UnloadedRows,
 )
 from excite.tasks.limit_choice import OF_JOINTS
 from excite.tasks.option import EXPECTED, Option, options_of
 from excite.tasks.task import PARTS
-from excite.verification.tolerances import Tolerances
 
 OTHERS = {
     SimulationSettings: "excite simulate",

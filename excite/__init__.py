@@ -77,6 +77,7 @@ if TYPE_CHECKING:
     from excite.study.time_study import TimeCourse as TimeCourse, TimeStudy as TimeStudy
     from excite.tasks.criteria import Criterion as Criterion, SpectralCriterion as SpectralCriterion
     from excite.tasks.friction_file import read_friction as read_friction
+    from excite.tasks.further_settings import Tolerances as Tolerances
     from excite.tasks.installation import Installation as Installation
     from excite.tasks.limit_choice import LimitChoice as LimitChoice
     from excite.tasks.model_choice import ModelChoice as ModelChoice
@@ -93,7 +94,6 @@ if TYPE_CHECKING:
     from excite.trajectories.linear import LinearFamily as LinearFamily
     from excite.trajectories.sines import Sines as Sines
     from excite.trajectories.waypoints import Waypoints as Waypoints
-    from excite.verification.tolerances import Tolerances as Tolerances
     from excite.verification.verification import Verification as Verification
     from excite.verification.verify import verify as verify
     from excite.views.figures import draw as draw, write_figures as write_figures
@@ -166,6 +166,7 @@ _NAMES = {
     "excite.study.time_study": "TimeCourse TimeStudy",
     "excite.tasks.criteria": "Criterion SpectralCriterion",
     "excite.tasks.friction_file": "read_friction",
+    "excite.tasks.further_settings": "Tolerances",
     "excite.tasks.installation": "Installation",
     "excite.tasks.limit_choice": "LimitChoice",
     "excite.tasks.model_choice": "ModelChoice",
@@ -178,7 +179,6 @@ _NAMES = {
     "excite.tasks.trajectory_choice": "TrajectoryChoice",
     "excite.trajectories.family": "Family",
     "excite.trajectories.linear": "LinearFamily",
-    "excite.verification.tolerances": "Tolerances",
     "excite.verification.verification": "Verification",
     "excite.verification.verify": "verify",
     "excite.views.figures": "draw write_figures",

@@ -103,6 +103,7 @@ def _import_names(module: str) -> None:
 
 def rule_of(hint: Any) -> tuple[Check, str]:
     """What converts a value to a type hint, or raises `Unfit`; and what the hint expects, in words."""
+    hint = unaliased(hint)
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if origin in (typing.Union, types.UnionType):
         rules = {each: rule_of(each) for each in inner}
@@ -138,6 +139,12 @@ def rule_of(hint: Any) -> tuple[Check, str]:
     if isinstance(hint, typing.TypeVar) or hint in (Any, object):
         return (lambda value: value), text
     return partial(_of_class, type if origin is type else origin or hint), text
+
+
+def unaliased(hint: Any) -> Any:
+    """What a type hint stands for that is an alias by name, as `NDArray` is from NumPy 2.5 on."""
+    alias = getattr(typing.get_origin(hint) or hint, "__value__", None)
+    return hint if alias is None else unaliased(alias[typing.get_args(hint)] if typing.get_args(hint) else alias)
 
 
 def _number(value: Any) -> Any:

@@ -324,3 +324,31 @@ def test_results_with_own_parts(
     stored = excite.load_result(tmp_path / "result", **{option: own})
     assert again(stored).coefficients == pytest.approx(result.coefficients, rel=1e-9)
     assert excite.verify(stored, log, training_too=True).relative_error < 0.1
+
+
+# The page of all names.
+
+
+NAMES = module_of(DOCS / "list_names.py")
+LISTED = NAMES.PAGE.read_text(encoding="utf-8")
+
+
+def test_the_page_of_names_has_them_all_with_their_sentences() -> None:
+    assert sorted(row["name"] for row in NAMES.ROW.finditer(LISTED)) == excite.__all__
+    assert NAMES.filled(LISTED) == LISTED  # docs/list_names.py writes them
+
+
+@pytest.mark.slow
+def test_the_lines_of_the_page_of_names_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cell.yaml").write_bytes((EXAMPLES / "cell.yaml").read_bytes())
+    (begin,) = re.findall(r"^```python\n(.*?)^```$", LISTED, re.MULTILINE | re.DOTALL)
+    space: dict[str, Any] = {}
+    exec(begin, space)
+    for row in NAMES.ROW.finditer(LISTED):
+        example = row["example"]
+        if example.startswith("not run: "):
+            continue
+        assert re.search(rf"`.*\b{row['name']}\b.*`", example), row["name"]
+        exec(f"_ = {example.strip('`')}", space)  # names that it gives are those of later lines
+        assert space["_"] is not False, row["name"]

@@ -162,6 +162,43 @@ def test_every_page_and_result_can_be_reached() -> None:
     assert sorted(expected - linked(BENCHMARKS / "README.md")) == []
 
 
+# Numbers that were measured have a source: in the section that states them, or in the table that is filled in.
+
+
+MEASURED = re.compile(
+    r"[\d.,]*\d\s*(?:times|%)\s+(?:as \w+ as|sooner|faster|slower|less|more|better|lower|fewer|smaller|larger)\b"
+    r"|[\d.,]*\d\s*(?:CPU s\b|s of (?:CPU|processor) time|CPU seconds)"
+    r"|\d % of (?:\w+ )?(?:intervals|them) (?:hold|held)"
+)
+ANSWERABLE = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted({*DOCS.rglob("*.md")} - {DOCS / "task_options.md"})]
+
+
+def unsourced(text: str) -> list[str]:
+    """Numbers that compare or time in sections that name no benchmark."""
+    prose = re.sub(r"^```.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL)
+    prose = re.sub(r"<!-- numbers: (\S+) -->.*?<!-- end of \1 -->", "", prose, flags=re.DOTALL)
+    sections = re.split(r"^#+ ", prose, flags=re.MULTILINE)
+    return [found[0] for each in sections if "benchmarks/" not in each for found in MEASURED.finditer(each)]
+
+
+@pytest.mark.parametrize("page", ANSWERABLE, ids=lambda page: page.stem)
+def test_what_was_measured_names_its_source(page: Path) -> None:
+    assert unsourced(page.read_text(encoding="utf-8")) == []
+
+
+def test_a_claim_without_a_source_is_seen() -> None:
+    assert unsourced("# A\n\nIt is 4 times faster, after 30 CPU s.\n") == ["4 times faster", "30 CPU s"]
+    assert unsourced("# A\n\nIt is 4 times faster (`benchmarks/search.py`).\n") == []
+
+
+def test_only_what_is_lowest_is_bold() -> None:
+    rows = [line for line in (BENCHMARKS / "results/quality.md").read_text().splitlines() if line.startswith("| P")]
+    assert rows
+    for ours, *others in (line.strip("| ").split(" | ")[2:5] for line in rows):
+        lowest = "(" not in "".join(others) and float(ours.strip("*")) < min(map(float, others))
+        assert ours.startswith("**") == lowest, (ours, others)
+
+
 # The house stays as small as it has become.
 
 

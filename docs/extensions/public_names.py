@@ -28,7 +28,7 @@ GROUPS = {
         "excite.logs",
         "excite.identification",
     ),
-    "Verification": ("excite.verification",),
+    "Verification": ("excite.verification", "excite.tasks.further_settings"),
     "Friction": ("excite.friction", "excite.tasks.friction_file"),
     "Payloads": ("excite.payload",),
     "Exports": ("excite.export",),
@@ -101,7 +101,9 @@ def write(folder: Path) -> None:
     """Write all pages, and remove those of groups that are no more."""
     folder.mkdir(parents=True, exist_ok=True)
     texts = {f"{file_name(group)}.rst": page(group, names) for group, names in groups().items()}
-    toctree = "\n   ".join([".. toctree::", ":maxdepth: 1", "", *(name.removesuffix(".rst") for name in texts)])
+    toctree = "\n   ".join(
+        [".. toctree::", ":maxdepth: 1", "", "../names", *(name.removesuffix(".rst") for name in texts)]
+    )
     texts["index.rst"] = f"Python API\n==========\n\n{HEAD}\n\n{toctree}\n"
     for old in folder.glob("*.rst"):
         if old.name not in texts:

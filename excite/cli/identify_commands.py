@@ -20,10 +20,9 @@ from excite.cli.options import (
 )
 from excite.identification.recipe import Recipe
 from excite.registry import CHOSEN
-from excite.tasks.further_settings import Extents, GainSettings, RepeatSettings
+from excite.tasks.further_settings import Extents, GainSettings, RepeatSettings, Tolerances
 from excite.tasks.installation import Installation
 from excite.tasks.model_choice import ModelChoice
-from excite.verification.tolerances import Tolerances
 
 
 @command(

@@ -36,9 +36,9 @@ from excite.registry import CHOSEN, is_addressed, is_own
 from excite.storage.records import check_replaceable, json_of
 from excite.storage.result_folder import check_not_taken, figure_names, result_folder
 from excite.study.repetitions import Repetitions, repetitions
+from excite.tasks.further_settings import Tolerances
 from excite.tasks.installation import Installation
 from excite.tasks.model_choice import ModelChoice
-from excite.verification.tolerances import Tolerances
 from excite.verification.verification import KIND
 from excite.verification.verify_servos import KIND as SERVO_KIND, verify_servos
 from excite.views.identification_view import identification_view, repetitions_view

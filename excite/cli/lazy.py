@@ -11,7 +11,7 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
-from excite.cli.streams import loudness_options, remark
+from excite.cli.streams import loudness_options
 from regressors.errors import shortened
 
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
@@ -45,13 +45,11 @@ class LazyGroup(click.Group):
         summaries: Mapping[str, str],
         places: Mapping[str, str],
         groups: Mapping[str, Sequence[str]] | None = None,
-        renamed: Mapping[str, str] | None = None,  # names of the last release, and today's
         **options: Any,
     ) -> None:
         super().__init__(**{"context_settings": CONTEXT, **options})
         self._summaries, self._places = dict(summaries), dict(places)
         self._groups = groups or {"Commands": tuple(summaries)}
-        self._renamed = renamed or {}
         self.params += loudness_options()
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -75,10 +73,6 @@ class LazyGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Resolve a command as click does, but for an unknown one name what may be meant, and those that there are."""
-        if args[0] in self._renamed:
-            now = self._renamed[args[0]]
-            remark(f"excite: note: 'excite {args[0]}' is now 'excite {now}'")
-            args = [now, *args[1:]]
         if args[0] not in self._summaries:
             near = get_close_matches(args[0], self._summaries, 1)
             meant = f"did you mean {near[0]}? " if near else ""

@@ -32,6 +32,7 @@ import numpy as np
 from cattrs.cols import homogenous_tuple_structure_factory
 from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
 
+from regressors.arguments import unaliased
 from regressors.errors import InputError
 from regressors.robot.archive import robot_from_description
 from regressors.robot.robot import Robot
@@ -119,6 +120,7 @@ def _converter() -> cattrs.Converter:
 
 
 def _is(kind: Any, base: type) -> bool:
+    kind = unaliased(kind)
     kind = get_origin(kind) or kind
     return isinstance(kind, type) and issubclass(kind, base)
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from excite.registry import MODELS
 from excite.tasks.limit_choice import Side
 from excite.tasks.option import essential, option
+from regressors.arguments import checked
+from regressors.quantities import check
 
 CONTROLLERS = ("ur", "franka", "kuka", "abb", "urdf")
 
@@ -221,3 +223,43 @@ class CampaignSettings:
     model: str = essential("energy", "name", "Model whose equations identify the parameters.", choices=MODELS)
     at_once: int | None = essential(None, "integer", "Largest number of drives that move at the same time.", unset="2")
     of: str = essential("measured", "name", "Values that a precision is a share of.", choices=("measured", "described"))
+
+
+@checked
+@dataclass(frozen=True)
+class Tolerances:
+    """Largest errors of a result that holds.
+
+    Parameters
+    ----------
+    torque : float
+        Largest relative error over all equations.
+    motion : float
+        Largest error of the simulated motion of a joint, relative to its travel within a horizon.
+
+    Raises
+    ------
+    InputError
+        A tolerance that is not a positive number.
+    """
+
+    torque: float = essential(
+        0.10,
+        "percent",
+        "Largest error of the torques, over all joints.",
+        metavar="%",
+        flag="torque-tolerance",
+        quantity="torque_tolerance",
+    )
+    motion: float = essential(
+        0.25,
+        "percent",
+        "Largest error of a joint's simulated motion.",
+        metavar="%",
+        flag="motion-tolerance",
+        quantity="motion_tolerance",
+    )
+
+    def __post_init__(self) -> None:
+        for name in ("torque", "motion"):
+            check(f"{name}_tolerance", 100 * getattr(self, name))

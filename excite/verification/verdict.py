@@ -10,8 +10,8 @@ import numpy as np
 import scipy
 
 from excite.logs.signals.periods import MeasurementNoise
+from excite.tasks.further_settings import Tolerances
 from excite.verification.simulated_motion import MotionError
-from excite.verification.tolerances import Tolerances
 from regressors.errors import listed_names, percent
 from regressors.samples import Array
 

@@ -15,8 +15,8 @@ from excite.simulation.replay import Replay
 from excite.storage.codec import INLINE
 from excite.storage.records import Shown, check_replaceable, chosen, every, read_record, short, write_record
 from excite.storage.result_folder import result_folder
+from excite.tasks.further_settings import Tolerances
 from excite.verification.simulated_motion import MotionError
-from excite.verification.tolerances import Tolerances
 from excite.verification.verdict import CorrectedError, TorqueError, Verdict
 from regressors.errors import InputError, percent
 from regressors.robot.robot import Robot

@@ -35,6 +35,7 @@ from excite.logs.signals.method import interpolated
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from excite.simulation.replay import Outcome, Replay, windowed_motion
 from excite.storage.work_prediction import announce
+from excite.tasks.further_settings import Tolerances
 from excite.verification.simulated_motion import (
     SAMPLE,
     WHOLE,
@@ -44,7 +45,6 @@ from excite.verification.simulated_motion import (
     motion_remarks,
     shortest_horizon,
 )
-from excite.verification.tolerances import Tolerances
 from excite.verification.verdict import CorrectedError, TorqueError, Verdict, corrected_errors, torque_errors, verdict
 from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
 from regressors.arguments import checked

@@ -15,6 +15,7 @@ import pytest
 import scipy.linalg
 import scipy.sparse.linalg
 from hypothesis import given, strategies as st
+from typing_extensions import TypeAliasType
 
 import excite
 from regressors.arguments import checked, fit, rule_of
@@ -51,6 +52,8 @@ class Runner:
 
 
 VECTOR = np.array([1.0, 2.0])
+S = typing.TypeVar("S", bound=np.generic)
+NAMED = TypeAliasType("NAMED", np.ndarray[tuple[int, ...], np.dtype[S]], type_params=(S,))  # as in NumPy 2.5
 LET_IN: list[tuple[Any, Any, Any]] = [
     (float, np.float32(0.5), 0.5),
     (bool, np.bool_(True), True),
@@ -63,6 +66,7 @@ LET_IN: list[tuple[Any, Any, Any]] = [
     (Mapping[str, float], {"x": 1}, {"x": 1}),
     (Callable[[str], None], print, print),
     (Array, [[1, 2]], np.array([[1.0, 2.0]])),
+    (NAMED[np.float64] | None, [[1, 2]], np.array([[1.0, 2.0]])),
 ]
 REFUSED: list[tuple[Any, Any, str]] = [
     (float, True, "a number"),

@@ -6,6 +6,7 @@ import csv
 import json
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -262,7 +263,7 @@ def test_quiet_verbose_and_json_mean_the_same_before_and_after_a_command(here: H
         shown = here.run(*words.split()).stdout
         assert shown.startswith(VERDICT)
         assert "What each selection of drives identifies" in shown
-        assert "excite 0.1.0, Python 3." in shown.splitlines()[-1]
+        assert f"excite {version('excite-trajectories')}, Python 3." in shown.splitlines()[-1]
     for words in ("plan irp6 --json", "plan irp6 --format json", "-q plan irp6 --json", "-v plan irp6 --json"):
         content = json.loads(here.run(*words.split()).stdout)
         assert (content["verdict"], content["rank"]) == (VERDICT.strip(), 13)

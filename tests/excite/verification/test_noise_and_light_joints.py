@@ -15,9 +15,9 @@ from excite.logs.log import Log
 from excite.logs.signals.periods import measurement_noise
 from excite.simulation.replay import Outcome, Replay
 from excite.storage.records import json_of
+from excite.tasks.further_settings import Tolerances
 from excite.tasks.task import Task
 from excite.verification.simulated_motion import longest_replay, motion_remarks, shortest_horizon
-from excite.verification.tolerances import Tolerances
 from excite.verification.verdict import corrected_errors
 from excite.verification.verify import verify
 from regressors.samples import Array, Samples

@@ -20,9 +20,9 @@ from excite.identification.result_json import load_result
 from excite.logs.log import Log
 from excite.simulation.replay import Outcome, Replay
 from excite.storage.records import json_of
+from excite.tasks.further_settings import Tolerances
 from excite.tasks.task import Task
 from excite.verification.simulated_motion import failure, most_windows, motion_errors
-from excite.verification.tolerances import Tolerances
 from excite.verification.verdict import CorrectedError, TorqueError, Verdict, torque_errors, verdict
 from excite.verification.verification import Verification
 from excite.verification.verify import verify

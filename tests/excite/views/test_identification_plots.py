@@ -19,9 +19,9 @@ from excite.identification.recipe import Recipe
 from excite.identification.result import FitData, ReferenceValues
 from excite.information.target import IdentificationTarget, target_of
 from excite.simulation.replay import Outcome, Replay
+from excite.tasks.further_settings import Tolerances
 from excite.tasks.task import Task
 from excite.verification.simulated_motion import motion_errors
-from excite.verification.tolerances import Tolerances
 from excite.verification.verdict import TorqueError, Verdict
 from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
 from excite.views.figures import drawn_figures, write_figures
