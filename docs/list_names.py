@@ -1,4 +1,4 @@
-"""Write the sentences of docs/reference/names.md, those of the docstrings of all public names: ``python docs/list_names.py``.
+"""Write what each public name is into docs/reference/names.md, by its docstring: ``python docs/list_names.py``.
 
 Names and examples are typed there; a test runs the examples, and compares names and sentences.
 """

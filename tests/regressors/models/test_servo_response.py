@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pinocchio_chains import joint_torques
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from regressors.models.servo_response import QUANTITIES, SYMBOLS, Windows, arm_torques, response, scale_shown_by
@@ -58,6 +59,28 @@ def test_without_friction_and_limits_a_servo_is_a_linear_one_to_second_order() -
 def test_a_constant_load_deflects_a_servo_by_its_compliance_and_its_offset() -> None:
     end = response(servo(b=0.02), windows(np.full(300, 0.3), load=0.6))[0, 0, -1]
     assert end == pytest.approx(0.3 - 0.02 - 0.6 / PLAIN["K"], abs=1e-9)
+
+
+@pytest.mark.parametrize(("each", "most"), [(1, 4e-4), (6, 2e-5)])
+def test_a_load_that_varies_moves_a_linear_servo_as_its_equation_says(each: int, most: float) -> None:
+    # taken as linear between rows, which makes the load (w h)^2 / 12 too small, or between several instants of each
+    count, own = 60, OWN + PLAIN["J"]
+    load = lambda t: 0.8 * np.sin(2 * np.pi * 2.0 * t)  # noqa: E731
+    w = windows(np.zeros(count))
+    instants = np.arange(1 + (count - 1) * each) / (RATE * each)
+    given = replace(w, load=load(instants)[None], inertia=np.full((1, instants.size), OWN))
+    times = np.arange(count) / RATE
+    exact = solve_ivp(
+        lambda t, x: [x[1], (-PLAIN["K"] * x[0] - PLAIN["D"] * x[1] - load(t)) / own],
+        (0.0, times[-1]),
+        [0.0, 0.0],
+        t_eval=times,
+        rtol=1e-10,
+        atol=1e-12,
+    ).y[0]
+    path = response(servo(), replace(given, longest_step=1 / (RATE * 24)))[0, 0]
+    assert np.ptp(exact) > 0.1
+    assert np.abs(path - exact).max() < most
 
 
 @pytest.mark.parametrize(
