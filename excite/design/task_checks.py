@@ -171,8 +171,9 @@ def task_notes(target: IdentificationTarget, task: Task, limits: tuple[LinearCon
 
 
 def _limit_notes(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> tuple[str, ...]:
-    free = listed_names(unbounded(motion, limits, 2), 3)
-    return (f"accelerations of {free} are not limited: none is stated; give one with `acceleration`",) if free else ()
+    free = unbounded(motion, limits, 2)
+    what = f"accelerations of {listed_names(free, 3)} are not limited: none is stated; give one with `acceleration`"
+    return (what,) if free else ()
 
 
 def _prior_notes(task: Task) -> tuple[str, ...]:

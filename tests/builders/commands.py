@@ -118,8 +118,8 @@ def table_of(path: Path) -> tuple[list[str], np.ndarray]:
 
 
 def files_below(folder: Path) -> set[str]:
-    """Every file and folder below one, hidden ones too, relative to it."""
-    return {str(path.relative_to(folder)) for path in folder.rglob("*")}
+    """Every file and folder below one, hidden ones too, relative to it, but for Python's own bytecode."""
+    return {str(path.relative_to(folder)) for path in folder.rglob("*") if "__pycache__" not in path.parts}
 
 
 def commands(group: click.Command = cli, words: tuple[str, ...] = ()) -> Iterator[tuple[str, click.Command]]:

@@ -60,7 +60,7 @@ TEXTS = {
 # what is typed => parts of the message, in order; lines that begin with a space go on
 COMMANDS = r"""
 desing irp6 --out out => no command named 'desing'; did you mean design? available: robots, design, ... compare,
-    bound; see 'excite --help'
+    bound, doctor; see 'excite --help'
 design => Missing argument 'ROBOT' ... (help)
 design irp6 => Missing option '--out' ... (help)
 robots nope => no robot 'nope': built-in robots are ... a file of that name does not exist

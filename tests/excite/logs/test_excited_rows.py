@@ -49,7 +49,7 @@ def test_idling_approach_and_return_are_left_out(noise):
     parts = [rest(3, 0), quintic(2, 0, 0.5), rest(1, 0.5), excitation(20, 0.5), rest(1, 0.5), quintic(2, 0.5, 0)]
     rows, said = exciting_rows(recording(*parts, rest(2, 0), noise=noise))
     assert (rows.start, rows.stop) == pytest.approx((600, 2600), abs=20)
-    assert f"rows {rows.start + 1} to {rows.stop} of 3100 excite" in said
+    assert f"rows {rows.start + 1} to {rows.stop} of 3100 are used" in said
     assert f"left out before them: {rows.start} rows" in said
     assert f"left out after them: {3100 - rows.stop} rows" in said
 
