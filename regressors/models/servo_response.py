@@ -53,7 +53,7 @@ QUANTITIES = (
     ServoQuantity("inertia", "J", "kg m^2", "kg", 1e-6, 1e3, 0.01, True),
     ServoQuantity("Coulomb friction", "Fc", "Nm", "N", 0.0, 1e4, 0.1, True),
     ServoQuantity("Stribeck friction", "Fs", "Nm", "N", 0.0, 1e4, 0.1, True),
-    ServoQuantity("load share", "mu", "Nm/Nm", "N/N", 0.0, 3.0, 0.3, False),
+    ServoQuantity("load share", "mu", "Nm/Nm", "N/N", 0.0, 1.0, 0.3, False),
     ServoQuantity("offset", "b", "rad", "m", -0.2, 0.2, 0.01, False),
     ServoQuantity("delay", "d", "s", "s", 0.0, LONGEST_DELAY, 0.1, False),
     ServoQuantity("dead band", "delta", "rad", "m", 0.0, 0.01, 0.005, False),

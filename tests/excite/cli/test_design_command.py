@@ -195,7 +195,7 @@ def test_a_urdf_goes_from_its_design_to_its_result(here: Here) -> None:
         assert ended.returncode == 0, ended.stderr
         task = json.loads((here.cwd / "r" / "result.json").read_text())["task"]
         assert (task["robot"], task["base_link"]) == ("arm.urdf", "base")
-    with pytest.raises(InputError, match="`base_link` and `tip` are the ends of the chain where"):
+    with pytest.raises(InputError, match="`base_link` and `tip` are the ends of what moves where"):
         excite.identify(excite.load_robot("irp6"), [], tip="hand")
 
 
@@ -220,5 +220,5 @@ def test_a_design_of_printed_angles_is_identified_with_them(here: Here) -> None:
         excite.identify(str(here.cwd / "arm.urdf"), ["x.csv"], design=design)
     with pytest.raises(InputError, match="`snap_angles=False` says how to read the file of a robot"):
         excite.identify(robot, ["x.csv"], snap_angles=False)
-    with pytest.raises(InputError, match="its joints are shoulder, elbow, here they are shoulder: choose the chain"):
+    with pytest.raises(InputError, match="its joints are shoulder, elbow, here they are shoulder: choose what moves"):
         excite.identify(str(here.cwd / "arm.urdf"), ["x.csv"], design=design, tip="upper")

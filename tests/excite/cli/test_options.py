@@ -145,7 +145,7 @@ def test_what_is_named_is_chosen_and_what_is_given_is_kept(choosing: Here, argum
     assert said == [f"chosen: {choice['reason']}" for choice in choices]
     assert all(choice["candidates"] for choice in choices)
     if not arguments:
-        for text in ("positions are low-passed at", "recorded at the same time", "bodies are physically possible"):
+        for text in ("positions are low-passed at", "recorded at the same time", "the data alone give possible bodies"):
             assert f" {text}" in printed
 
 

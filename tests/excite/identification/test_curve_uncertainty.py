@@ -211,7 +211,7 @@ def test_a_fit_s_file_widens_the_intervals_of_what_is_identified_with_it(here: H
         assert ended.returncode == 0, ended.stderr
         results.append(json.loads((tmp_path / "res" / "result.json").read_text()))
     assert "exact" not in "".join(results[0]["notes"])
-    assert "intervals allow for the uncertainty of the friction curves" in "".join(results[0]["notes"])
+    assert "intervals include the uncertainty of the friction curves" in "".join(results[0]["notes"])
     for wide, narrow in zip(results[0]["parameters"], results[1]["parameters"], strict=True):
         assert wide["value"] == narrow["value"]
         assert wide["standard_deviation"] > narrow["standard_deviation"]

@@ -110,7 +110,7 @@ def test_a_short_log_of_a_real_arm_is_too_little(tmp_path: Path) -> None:
     assert default.doubts == ()
     (warning,) = default.warnings
     assert "this log is too little" in warning.text
-    assert "a designed motion of the same length" in warning.text
+    assert "of the same length, ranges and speeds" in warning.text
 
 
 # ---------------------------------------------------------------- the mass matrix

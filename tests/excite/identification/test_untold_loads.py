@@ -64,9 +64,9 @@ def test_a_verdict_names_the_load_that_the_log_has_or_lacks() -> None:
 def test_the_load_of_a_real_arm_is_named() -> None:
     """2.805 kg with published gains, which are some 9 % too large, is 3.06 kg in the torques."""
     bare = identify("ur10e", real_log("ur-20_01_31-unload"))
-    assert not any("carried something" in warning.what for warning in bare.warnings)
+    assert not any("carry something" in warning.what for warning in bare.warnings)
     loaded = identify("ur10e", real_log("ur-20_01_31-load"))
-    assert any("carried something" in warning.what for warning in loaded.warnings)
+    assert any("carry something" in warning.what for warning in loaded.warnings)
     assert "a load of 3.0" in verify(bare, real_log("ur-20_01_31-load")).verdict.against[-1]
 
 

@@ -217,4 +217,4 @@ def test_gains_as_stated_leave_room_for_the_true_mass() -> None:
     result = excite.identify_payload("ur10e", LOADED, without=BARE, logs=excite.LogChoice(MAPPING))
     low, high = result.intervals[0]
     assert low <= 2.805 <= high
-    assert any("stated gains are taken as known to 11 %" in note for note in result.notes)
+    assert any("stated drive gains are taken as known to 11 %" in note for note in result.notes)
