@@ -131,7 +131,7 @@ _GUESSES, _SPREAD = 192, 1.0  # values to start from, and the deviation of their
 _OTHER_START = 30.0  # the largest factor of all torques together
 _LIMITED = 0.025  # of twice the largest torque of the motor: the least torque limit to start from
 _RANGES, _TAKEN = 6, 12  # of the factor, of each of which the best guess is followed, and iterations
-_TRIED = 3  # times that other limits of torque are
+_ROUNDS = 3  # of other limits of torque
 _GRID = 15  # torque limits
 _OTHER_SCALES = np.array([0.25, 0.6, 1.0, 1.7, 4.0])
 _SHARES = np.array([0.0, 0.3, 0.6, 1.4])  # of a delay, tried in its place
@@ -152,7 +152,7 @@ def _search(windows: Windows, start: Array) -> Array:
     guesses = np.clip(start * factors[:, None], *_LIMITS)
     best = np.stack([_best(windows, some) for some in np.split(guesses, _RANGES)])
     x = _from_each(windows, np.concatenate([start[None], best]), start, _LATER)
-    for _ in range(_TRIED):
+    for _ in range(_ROUNDS):
         x = _from_each(windows, _best(windows, _of_other_limits(x, start))[None], start)
     x = _from_each(windows, np.stack([x, *_of_other_delays(x)]), start)
     x = _from_each(windows, _of_other_scales(x), start)
