@@ -122,12 +122,26 @@ def motion(rng: np.random.Generator, n: int, duration: float, middle: Array) -> 
     frequency = rng.uniform(0.1, 1.2, (4, n))
     phase, size = rng.uniform(0, 2 * np.pi, (4, n)), rng.dirichlet(np.ones(4), n).T * 0.6
     waves = (size[:, None] * np.sin(2 * np.pi * frequency[:, None] * time[:half, None] + phase[:, None])).sum(axis=0)
-    pose, rows = waves[-1], [waves]
-    while sum(map(len, rows)) < time.size:
-        count, held = round(rng.uniform(0.3, 0.8) * RATE), round(rng.uniform(0.3, 1.5) * RATE)
+    poses = _poses(rng, n, time.size - half, waves[-1], (0.3, 1.5))
+    return np.asarray(middle + np.concatenate([waves, poses]))
+
+
+def resting(
+    rng: np.random.Generator, n: int, duration: float, middle: Array, rest: tuple[float, float] = (1.0, 4.0)
+) -> Array:
+    """Commands: steps and transitions of up to 0.8 s between poses that are held for some time, shape (N, n) [rad]."""
+    return np.asarray(middle + _poses(rng, n, round(duration * RATE), np.zeros(n), rest, fastest=0.02))
+
+
+def _poses(
+    rng: np.random.Generator, n: int, size: int, pose: Array, rest: tuple[float, float], fastest: float = 0.3
+) -> Array:
+    rows: list[Array] = []
+    while sum(map(len, rows)) < size:
+        count, held = round(rng.uniform(fastest, 0.8) * RATE), round(rng.uniform(*rest) * RATE)
         share = np.linspace(0.0, 1.0, count + 1)[1:, None]
         goal = rng.uniform(-0.6, 0.6, n)
         rows.append(pose + (goal - pose) * (10 * share**3 - 15 * share**4 + 6 * share**5))
         rows.append(np.repeat(goal[None], held, axis=0))
         pose = goal
-    return middle + np.concatenate(rows)[: time.size]
+    return np.concatenate(rows)[:size]

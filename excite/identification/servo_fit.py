@@ -44,6 +44,7 @@ class ServoFit:
     windows: Windows  # one joint's after the other's
     values: Array  # (n, p)
     half_width: Array  # (n, p) of 99 % intervals; infinite of what is not shown
+    ratio_half_width: Array  # (n, p) of torques over the stiffness
     residuals: Array  # (n, w, T) simulated less measured [rad or m]
 
 
@@ -61,10 +62,10 @@ def fit_servos(
     """Fit the servos of all joints in some windows of logs; those of joints that hardly move stay unknown."""
     start, windows = start_values(motions, robot), windows_of(motions, places)
     moving = np.flatnonzero([moves(each) for each in np.split(windows.measured, robot.n)])
-    values, half_width = start.copy(), np.full_like(start, np.inf)
+    values, half_width, of_ratios = start.copy(), np.full_like(start, np.inf), np.full_like(start, np.inf)
     residuals = np.zeros((robot.n, len(places.first), places.count))
     if not moving.size:
-        return ServoFit(windows, values, half_width, residuals)
+        return ServoFit(windows, values, half_width, of_ratios, residuals)
     progress("searching for the servo of each joint")
     few = np.unique(np.linspace(0, len(places.first) - 1, _SEARCHED).round().astype(int))
     values[moving] = _search(_some(windows, robot.n, moving, few), start[moving])
@@ -76,9 +77,9 @@ def fit_servos(
             values[moving] = _from_each(those, _of_other_scales(values[moving]), start[moving])
         fit = _descend(those, values[moving], start[moving, _K], _AGAIN if number else _ITERATIONS)
         values[moving] = fit.values
-    values[moving], half_width[moving] = _judged(those, fit)
+    values[moving], half_width[moving], of_ratios[moving] = _judged(those, fit)
     residuals[moving] = fit.left.reshape(len(moving), -1, places.count)
-    return ServoFit(windows, values, half_width, residuals)
+    return ServoFit(windows, values, half_width, of_ratios, residuals)
 
 
 def along_response(
@@ -256,12 +257,13 @@ def _descend(windows: Windows, values: Array, about: Array, iterations: int, fix
     Stiffnesses stay about some, within a factor of e where nothing else tells them.
     """
     m, about = len(values), np.log(about)
-    z = _coordinates(np.clip(values, *_LIMITS))
+    z, noise_of = _coordinates(np.clip(values, *_LIMITS)), _noise_of(windows, m)
     left = _residuals(windows, _values(z)[None])[0]
     active, stalled = np.arange(m), np.zeros(m, dtype=bool)
     for _ in range(iterations):
         some = windows if active.size == m else _some(windows, m, active)
-        slopes, scale = _slopes(some, z[active], left[active]), _STANDS_OUT * _noise(left[active])
+        scale = _STANDS_OUT * noise_of(left, active)
+        slopes = _slopes(some, z[active], left[active], scale)
         each = zip(z[active], left[active], slopes, scale, about[active], strict=True)
         trials = np.stack([_steps(*one, fixed) for one in each], axis=1)
         paths = _residuals(some, _values(trials))
@@ -277,7 +279,8 @@ def _descend(windows: Windows, values: Array, about: Array, iterations: int, fix
         active = active[~done]
         if not active.size:
             break
-    return _Descent(_values(z), _slopes(windows, z, left), left, _STANDS_OUT * _noise(left))
+    scale = _STANDS_OUT * noise_of(left, np.arange(m))
+    return _Descent(_values(z), _slopes(windows, z, left, scale), left, scale)
 
 
 def _steps(z: Array, left: Array, J: Array, scale: float, about: float, fixed: Sequence[int]) -> Array:
@@ -314,20 +317,41 @@ def _residuals(windows: Windows, values: Array) -> Array:
     return np.asarray((response(each, windows) - windows.measured).reshape(count, m, -1))
 
 
-def _slopes(windows: Windows, z: Array, left: Array) -> Array:
-    """Derivatives of all residuals by the coordinates, shape (m, N, p), by differences away from the nearer limit."""
+def _slopes(windows: Windows, z: Array, left: Array, scale: Array) -> Array:
+    """Derivatives of all residuals by the coordinates, shape (m, N, p), by differences away from the nearer limit.
+
+    A difference that changes the residuals by more than they stand out at is made again with a smaller step: an arm
+    that falls for want of torque is sensitive.
+    """
     middle = np.where(_RATIOS | (np.arange(len(_STEPS)) == _K), np.inf, 0.5 * (_LIMITS[0] + _LIMITS[1]))
     steps = _STEPS * np.where(z < middle, 1.0, -1.0)
     paths = _residuals(windows, _values(z + np.eye(z.shape[1])[:, None] * steps))
+    change = np.sqrt(np.mean((paths - left) ** 2, axis=-1)).T / scale[:, None]
+    if (change > 1.0).any():
+        steps = steps / np.maximum(1.0, change)
+        paths = _residuals(windows, _values(z + np.eye(z.shape[1])[:, None] * steps))
     return np.asarray(np.moveaxis((paths - left) / steps.T[..., None], 0, -1))
 
 
 _LEAST_NOISE = 1e-6  # [rad or m]
 
 
-def _noise(left: Array) -> Array:
-    """Deviation of residuals (..., N), of which a few may stand out."""
-    return np.asarray(np.maximum(_LEAST_NOISE, 1.4826 * np.median(np.abs(left), axis=-1)))
+def _noise_of(windows: Windows, m: int) -> Callable[[Array, Index], Array]:
+    """Deviation of the residuals (m, N) of some servos while they move, of which a few rows may stand out.
+
+    A joint that rests is explained by anything that holds it. No deviation is below that of the encoder's steps.
+    """
+    steps = np.diff(windows.measured, axis=1)
+    still = np.pad(steps == 0, ((0, 0), (1, 1)), constant_values=True)
+    moving = ~(still[:, 1:] & still[:, :-1]).reshape(m, -1)
+    moving[~moving.any(axis=1)] = True
+    least = [max(_LEAST_NOISE, encoder_step(each) / np.sqrt(12)) for each in np.split(windows.measured, m)]
+
+    def noise(left: Array, some: Index) -> Array:
+        middle = np.array([np.median(np.abs(left[j, moving[j]])) for j in some])
+        return np.asarray(np.maximum(np.array(least)[some], 1.4826 * middle))
+
+    return noise
 
 
 # --- intervals -------------------------------------------------------------------------------------------------------
@@ -338,31 +362,32 @@ _NO_SCALE = 1.0  # half of the interval of the logarithm of the stiffness, from 
 _FLAT = 1e-12  # of the steepest direction, below which a direction counts as not shown at all
 
 
-def _judged(windows: Windows, fit: _Descent) -> tuple[Array, Array]:
-    """Values and halves of their 99 % intervals, each (m, p); torque limits that no motion reaches are none.
+def _judged(windows: Windows, fit: _Descent) -> tuple[Array, Array, Array]:
+    """Values, halves of their 99 % intervals and of those of ratios, (m, p); limits that no motion reaches are none.
 
     Where the scale of torques is hardly shown, it may be larger by more than it may be smaller; so the larger counts.
     Offsets may be wrong by half a step of the encoder besides.
     """
-    count, width = windows.measured.shape[1], []
+    count, p, width = windows.measured.shape[1], fit.values.shape[1], []
     for x, left, slopes, scale in zip(fit.values, fit.left, fit.slopes, fit.scale, strict=True):
         residuals = left.reshape(-1, count)
-        quantile = _WIDER * scipy.special.stdtrit(len(residuals) - x.size, 0.5 + CONFIDENCE / 2)
+        quantile = _WIDER * scipy.special.stdtrit(len(residuals) - p, 0.5 + CONFIDENCE / 2)
         T = np.diag(np.where(_SCALES, x[_K], 1.0))
         T[_SCALES, _K] = x[_SCALES]
-        wide = quantile * _deviations(residuals, slopes, scale, np.vstack([T, np.eye(x.size)[_K]]))
-        along, of_scale = wide[:-1], wide[-1]
+        along, of_ratios = quantile * _deviations(residuals, slopes, scale, np.vstack([T, np.eye(p)])).reshape(2, p)
+        of_scale = of_ratios[_K]
         wider = np.expm1(of_scale) / of_scale if of_scale < _NO_SCALE else np.inf
-        width.append(np.where(_SCALES, wider, 1.0) * along)
-    values, half_width = fit.values.copy(), np.array(width)
+        width.append((np.where(_SCALES, wider, 1.0) * along, of_ratios))
+    values, (half_width, of_ratios) = fit.values.copy(), np.moveaxis(np.array(width), 1, 0)
     steps = [encoder_step(each) for each in np.split(windows.measured, len(values))]
     half_width[:, _OFFSET] = np.hypot(half_width[:, _OFFSET], 0.5 * np.array(steps))
     unlimited = values.copy()
     unlimited[:, _L] = _LIMITS[1][_L]
     with_limit, without = _cost(np.stack([fit.left, _residuals(windows, unlimited[None])[0]]), fit.scale)
     not_reached = without < _REACHED * with_limit
-    values[not_reached, _L], half_width[not_reached, _L] = _LIMITS[1][_L], np.inf
-    return values, half_width
+    values[not_reached, _L] = _LIMITS[1][_L]
+    half_width[not_reached, _L] = of_ratios[not_reached, _L] = np.inf
+    return values, half_width, of_ratios
 
 
 def _deviations(left: Array, J: Array, scale: float, T: Array) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 from excite.logs.log import Log, LogReference
 from excite.storage.records import Shown, read_record, write_record
 from excite.storage.result_folder import check_not_taken, result_folder
-from regressors.models.servo_response import QUANTITIES, SYMBOLS
+from regressors.models.servo_response import QUANTITIES, RATIOS, SYMBOLS
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -89,6 +89,8 @@ class ServoResult(Shown):
     logs : tuple of LogReference
     windows : int
         How many there were of each joint.
+    ratio_half_width : ndarray, shape (n, p)
+        As `half_width`, of the ratios to the stiffness, which need no known mass; empty in files without them.
     notes, doubts : tuple of str
         What was assumed and found; why the result cannot be right.
     provenance : mapping
@@ -105,7 +107,20 @@ class ServoResult(Shown):
     windows: int
     notes: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    ratio_half_width: Array = field(default_factory=lambda: np.zeros((0, 0)))
     provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def ratios(self) -> tuple[Array, Array]:
+        """What `RATIOS` names, over the stiffness, and halves of their 99 % intervals, each (n, r)."""
+        half = self.ratio_half_width if self.ratio_half_width.size else np.full_like(self.values, np.inf)
+        return self.values[:, RATIOS] / self.of("K")[:, None], half[:, RATIOS]
+
+    @property
+    def known_ratios(self) -> Any:
+        """Which ratios the logs show, as `known`, shape (n, r)."""
+        ratios, half = self.ratios
+        return half <= _KNOWN * np.abs(ratios)
 
     @property
     def known(self) -> Any:
@@ -119,14 +134,23 @@ class ServoResult(Shown):
 
     @property
     def stated(self) -> dict[str, Any]:
-        """Every quantity by joint and name, with its unit and the half of its interval."""
-        return {
+        """Every quantity by joint and name, with its unit, the half of its interval, and its ratio to the stiffness."""
+        stated: dict[str, Any] = {
             joint.name: {
                 q.name: {"value": value, "half_width": half, "unit": unit_of(q, joint.kind), "symbol": q.symbol}
                 for q, value, half in zip(QUANTITIES, values.tolist(), halves.tolist(), strict=True)
             }
             for joint, values, halves in zip(self.robot.joints, self.values, self.half_width, strict=True)
         }
+        for joint, *ratios in zip(self.robot.joints, *self.ratios, strict=True):
+            for k, value, half in zip(RATIOS, *(each.tolist() for each in ratios), strict=True):
+                unit = QUANTITIES[k].over_stiffness[joint.kind == "prismatic"]
+                stated[joint.name][QUANTITIES[k].name]["over_stiffness"] = {
+                    "value": value,
+                    "half_width": half,
+                    "unit": unit,
+                }
+        return stated
 
     def of(self, symbol: str) -> Array:
         """One quantity of all servos, shape (n,)."""

@@ -91,6 +91,7 @@ def identify_servos(
         motion_fits(_predicted(motions, places, fit), units),
         tuple(motion.log.reference for motion in motions),
         len(places.first),
+        ratio_half_width=fit.ratio_half_width,
         provenance=provenance_of(spent, mapping, tuple(drop), 0),
     )
     return replace(result, notes=_notes(result), doubts=_doubts(result))

@@ -11,7 +11,7 @@ from excite.identification.servo_result import MotionFit, ServoResult, unit_of
 from excite.verification.verify_servos import ServoVerification
 from excite.views.view import Column, Drawing, View, ViewTable, headed, texts
 from regressors.errors import listed_names
-from regressors.models.servo_response import QUANTITIES, SYMBOLS, ServoQuantity
+from regressors.models.servo_response import QUANTITIES, RATIOS, SYMBOLS, ServoQuantity
 
 _MOTION = Drawing("Predicted and measured motion", "motion", "verification_plots.servo_motion_figure")
 _QUANTITIES, _MOTIONS = "Servos with their 99 % intervals", "Predicted motion, and what the bare command predicts"
@@ -19,21 +19,22 @@ _QUANTITIES, _MOTIONS = "Servos with their 99 % intervals", "Predicted motion, a
 
 def servos_view(result: ServoResult) -> View:
     """View of identified servos."""
-    count, known = result.known.size, int(result.known.sum())
+    shown, ratios = (f"{int(known.sum())} of {known.size}" for known in (result.known, result.known_ratios))
     return View(
         kind="servos",
         title=f"servos of {result.robot.name}",
-        verdict=f"Identified {len(result.values)} servos of {result.robot.name}: the logs show {known} of {count} "
-        "quantities",
+        verdict=f"Identified {len(result.values)} servos of {result.robot.name}: the logs show {shown} "
+        f"quantities, and {ratios} ratios to the stiffness",
         holds=not result.doubts,
         numbers=(
-            ("quantities shown by the logs", f"{known} of {count}"),
+            ("quantities shown by the logs", shown),
+            ("ratios to the stiffness shown by the logs", ratios),
             ("joints better than a delayed command", f"{sum(f.better for f in result.fits)} of {len(result.fits)}"),
         ),
         against=tuple(f"doubt: {doubt}" for doubt in result.doubts),
         summary=(f"from {result.windows} windows of {listed_names([log.file for log in result.logs])}",),
         remarks=(*result.notes, *(f"{log.file}: {text}" for log in result.logs for text in log.left_out)),
-        tables=(_shown(result), _errors(result.fits), _quantities(result)),
+        tables=(_shown(result), _ratios(result), _errors(result.fits), _quantities(result)),
         facts={"robot": result.robot.name, "robot_sha256": result.robot.sha256()},
     )
 
@@ -43,7 +44,7 @@ _BRIEF = ("K", "D", "J", "Fc", "d", "L")
 
 def _shown(result: ServoResult) -> ViewTable:
     """What the logs show of each servo; a dash for what they do not."""
-    linear = any(joint.kind == "prismatic" for joint in result.robot.joints)
+    linear = _linear(result)
     units = [f"{q.unit} or {q.linear_unit}" if linear else q.unit for q in QUANTITIES]
     columns = (
         *texts("joint", brief=True),
@@ -63,6 +64,30 @@ def _shown(result: ServoResult) -> ViewTable:
     named = ", ".join(f"{q.symbol} {q.name}" for q in QUANTITIES)
     note = f"{named}, L/D speed limit; - is not shown"
     return ViewTable("servos", "What the logs show of each servo", columns, rows, note=note)
+
+
+def _ratios(result: ServoResult) -> ViewTable:
+    """Ratios that the logs show, for which no mass has to be known."""
+    linear, quantities = _linear(result), [QUANTITIES[k] for k in RATIOS]
+    units = [" or ".join(dict.fromkeys(q.over_stiffness[: 2 if linear else 1])) for q in quantities]
+    columns = (
+        *texts("joint", brief=True),
+        *(
+            Column(f"{q.symbol}/K [{unit}]", brief=q.symbol in _BRIEF)
+            for q, unit in zip(quantities, units, strict=True)
+        ),
+    )
+    rows = tuple(
+        (joint.name, *(value if known else None for value, known in zip(values, shown, strict=True)))
+        for joint, values, shown in zip(
+            result.robot.joints, result.ratios[0].tolist(), result.known_ratios, strict=True
+        )
+    )
+    return ViewTable("ratios", "Ratios to the stiffness, which no mass sets", columns, rows, note="- is not shown")
+
+
+def _linear(result: ServoResult) -> bool:
+    return any(joint.kind == "prismatic" for joint in result.robot.joints)
 
 
 def _quantities(result: ServoResult) -> ViewTable:

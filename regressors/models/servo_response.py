@@ -45,21 +45,23 @@ class ServoQuantity:
     most: float
     size: float  # typical, by which the fit scales it
     scales: bool  # whether it is a torque per something, so that only masses tell its scale
+    over_stiffness: tuple[str, str] = ("", "")  # unit of its ratio to the stiffness, which no mass is needed for
 
 
 QUANTITIES = (
     ServoQuantity("stiffness", "K", "Nm/rad", "N/m", 0.1, 1e5, 10.0, True),
-    ServoQuantity("damping", "D", "Nm s/rad", "N s/m", 0.0, 1e4, 0.5, True),
-    ServoQuantity("inertia", "J", "kg m^2", "kg", 1e-6, 1e3, 0.01, True),
-    ServoQuantity("Coulomb friction", "Fc", "Nm", "N", 0.0, 1e4, 0.1, True),
-    ServoQuantity("Stribeck friction", "Fs", "Nm", "N", 0.0, 1e4, 0.1, True),
+    ServoQuantity("damping", "D", "Nm s/rad", "N s/m", 0.0, 1e4, 0.5, True, ("s", "s")),
+    ServoQuantity("inertia", "J", "kg m^2", "kg", 1e-6, 1e3, 0.01, True, ("s^2", "s^2")),
+    ServoQuantity("Coulomb friction", "Fc", "Nm", "N", 0.0, 1e4, 0.1, True, ("rad", "m")),
+    ServoQuantity("Stribeck friction", "Fs", "Nm", "N", 0.0, 1e4, 0.1, True, ("rad", "m")),
     ServoQuantity("load share", "mu", "Nm/Nm", "N/N", 0.0, 1.0, 0.3, False),
     ServoQuantity("offset", "b", "rad", "m", -0.2, 0.2, 0.01, False),
     ServoQuantity("delay", "d", "s", "s", 0.0, LONGEST_DELAY, 0.1, False),
     ServoQuantity("dead band", "delta", "rad", "m", 0.0, 0.01, 0.005, False),
-    ServoQuantity("torque limit", "L", "Nm", "N", 1e-3, 1e5, 1.0, True),
+    ServoQuantity("torque limit", "L", "Nm", "N", 1e-3, 1e5, 1.0, True, ("rad", "m")),
 )
 SYMBOLS = tuple(quantity.symbol for quantity in QUANTITIES)
+RATIOS = tuple(k for k, quantity in enumerate(QUANTITIES) if any(quantity.over_stiffness))  # to the stiffness
 
 
 @runtime_checkable

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from servo_arm import JOINTS, URDF, identified_servos, servo_log, small_arm, true_servos, truth
+from servo_arm import JOINTS, URDF, identified_servos, plant, played, servo_log, small_arm, true_servos, truth
 
 import excite
 from excite.identification.servo_result import MotionFit, ServoResult, load_servos, motion_fits
@@ -17,7 +17,7 @@ from excite.identification.servo_windows import servo_motion, windows_in
 from excite.identification.servos import identify_servos
 from excite.logs.log import Log, LogReference
 from regressors.errors import InputError
-from regressors.models.servo_response import QUANTITIES, SYMBOLS
+from regressors.models.servo_response import QUANTITIES, RATIOS, SYMBOLS
 from regressors.readers.library import built_in
 
 LOADED, ROLL = slice(0, 2), 2
@@ -44,9 +44,13 @@ def test_a_joint_that_no_mass_loads_shows_only_ratios_and_is_said_to() -> None:
     assert np.isfinite(result.half_width[LOADED, : SYMBOLS.index("L")]).all()
     assert [note for note in result.notes if note.startswith("roll: ") and "only the ratios are shown" in note]
     assert not any(name in note for note in result.notes for name in JOINTS[:ROLL])
+    (ratios, half), symbols = result.ratios, [SYMBOLS[k] for k in RATIOS]
     for symbol in ("D", "J", "Fc"):
-        ratio, true_ratio = (of(symbol)[ROLL] / of("K")[ROLL] for of in (result.of, lambda s: getattr(told, s)))
+        ratio, width = (each[ROLL, symbols.index(symbol)] for each in (ratios, half))
+        true_ratio = getattr(told, symbol)[ROLL] / told.K[ROLL]
         assert ratio == pytest.approx(true_ratio, rel=0.15), symbol
+        assert abs(ratio - true_ratio) <= width, symbol
+    assert result.known_ratios[ROLL, symbols.index("D")]
 
 
 @pytest.mark.slow
@@ -73,7 +77,22 @@ def test_torque_limits_that_few_rows_reach_are_found() -> None:
     reached = (1.8, 0.8, 4.0)
     result = identify_servos(small_arm(), servo_log(0, limits=reached))
     np.testing.assert_allclose(result.of("L")[LOADED], reached[:ROLL], rtol=0.05)
-    np.testing.assert_allclose(result.of("K")[LOADED], truth().K[LOADED], rtol=0.05)
+    np.testing.assert_allclose(result.of("K")[LOADED], truth().K[LOADED], rtol=0.02)
+    for symbol in ("K", "D", "J", "Fc"):
+        half = result.half_width[LOADED, SYMBOLS.index(symbol)]
+        assert (np.abs(result.of(symbol) - getattr(truth(), symbol))[LOADED] <= half).all(), symbol
+
+
+@pytest.mark.slow
+def test_a_log_in_which_the_arm_mostly_rests_is_fitted_where_it_moves() -> None:
+    rng, told = np.random.default_rng(1), truth()
+    log = played(plant().resting(rng, 3, 120.0, np.zeros(3), (6.0, 10.0)), "rests")
+    moves = np.diff(log.q, axis=0, prepend=log.q[:1]) != 0
+    assert moves.mean() < 0.15
+    log = replace(log, q=log.q + 0.004 * moves * np.sin(7.0 * log.time)[:, None])  # what no servo does, of moving ones
+    result = identify_servos(small_arm(), log)
+    for symbol in ("K", "D"):
+        np.testing.assert_allclose(result.of(symbol)[LOADED], getattr(told, symbol)[LOADED], rtol=0.05, err_msg=symbol)
 
 
 @pytest.mark.slow
@@ -152,6 +171,7 @@ def test_a_file_holds_the_same_record_bit_for_bit(tmp_path: Path) -> None:
     logs = (LogReference("log.csv", "ab" * 32, ("3 rows with NaN",)),)
     given: dict[str, Any] = {
         "half_width": half,
+        "ratio_half_width": 0.01 * half,
         "fits": (fit,),
         "logs": logs,
         "windows": 28,
@@ -165,7 +185,7 @@ def test_a_file_holds_the_same_record_bit_for_bit(tmp_path: Path) -> None:
         assert isinstance(loaded, ServoResult)
         for field in fields(result):
             ours, theirs = getattr(result, field.name), getattr(loaded, field.name)
-            if field.name in ("values", "half_width"):
+            if field.name in ("values", "half_width", "ratio_half_width"):
                 assert ours.tobytes() == np.asarray(theirs).tobytes()
             elif field.name == "robot":
                 assert ours.sha256() == theirs.sha256()
@@ -174,6 +194,8 @@ def test_a_file_holds_the_same_record_bit_for_bit(tmp_path: Path) -> None:
     stated = json.loads(path.read_text(encoding="utf-8"))["servos"]
     assert stated["lift"]["stiffness"]["value"] == 5.0
     assert stated["elbow"]["delay"] == {"value": 0.022 / 3, "half_width": half[1, 7], "unit": "s", "symbol": "d"}
+    of_damping = {"value": result.values[1, 1] / result.values[1, 0], "half_width": 0.01 * half[1, 1], "unit": "s"}
+    assert stated["elbow"]["damping"]["over_stiffness"] == of_damping
     with pytest.raises(InputError, match="servos"):
         result.save(tmp_path / "servos")
     result.save(tmp_path / "servos", replace=True)
