@@ -114,8 +114,8 @@ def _notes(result: ServoResult) -> tuple[str, ...]:
     notes = []
     if hardly:
         notes.append(
-            f"{listed_names(hardly)}: nothing of the servo is known to half of its value; give logs in which gravity "
-            "loads the joint differently, of slow and fast motions"
+            f"{listed_names(hardly)}: no quantity of the servo but ratios is known to half of its value; give logs in "
+            "which gravity loads the joint differently, of slow and fast motions"
         )
     if still:
         notes.append(f"{listed_names(still)}: the joint hardly moves, so that nothing of its servo is shown")
