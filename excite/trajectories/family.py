@@ -60,6 +60,10 @@ class Family(ABC):
     richness_option: ClassVar[str] = "harmonics"
     samples_per_term: ClassVar[int] = 2
 
+    def __repr__(self) -> str:
+        """One line."""
+        return f"<{type(self).__name__}: {self.described} over {self.duration:g} s>"
+
     @property
     @abstractmethod
     def richness(self) -> int:

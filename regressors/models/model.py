@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 import scipy
 
-from regressors.errors import InputError
+from regressors.errors import InputError, listed_names
 from regressors.models.drives import drive_rows
 from regressors.models.partial import PartialMotion, of_joints
 from regressors.models.reduction import CoulombFriction, Reduction, coulomb_friction
@@ -96,6 +96,11 @@ class RegressorModel(ABC):
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         cls.jax_form = vars(cls).get("jax_form")
+
+    def __repr__(self) -> str:
+        """One line."""
+        rows = listed_names([name for name, _ in self.row_labels])
+        return f"<{type(self).__name__} of {self.robot.name}: {len(self.columns)} parameters, equations of {rows}>"
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state without compiled functions, which are rebuilt when needed."""

@@ -14,8 +14,11 @@ import written_results as made
 from reported import ParsedPage
 
 import excite
+from excite.trajectories.fourier import Fourier
 from excite.views.view import Format, ViewTable, view_of
 from regressors.errors import InputError, UnknownName
+from regressors.models.differential import DifferentialModel
+from regressors.readers.library import built_in
 
 LINES, WIDTH = 20, 100
 
@@ -121,6 +124,11 @@ def examples() -> Iterator[Any]:
 def parameters(kind: type) -> list[inspect.Parameter]:
     """Of a constructor."""
     return list(inspect.signature(kind).parameters.values())
+
+
+def test_models_and_families_say_what_they_are() -> None:
+    assert repr(Fourier(8.0, 3)) == "<Fourier: 3 harmonics over 8 s>"
+    assert repr(DifferentialModel(built_in("irp6"))).startswith("<DifferentialModel of irp6: ")
 
 
 def test_representations_of_public_objects_fit_a_screen() -> None:
