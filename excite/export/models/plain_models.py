@@ -66,17 +66,19 @@ class YamlFormat(ModelFormat):
         for (joint, quantities), known in rows:
             lines.append(f"  {json.dumps(joint)}:")
             for (name, each), shown in zip(quantities.items(), known, strict=True):
-                value, half = (_yaml(each[key]) for key in ("value", "half_width"))
-                ends = f"unit: {each['unit']}, known: {str(shown).lower()}"
-                lines.append(f"    {name}: {{symbol: {each['symbol']}, value: {value}, half_width: {half}, {ends}}}")
+                ends = [_interval(each), f"known: {str(shown).lower()}"]
+                if ratio := each.get("over_stiffness"):
+                    ends.append(f"over_stiffness: {{{_interval(ratio)}}}")
+                lines.append(f"    {name}: {{symbol: {each['symbol']}, {', '.join(ends)}}}")
         return ModelText("\n".join([*lines, ""]))
 
 
 _EQUATIONS = "the equations of these quantities are those of regressors.models.servo_response"
 
 
-def _yaml(value: float) -> str:
-    return yaml_float(value) if math.isfinite(value) else ".inf"
+def _interval(stated: dict[str, Any]) -> str:
+    value, half = (yaml_float(n) if math.isfinite(n) else ".inf" for n in (stated["value"], stated["half_width"]))
+    return f"value: {value}, half_width: {half}, unit: {stated['unit']}"
 
 
 _NOTES = (
