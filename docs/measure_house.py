@@ -17,7 +17,7 @@ PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
     "lines": 82_850,
-    "lines of code": 51_180,
+    "lines of code": 51_170,
     "files": 379,
     "classes": 682,
     "public names": 95,
