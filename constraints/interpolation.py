@@ -74,7 +74,10 @@ def curve_pieces(samples: Samples, curve: Curve, given: int = 2) -> Array:
         return np.stack([rise / h, q])
     degree, needed = (3, 1) if curve is Curve.CUBICS else (5, 2)
     if given < needed:
-        return _spline(samples, degree)
+        still = np.zeros(samples.q.shape[1])
+        ends = [(order, still) for order in range(1, degree // 2 + 1)]
+        spline = scipy.interpolate.make_interp_spline(samples.time, samples.q, degree, bc_type=(ends, ends))
+        return np.stack([spline(samples.time[:-1], nu=p) / factorial(p) for p in range(degree, -1, -1)])
     v = samples.dq[:-1]
     rise, slope = rise - h * v, np.diff(samples.dq, axis=0)
     if curve is Curve.CUBICS:
@@ -93,13 +96,6 @@ def curves_text(certified: Sequence[InterpolatedLimits]) -> str:
     first = [(each.curve.value, each.broken[0]) for each in certified if each.broken]
     passed = [f"{curve} pass {use.label} by {percent(use.use - 1.0)}" for curve, use in first]
     return "; ".join([*([f"kept by {' and '.join(', '.join(kept).rsplit(', ', 1))}"] if kept else []), *passed])
-
-
-def _spline(samples: Samples, degree: int) -> Array:
-    still = np.zeros(samples.q.shape[1])
-    ends = [(order, still) for order in range(1, degree // 2 + 1)]
-    spline = scipy.interpolate.make_interp_spline(samples.time, samples.q, degree, bc_type=(ends, ends))
-    return np.stack([spline(samples.time[:-1], nu=p) / factorial(p) for p in range(degree, -1, -1)])
 
 
 def _of_pieces(time: Array, pieces: Array, limit: LinearConstraint) -> Extrema:

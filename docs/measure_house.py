@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 82_960,
-    "lines of code": 51_240,
+    "lines": 82_850,
+    "lines of code": 51_170,
     "files": 379,
     "classes": 682,
     "public names": 95,

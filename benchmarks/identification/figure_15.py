@@ -21,8 +21,9 @@ from moves import Moves, shortest
 from PIL import Image
 
 from excite.design.formulation import formulate
-from excite.study.time_study import TimeCourse, TimeStudy, load_time_study
+from excite.study.time_study import TimeCourse, TimeStudy
 from excite.tasks.task import Task
+from excite.views.subjects import load
 from regressors.readers.library import load_robot
 from regressors.samples import Array
 
@@ -72,7 +73,8 @@ def study(folder: Path) -> TimeStudy:
     motions = ("--design", DESIGN, "--trajectory", FAST, "--trajectory", SLOW)
     noise = ("--rate", RATE, "--torque-noise", TORQUE_NOISE, "--encoder", COUNTS)
     excite(folder, "study", "irp6", *motions, *noise, "--repeats", REPEATS, "--below", 1, "--out", "study")
-    return load_time_study(folder / "study" / "study.json")
+    study: TimeStudy = load(folder / "study" / "study.json")
+    return study
 
 
 def rows(course: TimeCourse) -> list[list[object]]:

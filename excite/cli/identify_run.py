@@ -39,10 +39,10 @@ from excite.study.repetitions import Repetitions, repetitions
 from excite.tasks.further_settings import Tolerances
 from excite.tasks.installation import Installation
 from excite.tasks.model_choice import ModelChoice
-from excite.verification.verification import KIND
-from excite.verification.verify_servos import KIND as SERVO_KIND, verify_servos
+from excite.verification.verification import KIND, Verification
+from excite.verification.verify_servos import KIND as SERVO_KIND, ServoVerification, verify_servos
 from excite.views.identification_view import identification_view, repetitions_view
-from excite.views.servo_view import servo_verification_view, servos_view
+from excite.views.servo_view import servo_verification_view, servo_verifications_view, servos_view
 from excite.views.verification_view import verification_view, verifications_view
 from excite.views.view import View
 from regressors.errors import InputError
@@ -256,26 +256,9 @@ def verify_and_write(
         for log in logs:
             tell(f"judging {folder} on {log}")
             judged.append(excite.verify(result, log, tolerances=tolerances, **options))
-        stemmed = zip(judged, stems, strict=True)
-        written = [(verification_view(each, stem), each.save(target, name=stem)) for each, stem in stemmed]
-        view = verifications_view(judged)
-        steps = [] if view.holds else ["'excite verify ... --verbose' shows what limits each joint"]
-
-        def drawn() -> list[Path]:
-            return [file for each, files in written for file in (*figures.write(each, target), *files)]
-
-        def details() -> None:
-            for each, _ in written:
-                print_verdict(each)
-                print_view(each)
-            print_view(View(view.title, view.verdict), drawn())
-
-        def content() -> list[Any]:
-            return list(map(json_of, judged))
-
-        whole = details if len(judged) > 1 else None
-        show(view, drawn, content=content, next_steps=steps, all_in="verification-*.json", details=whole)
-    sys.exit(0 if view.holds else NOT_HELD)
+        views = list(map(verification_view, judged, stems))
+        step = "'excite verify ... --verbose' shows what limits each joint"
+        _show_judged(judged, views, verifications_view(judged), target, figures, step)
 
 
 def verify_servos_and_write(
@@ -294,19 +277,39 @@ def verify_servos_and_write(
             tell(f"judging {folder} on {log}")
             judged.append(verify_servos(folder, log, **chosen))
         views = list(map(servo_verification_view, judged, stems))
-        files = [file for each, stem in zip(judged, stems, strict=True) for file in each.save(target, name=stem)]
-        for view in views[:-1]:
-            print_verdict(view)
-            print_view(view)
-        steps = [] if all(v.holds for v in judged) else ["identify from more logs, of the kinds of motion that matter"]
-        show(
-            views[-1],
-            lambda: [*(file for view in views for file in figures.write(view, target)), *files],
-            content=lambda: list(map(json_of, judged)),
-            next_steps=steps,
-            all_in="verification-*.json",
-        )
-    sys.exit(0 if all(v.holds for v in judged) else NOT_HELD)
+        step = "identify from more logs, of the kinds of motion that matter"
+        _show_judged(judged, views, servo_verifications_view(judged), target, figures, step)
+
+
+def _show_judged(
+    judged: Sequence[Verification | ServoVerification],
+    views: Sequence[View],
+    view: View,
+    target: Path,
+    figures: FigureChoice,
+    step: str,
+) -> NoReturn:
+    """Save each verdict under the name of its view, and print the one on all."""
+    files = [file for each, own in zip(judged, views, strict=True) for file in each.save(target, name=own.filed)]
+
+    def drawn() -> list[Path]:
+        return [*(file for own in views for file in figures.write(own, target)), *files]
+
+    def details() -> None:
+        for own in views:
+            print_verdict(own)
+            print_view(own)
+        print_view(View(view.title, view.verdict), drawn())
+
+    show(
+        view,
+        drawn,
+        content=lambda: list(map(json_of, judged)),
+        next_steps=[] if view.holds else [step],
+        all_in="verification-*.json",
+        details=details if len(judged) > 1 else None,
+    )
+    sys.exit(0 if view.holds else NOT_HELD)
 
 
 def _stems(logs: Sequence[Path]) -> list[str]:

@@ -202,7 +202,18 @@ def solve(
     results = best_starts(kept.folder, rounds.planned)
     if not results.best:
         raise KeyboardInterrupt if interrupted else NoFeasibleMotionError(_NONE)
-    provenance = _provenance(formulation, date, time.monotonic() - began, running.spent)
+    provenance = {
+        "date": date.isoformat(timespec="seconds"),
+        "seed": formulation.task.search.seed,
+        "problem": formulation.identity.sha256,
+        "run": formulation.identity.run,
+        "wall_seconds": time.monotonic() - began,
+        "cpu_seconds": running.spent,
+        "evaluation": evaluation(),
+        "python": platform.python_version(),
+        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
+        "versions": {name: version(name) for name in _PACKAGES},
+    }
     if search.budget is not None and not interrupted:  # with the rounds that it was enough for, it gives the same again
         random = None if search.starts is None else rounds.first
         task = formulation.task.changed(search=replace(search, budget=None, starts=random, rounds=rounds.count))
@@ -210,21 +221,6 @@ def solve(
     with threadpool_limits(1), suspecting(robot):
         design = certify(robot, formulation, results, provenance, interrupted=interrupted)
     return replace(design, search=rounds.summary, notes=(*design.notes, *interpreted_note()))
-
-
-def _provenance(formulation: Formulation, date: datetime, wall: float, cpu: float) -> dict[str, object]:
-    return {
-        "date": date.isoformat(timespec="seconds"),
-        "seed": formulation.task.search.seed,
-        "problem": formulation.identity.sha256,
-        "run": formulation.identity.run,
-        "wall_seconds": wall,
-        "cpu_seconds": cpu,
-        "evaluation": evaluation(),
-        "python": platform.python_version(),
-        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
-        "versions": {name: version(name) for name in _PACKAGES},
-    }
 
 
 _INSTANTS = 257  # at which the middle of each joint's range is looked for

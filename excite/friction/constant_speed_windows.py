@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.logs.event import LEAST, STEPS
 from excite.logs.excitation import noise_deviation, quantum
-from excite.tasks.option import essential, option
+from excite.tasks.option import check_choices, essential, option
 from regressors.arguments import checked
 from regressors.quantities import check_options
 from regressors.samples import Array
@@ -258,6 +258,7 @@ class FitSettings:
     )
 
     def __post_init__(self) -> None:
+        check_choices(self)
         check_options(self, ("window", "tolerance", "exponent"))
 
     @property

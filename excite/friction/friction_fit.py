@@ -30,7 +30,7 @@ from excite.friction.friction_equations import Form, forms
 from excite.friction.plan_match import PlannedRuns, Source
 from excite.friction.points import DriveLog, Point, RigidModel, drive_log
 from excite.logs.log import Log, LogReference
-from excite.storage.records import Shown, read_record, write_record
+from excite.storage.records import Shown, write_record
 from excite.storage.result_folder import check_not_taken, result_folder
 from excite.tasks.friction_file import write_friction
 from regressors.errors import InputError, UnknownName
@@ -111,11 +111,6 @@ class FrictionFit(Shown):
 def check_no_fit(folder: Path, names: Collection[str] = (FRICTION,), *, replace: bool = False) -> None:
     """Raise `TakenError` where a folder holds a fit, or other files of the names, that may not be replaced."""
     check_not_taken(folder, FIT, "a fit", names, replace=replace)
-
-
-def load_friction_fit(path: str | Path) -> FrictionFit:
-    """Load a ``fit.json`` of friction curves."""
-    return read_record(Path(path), FrictionFit, KIND)
 
 
 _SMALL_PATH = 0.05  # of the path of the drive that moves most: a drive that moves less was not measured

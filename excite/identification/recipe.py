@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
-from excite.registry import COVARIANCES, REPEATABLE, SIGNALS, OwnPart, built_in, check_part, instance, name_of
+from excite.registry import COVARIANCES, REPEATABLE, SIGNALS, OwnPart, built_in, instance, name_of
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
-from excite.tasks.option import essential, option
+from excite.tasks.option import check_choices, essential, option
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError
 from regressors.quantities import check, check_options, shown, whole_number_of
 
 if TYPE_CHECKING:
@@ -178,10 +178,7 @@ class Recipe:
     signals_chosen: bool = False
 
     def __post_init__(self) -> None:
-        check_part("estimator", self.estimator)
-        for what, known in (("signals", SIGNALS), ("covariance", COVARIANCES)):
-            if getattr(self, what) not in known:
-                raise UnknownName(what, str(getattr(self, what)), known)
+        check_choices(self)
         check_options(self, _CHECKED)
         if self.described_within is not None and self.estimator != "physical":
             raise InputError(f"`described_within` is for the estimator physical, not for {name_of(self.estimator)}")

@@ -133,7 +133,13 @@ def _result(folder: Path, path: Path, allowed: Collection[str], own: dict[str, A
 
     result = read_record(path, Identification, KIND, objects)
     with complete(path, KIND):
-        _check_whole(result)
+        count = len(result.names)
+        estimate = result.estimate
+        shapes = (estimate.values.shape, estimate.coefficients.shape, estimate.covariance.shape)
+        if not all(result.names) or len(result.units) != count or shapes != ((count,), (count,), (count, count)):
+            raise ValueError("parameters without a name")
+        if not np.isfinite(result.coefficients).all() or not math.isfinite(result.training_error or 0.0):
+            raise ValueError("expected finite numbers to predict with, and a finite error")
     return result
 
 
@@ -147,16 +153,6 @@ def _recipe(content: dict[str, Any], estimator: Any, allowed: Collection[str]) -
         name = str(kept["estimator"])
         estimator = stored_part("estimator", "weighted" if name in _FORMER else name, allowed)
     return Recipe(**kept if estimator is None else {**kept, "estimator": estimator})
-
-
-def _check_whole(result: Identification) -> None:
-    count = len(result.names)
-    estimate = result.estimate
-    shapes = (estimate.values.shape, estimate.coefficients.shape, estimate.covariance.shape)
-    if not all(result.names) or len(result.units) != count or shapes != ((count,), (count,), (count, count)):
-        raise ValueError("parameters without a name")
-    if not np.isfinite(result.coefficients).all() or not math.isfinite(result.training_error or 0.0):
-        raise ValueError("expected finite numbers to predict with, and a finite error")
 
 
 _EXPECTED = "expected a result or a design, or the folder of one"

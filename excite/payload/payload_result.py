@@ -16,7 +16,7 @@ from excite.payload.held_body import UPPER, Frame, HeldBody, is_possible, neares
 from excite.payload.known_gains import KnownGains
 from excite.payload.load_estimate import LoadEstimate
 from excite.storage.atomic import write_bytes
-from excite.storage.records import NUMBERS, Shown, every, read_record, write_record
+from excite.storage.records import NUMBERS, Shown, every, write_record
 from excite.storage.result_folder import check_not_taken, result_folder
 from regressors.errors import UnknownName
 from regressors.models.load import LOAD_PARAMETERS
@@ -355,8 +355,3 @@ class PayloadResult(Shown):
 def check_no_payload(folder: Path, controllers: Collection[str] = (), *, replace: bool) -> None:
     """Raise `TakenError` where a folder holds a payload, or files for controllers, that may not be replaced."""
     check_not_taken(folder, PAYLOAD, "a payload", [_FILES[name][0] for name in controllers], replace=replace)
-
-
-def load_payload(path: str | Path) -> PayloadResult:
-    """Load a ``payload.json``."""
-    return read_record(Path(path), PayloadResult, KIND)

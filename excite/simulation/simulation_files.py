@@ -13,13 +13,12 @@ from excite.design.design_folder import DESIGN, KIND as OF_DESIGN, TRAJECTORY
 from excite.design.design_json import load_design
 from excite.design.friction_runs.friction_plan import KIND as OF_PLAN, PLAN, load_friction_plan
 from excite.logs.log_reading import KIND, LOG, log_entry, sidecar_path, write_log
-from excite.simulation.simulation import SimulatedLog, Simulation
+from excite.simulation.simulation import Simulation
 from excite.storage.atomic import Destination, read_json, write_json
 from excite.storage.codec import content_of
 from excite.storage.commit import read_settled
 from excite.storage.manifest import check_files, sha256_of
 from excite.storage.migrations import schema_of
-from excite.storage.records import read_record
 from excite.storage.result_folder import replace_files, result_file
 from excite.storage.sampled_motion import SEGMENT, read_table
 from excite.tasks.reference import GivenTorque, MotionSource, SampledMotion
@@ -169,8 +168,3 @@ def _older_wrench(log: Path) -> list[str]:
     of_joints.pop(LOG, None)  # of the one file alone
     of_wrench.pop(LOG, None)
     return [path.name, sidecar_path(path).name] if of_joints == of_wrench else []
-
-
-def load_simulated_log(path: str | Path) -> SimulatedLog:
-    """What is known of a simulated log, by the log or the file beside it."""
-    return read_record(sidecar_path(path) if Path(path).suffix != ".json" else Path(path), SimulatedLog, KIND)

@@ -1,6 +1,7 @@
 """Schema numbers of records, and what makes the content of an older file that of today's schema.
 
-A migration takes the content and the arrays of a file of its number, and the folder, and gives those of the next.
+A migration takes the content and the arrays of a file of its number, and the folder. It gives the entries of the next
+number that are new or of another form, which stand in the place of the old ones, and changes the arrays.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from excite.storage.atomic import read_json
 from regressors.errors import InputError
 
 Content = dict[str, Any]
-Migration = Callable[[Content, Content, Path], tuple[Content, Content]]
+Migration = Callable[[Content, Content, Path], Content]
 
 
 def schema_of(kind: str) -> str:
@@ -32,22 +33,21 @@ def is_of_kind(kind: str, schema: object) -> bool:
 def migrated(kind: str, content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
     """Content and arrays in today's schema."""
     number = int(str(content["schema"]).rpartition("/")[2])
+    arrays = dict(arrays)
     for migration in _MIGRATIONS[kind][number - 1 :]:
-        content, arrays = migration(content, arrays, folder)
+        content = {**content, **migration(content, arrays, folder)}
     return content, arrays
 
 
 _OUTCOMES = ("DONE", "NOT_POSITIVE", "RAN_AWAY")
 
 
-def _verification_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+def _verification_2(content: Content, arrays: Content, folder: Path) -> Content:
     """Not finite numbers were null, the robot was in the result alone, and curves had names of their own."""
     log, whole = content["log"], content.get("corrected_error")
     corrected = [torque.get("corrected") for torque in content["torques"]]
     motions = content["motions"]
-    arrays, entries = _verification_arrays(arrays)
     return {
-        **content,
         "robot": _robot_of_result(folder, content["robot"]["sha256"]),
         "log": {**log, "start": log["from"], "end": log["to"], "left_out": []},
         "relative_error": _infinite(content["relative_error"]),
@@ -57,36 +57,32 @@ def _verification_2(content: Content, arrays: Content, folder: Path) -> tuple[Co
         "corrected": [] if None in corrected else [_entries_infinite(part) for part in corrected],
         "corrected_total": whole and {"noise": "nan", "error": "nan", "relative": whole, "least": "nan"},
         "motions": None if motions is None else [_entries_infinite(motion) for motion in motions],
-        **entries,
-    }, arrays
+        **(_verification_arrays(arrays) if arrays else {}),
+    }
 
 
-def _verification_arrays(arrays: Content) -> tuple[Content, Content]:
-    """The arrays under the names of the fields, and the entries that refer to them."""
-    if not arrays:
-        return {}, {}
-    named = {name: arrays[name] for name in ("time", "measured", "predicted")}
+def _verification_arrays(arrays: Content) -> Content:
+    """The entries that refer to the arrays, by the names that these had."""
     simulated = "replay_time" in arrays
-    of_motion = ("replay_time", "replay_measured") if simulated else ("motion_time", "motion_q")
-    named |= {"motion.time": arrays[of_motion[0]], "motion.q": arrays[of_motion[1]]}
-    entries: Content = {name: {"array": name} for name in ("time", "measured", "predicted")}
-    joints = [str(name) for name in arrays["joints"]]
-    entries["motion"] = {"joints": joints, "time": {"array": "motion.time"}, "q": {"array": "motion.q"}}
-    entries["step"] = int(arrays["every"])
+    time, q = ("replay_time", "replay_measured") if simulated else ("motion_time", "motion_q")
+    entries: Content = {
+        **{name: {"array": name} for name in ("time", "measured", "predicted")},
+        "motion": {"joints": arrays["joints"].tolist(), "time": {"array": time}, "q": {"array": q}},
+        "step": int(arrays["every"]),
+    }
     if simulated:
-        q = arrays["replay_q"]
-        named |= {"replay.time": arrays["replay_time"], "replay.q": q, "replay.dq": np.full_like(q, np.nan)}
+        arrays["replay_dq"] = np.full_like(arrays["replay_q"], np.nan)
         outcome, failed, left_out = arrays["replay_end"].tolist()
         entries["replay"] = {
             "outcome": _OUTCOMES[int(outcome)],
-            **{name: {"array": f"replay.{name}"} for name in ("time", "q", "dq")},
+            **{name: {"array": f"replay_{name}"} for name in ("time", "q", "dq")},
             "starts": arrays["replay_starts"].tolist(),
             "stops": arrays["replay_stops"].tolist(),
             "failed_at": failed if np.isfinite(failed) else None,
             "sign_width": "nan",
             "left_out": int(left_out),
         }
-    return named, entries
+    return entries
 
 
 def _infinite(value: Any) -> Any:
@@ -106,7 +102,7 @@ def _robot_of_result(folder: Path, sha256: str) -> Content | None:
     return robot if robot.get("sha256") == sha256 else None
 
 
-def _study_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+def _study_2(content: Content, arrays: Content, folder: Path) -> Content:
     """Curves were lists, with null where they are not finite."""
     courses = []
     for k, course in enumerate(content["courses"]):
@@ -132,23 +128,14 @@ def _study_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, 
                 "reference_kind": course["reference"]["kind"],
             }
         )
-    robot = content["robot"]
-    return {**content, "robot": robot["name"], "sha256": robot["sha256"], "courses": courses}, arrays
+    return {"robot": content["robot"]["name"], "sha256": content["robot"]["sha256"], "courses": courses}
 
 
 def _floats(values: Any) -> Any:
     return np.array(values, dtype=float)
 
 
-def _accuracy_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
-    return {**content, "name": content["design"], "count": content["samples"]}, arrays
-
-
-def _bound_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
-    return {**content, "name": folder.name, "sensitivity": content.get("sensitivity")}, arrays
-
-
-def _payload_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+def _payload_2(content: Content, arrays: Content, folder: Path) -> Content:
     raise InputError("schema 1 has intervals, but not the covariance that they are from: identify the payload again")
 
 
@@ -156,7 +143,7 @@ _EXPONENT = re.compile(r"exponent ([\d.]+)")
 _NORMAL = 2.5758  # half a 99 % interval over the standard deviation, where the file does not tell
 
 
-def _friction_fit_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+def _friction_fit_2(content: Content, arrays: Content, folder: Path) -> Content:
     """The form of a curve was in its name, covariances were lists, and the curves that were not taken had none."""
     drives = []
     for k, drive in enumerate(content["drives"]):
@@ -171,14 +158,12 @@ def _friction_fit_2(content: Content, arrays: Content, folder: Path) -> tuple[Co
                 "failed": drive["not_fitted"],
             }
         )
-    robot = content["robot"]
     return {
-        **{name: content[name] for name in ("logs", "settings", "provenance")},
-        "robot": robot["name"],
-        "sha256": robot["sha256"],
+        "robot": content["robot"]["name"],
+        "sha256": content["robot"]["sha256"],
         "characteristics": drives,
         "gravity_source": content["subtracted"],
-    }, arrays
+    }
 
 
 def _curve_fit_2(fit: Content, place: str, arrays: Content) -> Content:
@@ -211,19 +196,14 @@ def _curve_fit_2(fit: Content, place: str, arrays: Content) -> Content:
 _MANY = 10**9  # degrees of freedom of Student's t where it is as the normal distribution
 
 
-def _result_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+def _result_2(content: Content, arrays: Content, folder: Path) -> Content:
     """Parameters were one by one, not finite numbers were null, and curves had names of their own."""
-    condition, arrays = content["condition_number"], dict(arrays)
-    curves, history = _result_arrays(arrays)
     design = content["design"]
-    designed = None if design is None else {**design, "condition_number": _infinite(design["condition_number"])}
     return {
-        **content,
         **_estimate_of(content),
-        **({"history": history} if history else {}),
-        **({"curves": curves} if curves else {}),
-        "measured_condition_number": _infinite(condition["measured"]),
-        "design": designed,
+        **(_result_arrays(arrays) if "every" in arrays else {}),
+        "measured_condition_number": _infinite(content["condition_number"]["measured"]),
+        "design": design and {**design, "condition_number": _infinite(design["condition_number"])},
         "logs": [_log_of(log) for log in content["logs"]],
         "base": {
             **content.get("base", {"rank": len(content["parameters"]), "columns": [], "gap": None}),
@@ -245,7 +225,7 @@ def _result_2(content: Content, arrays: Content, folder: Path) -> tuple[Content,
         "scatter": _if_known(_scatter_of, content.get("between_logs")),
         "each": any("each" in each for each in (content.get("between_logs") or {}).get("parameters", ())),
         "provenance": content.get("provenance", {}),
-    }, arrays
+    }
 
 
 def _estimate_of(content: Content) -> Content:
@@ -285,17 +265,13 @@ def _log_of(log: Content) -> Content:
     return {**log, "start": log["from"], "end": log["to"], "events": events}
 
 
-def _result_arrays(arrays: Content) -> tuple[Content, list[Content]]:
-    """The arrays under the names of the fields, and the entries that refer to them."""
-    if "every" not in arrays:
-        return {}, []
-    entries: Content = {"step": int(arrays["every"]), "joints": [str(name) for name in arrays["joints"]]}
+def _result_arrays(arrays: Content) -> Content:
+    """The entries that refer to the arrays, by the names that these had."""
     rows = ("time", "log", "equation", "measured", "predicted", "motion_time", "motion_log", "motion_q")
-    for name in rows:
-        arrays[f"curves.{name}"] = arrays[name]
-        entries[name] = {"array": f"curves.{name}"}
-    names = ("history_time", "history") if "history" in arrays else ()
-    return entries, [{"array": name} for name in names]
+    of_rows = {name: {"array": name} for name in rows}
+    curves = {"step": int(arrays["every"]), "joints": arrays["joints"].tolist(), **of_rows}
+    history = [{"array": name} for name in ("history_time", "history")]
+    return {"curves": curves, **({"history": history} if "history" in arrays else {})}
 
 
 def _reference_of(content: Content) -> Content | None:
@@ -357,10 +333,10 @@ def _unknown(value: Any) -> Any:
     return "nan" if value is None else value
 
 
-def _friction_plan_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+def _friction_plan_2(content: Content, arrays: Content, folder: Path) -> Content:
     """The schedule stood once, a place had no range beyond its stroke, and null was infinite or not known."""
     schedule = _entries_infinite(content["schedule"])
-    return {**content, "trajectories": [_coordinate_2(each, schedule) for each in content["trajectories"]]}, arrays
+    return {"trajectories": [_coordinate_2(each, schedule) for each in content["trajectories"]]}
 
 
 def _coordinate_2(each: Content, schedule: Content) -> Content:
@@ -380,54 +356,48 @@ def _gravity_2(each: Content) -> Content:
     return {**each, "gravity": _unknown(each["gravity"])}
 
 
-def _posterior_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+def _posterior_2(content: Content, arrays: Content, folder: Path) -> Content:
     """Names were arrays alone where the values are, and what is not a number was null."""
     listed = ("names", "units", "base_names", "base_units")
     names: Content = {name: arrays[name].tolist() for name in listed if name in arrays}
     floats = {name: _unknown(content[name]) for name in ("prior", "distance", "effective", "split_deviation")}
     references = {name: {"array": name} for name in ("values", "base_matrix")}
-    return {**content, **names, **floats, **references}, arrays
+    return {**names, **floats, **references}
 
 
-def _campaign_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
-    """Cells without a design had empty facts."""
-    return {**content, "rows": [{**row, "facts": row["facts"] or None} for row in content["rows"]]}, arrays
+_NOT_OF_LOGS: Content = {  # how well the motion was followed, and the torques that it took
+    **dict.fromkeys(("duration", "work", "loss", "energy_residual"), "nan"),
+    **dict.fromkeys(("against", "saturated", "tracking", "torques", "notes"), ()),
+    **{name: {} for name in ("settings", "truth")},
+    **dict.fromkeys(("samples", "seed"), 0),
+}
 
 
-def _precision_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
-    """Of each period, only what one run brings was in the file."""
-    trials = [{**trial, "course": [[1, trial["use_of_one_run"]]]} for trial in content["trials"]]
-    return {**content, "trials": trials}, arrays
-
-
-def _log_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
-    """How well the motion was followed, and the torques that it took, were not in the file."""
-    unknown = dict.fromkeys(("duration", "work", "loss", "energy_residual"), "nan")
-    begun = {"samples": 0, "against": [], "saturated": [], "tracking": [], "torques": [], "notes": [], "seed": 0}
-    return {**begun, **unknown, "settings": {}, "truth": {}, **content}, arrays
-
-
-def _servos_2(content: Content, arrays: Content, folder: Path) -> tuple[Content, Content]:
+def _servos_2(content: Content, arrays: Content, folder: Path) -> Content:
     """The limit of torque was of spring and damping together; that of the spring alone is not known from it."""
     values = [[*each[:-1], 1e5] for each in content["values"]]
     half_width = [[*each[:-1], "inf"] for each in content["half_width"]]
     note = "the limits of torque were of another form and are left out: identify again where a servo reaches its limit"
-    return {**content, "values": values, "half_width": half_width, "notes": [*content["notes"], note]}, arrays
+    return {"values": values, "half_width": half_width, "notes": [*content["notes"], note]}
 
 
 # of each kind, what makes a file of schema 1, 2, ... one of the next; today's number is one more than there are
 _MIGRATIONS: dict[str, tuple[Migration, ...]] = {
-    "accuracy": (_accuracy_2,),
-    "bound": (_bound_2,),
-    "campaign": (_campaign_2,),
+    "accuracy": (lambda content, *_: {"name": content["design"], "count": content["samples"]},),
+    "bound": (lambda content, _, folder: {"name": folder.name, "sensitivity": content.get("sensitivity")},),
+    # cells without a design had empty facts
+    "campaign": (lambda content, *_: {"rows": [{**row, "facts": row["facts"] or None} for row in content["rows"]]},),
     "cell": (),
     "design": (),
     "friction-fit": (_friction_fit_2,),
     "friction-plan": (_friction_plan_2,),
-    "log": (_log_2,),
+    "log": (lambda content, *_: {**_NOT_OF_LOGS, **content},),
     "payload": (_payload_2,),
     "posterior": (_posterior_2,),
-    "precision": (_precision_2,),
+    # of each period, only what one run brings was in the file
+    "precision": (
+        lambda content, *_: {"trials": [{**t, "course": [[1, t["use_of_one_run"]]]} for t in content["trials"]]},
+    ),
     "result": (_result_2,),
     "servo-verification": (),
     "servos": (_servos_2,),

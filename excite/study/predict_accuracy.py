@@ -18,7 +18,7 @@ from excite.identification.recipe import Recipe
 from excite.registry import name_of
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate
-from excite.storage.records import Shown, check_replaceable, read_record, write_record
+from excite.storage.records import Shown, check_replaceable, write_record
 from excite.storage.result_folder import result_folder
 from excite.study.rehearsal import (
     FREE,
@@ -260,8 +260,3 @@ class AccuracyPrediction(Shown):
         with result_folder(Path(folder)):
             check_replaceable(Path(folder), KIND, KIND)
             return write_record(self, KIND, Path(folder), KIND)
-
-
-def load_accuracy(path: str | Path) -> AccuracyPrediction:
-    """Load an ``accuracy.json``."""
-    return read_record(Path(path), AccuracyPrediction, KIND)

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.storage.records import NUMBERS, Shown, read_record, short, write_record
+from excite.storage.records import NUMBERS, Shown, short, write_record
 from excite.storage.result_folder import check_not_taken, result_folder
 from regressors.errors import InputError
 from regressors.samples import Array
@@ -95,11 +95,6 @@ class TimeStudy(Shown):
 def check_free(folder: str | Path, names: Collection[str] = (), *, replace: bool) -> None:
     """Raise `TakenError` where a study, or another file of the names, is in the folder and is not to be replaced."""
     check_not_taken(Path(folder), f"{KIND}.json", "a study", names, replace=replace)
-
-
-def load_time_study(path: str | Path) -> TimeStudy:
-    """Load a ``study.json``."""
-    return read_record(Path(path), TimeStudy, KIND)
 
 
 @dataclass(frozen=True, eq=False)

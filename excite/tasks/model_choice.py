@@ -11,12 +11,12 @@ from functools import partial
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
-from excite.registry import WINDOWS, OwnPart, check_part, part
+from excite.registry import WINDOWS, OwnPart, part
 from excite.tasks.installation import Triple
 from excite.tasks.model_options import FURTHER_TERMS, DriveChoice, check_choice, numbers_of, options_of_model
 from excite.tasks.option import essential, option, strict
 from excite.tasks.stored_files import UnopenedFile
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError
 
 if TYPE_CHECKING:  # modules that describe options must import quickly
     from regressors.models.load import Sensor
@@ -155,12 +155,9 @@ class ModelChoice:
 
     def __post_init__(self) -> None:
         strict(self)
-        check_part("model", self.model)
         if not isinstance(self.model, str | OwnPart | type):
             for name, value in (options_of_model(self.model) or {}).items():
                 object.__setattr__(self, name, value)
-        if self.window not in WINDOWS:
-            raise UnknownName("window", str(self.window), WINDOWS)
         if self.joints is not None and self.drives is not None:
             raise InputError("`joints` and `drives` exclude each other; give one of them")
         if self.friction_curves is not None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from excite.registry import CONVENTIONS, NEARLY, SCALES, check_part
+from excite.registry import CONVENTIONS, NEARLY, SCALES
 from excite.tasks.option import essential, option, strict
 from excite.tasks.precision_target import PrecisionTarget
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError
 from regressors.quantities import check
 
 if TYPE_CHECKING:
@@ -152,10 +152,6 @@ class Objective:
 
     def __post_init__(self) -> None:
         strict(self)
-        check_part("criterion", self.criterion)
-        for what, known in (("base", CONVENTIONS), ("scale", SCALES), ("nearly_unidentifiable", NEARLY)):
-            if getattr(self, what) not in known:
-                raise UnknownName(what, str(getattr(self, what)), known)
         if self.weighted and self.noise is None:
             raise InputError(
                 "`weighted` divides rows by the noise of their equations, which is not given; give `noise`"

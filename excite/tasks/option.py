@@ -15,6 +15,7 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, Literal
 
+from excite.registry import check_part
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.stored_files import UnopenedFile
 from regressors.arguments import Unfit, fit, rule_of
@@ -119,6 +120,17 @@ def strict(part: Any) -> None:
         ):
             check(field.name, plain)
         object.__setattr__(part, field.name, plain)
+    check_choices(part)
+
+
+def check_choices(part: object) -> None:
+    """Raise `UnknownName` or `InputError` for an option that is none of its few values, or no part of its kind."""
+    for field, option in options_of(type(part)):
+        value = getattr(part, field.name)
+        if option.part is not None:
+            check_part(option.part, value)
+        elif option.choices and value not in option.choices:
+            raise UnknownName(field.name, str(value), option.choices)
 
 
 def _number(value: object) -> float:

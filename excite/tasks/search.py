@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from excite.registry import STARTS, check_part
+from excite.registry import STARTS
 from excite.tasks.option import essential, option, strict
 from regressors.errors import InputError, UnknownName
 
@@ -77,8 +77,6 @@ class Search:
 
     def __post_init__(self) -> None:
         strict(self)
-        check_part("solver", self.solver)
-        check_part("executor", self.executor)
         for name in self.start:
             if not isinstance(name, str) or name not in STARTS:
                 raise UnknownName("start", str(name), STARTS)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from excite.registry import OwnPart, check_part, part
+from excite.registry import OwnPart, part
 from excite.tasks.option import AUTO, essential, option, strict
 from regressors.errors import InputError
 
@@ -58,7 +58,6 @@ class TrajectoryChoice:
 
     def __post_init__(self) -> None:
         strict(self)
-        check_part("trajectory", self.trajectory)
         if not isinstance(self.trajectory, str | OwnPart | type):
             for name in ("period", *self.trajectory.options):
                 own = self.trajectory.duration if name == "period" else getattr(self.trajectory, name)

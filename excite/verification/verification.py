@@ -13,7 +13,7 @@ from excite.identification.preparation import PreparedLog
 from excite.logs.event import Spans
 from excite.simulation.replay import Replay
 from excite.storage.codec import INLINE
-from excite.storage.records import Shown, check_replaceable, chosen, every, read_record, short, write_record
+from excite.storage.records import Shown, check_replaceable, chosen, every, short, write_record
 from excite.storage.result_folder import result_folder
 from excite.tasks.further_settings import Tolerances
 from excite.verification.simulated_motion import MotionError
@@ -210,8 +210,3 @@ class Verification(Shown):
         with result_folder(Path(folder)):
             check_replaceable(Path(folder), KIND, stem)
             return write_record(self, KIND, Path(folder), stem, [f"{stem}_{part}" for part in FIGURES])
-
-
-def load_verification(path: str | Path) -> Verification:
-    """Load a ``verification-LOG.json``."""
-    return read_record(Path(path), Verification, KIND)

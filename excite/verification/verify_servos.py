@@ -18,7 +18,7 @@ from excite.identification.servo_windows import ServoMotion, servo_motion
 from excite.logs.log import LogReference
 from excite.logs.mapping import LogMapping
 from excite.simulation.servo_motion import followed
-from excite.storage.records import Shown, check_replaceable, every, read_record, short, write_record
+from excite.storage.records import Shown, check_replaceable, every, short, write_record
 from excite.storage.result_folder import result_folder
 from regressors.arguments import checked
 from regressors.errors import InputError, listed_names
@@ -179,8 +179,3 @@ class ServoVerification(Shown):
     def __repr__(self) -> str:
         """One line."""
         return f"<ServoVerification on {self.log.file}: {'holds' if self.holds else 'does not hold'}>"
-
-
-def load_servo_verification(path: str | Path) -> ServoVerification:
-    """Load a ``verification-LOG.json`` of servos."""
-    return read_record(Path(path), ServoVerification, KIND)

@@ -121,6 +121,33 @@ def _judged(fit: MotionFit) -> str:
     return "confirms" if fit.better else "contradicts"
 
 
+def servo_verifications_view(judged: Sequence[ServoVerification]) -> View:
+    """View of the verifications of servos on several logs, of which those that do not hold are first."""
+    if len(judged) == 1:
+        return servo_verification_view(judged[0])
+    negative = sum(not each.holds for each in judged)
+    worse = f"Do not rely on the servos: they do not hold on {negative} of {len(judged)} logs."
+    better = f"The servos predict each of {len(judged)} logs: you can rely on them for motions of these kinds."
+    rows = tuple(
+        (v.log.file, "holds" if v.holds else "DOES NOT HOLD", listed_names(v.contradicted), *_means(v.fits))
+        for v in sorted(judged, key=lambda each: each.holds)
+    )
+    columns = headed("*log:text, *verdict:text, *contradicted:text, *mean error:3, *of delayed commands:3")
+    note = "means of all joints [rad; m of prismatic ones]"
+    return View(
+        kind="verification",
+        title=f"verification on {len(judged)} logs",
+        verdict=worse if negative else better,
+        holds=not negative,
+        remarks=tuple(f"{v.log.file}: {text}" for v in judged for text in v.log.left_out),
+        tables=(ViewTable("logs", "Verdict on each log", columns, rows, note=note),),
+    )
+
+
+def _means(fits: Sequence[MotionFit]) -> tuple[float, ...]:
+    return tuple(float(np.mean([getattr(f, name) for f in fits])) for name in ("position_error", "delayed_error"))
+
+
 def servo_verification_view(verification: ServoVerification, name: str = "") -> View:
     """View of a verification of servos, whose files begin with a name."""
     v = verification

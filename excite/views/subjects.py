@@ -11,32 +11,27 @@ from excite.design import design_folder
 from excite.design.campaign import Campaign
 from excite.design.design import Design
 from excite.design.design_json import load_design
-from excite.design.friction_runs.friction_plan import KIND as FRICTION_PLAN, PLAN, FrictionPlan, load_friction_plan
-from excite.design.sweeps.sweep_table import JSON as CAMPAIGN_TABLE, KIND as CAMPAIGN, SweepTable, load_sweep
-from excite.friction.friction_fit import FIT, KIND as FRICTION_FIT, FrictionFit, load_friction_fit
+from excite.design.friction_runs.friction_plan import KIND as FRICTION_PLAN, PLAN, FrictionPlan
+from excite.design.sweeps.sweep_table import JSON as CAMPAIGN_TABLE, KIND as CAMPAIGN, SweepTable
+from excite.friction.friction_fit import FIT, KIND as FRICTION_FIT, FrictionFit
 from excite.identification import result_json
 from excite.identification.identification import Identification
 from excite.identification.result_json import load_result
-from excite.identification.servo_result import KIND as SERVOS_KIND, SERVOS, ServoResult, load_servos
+from excite.identification.servo_result import KIND as SERVOS_KIND, SERVOS, ServoResult
 from excite.logs.log_reading import KIND as LOG
 from excite.optimality.design_bound import KIND as BOUND, DesignBound
-from excite.payload.payload_result import KIND as PAYLOAD_KIND, PAYLOAD, PayloadResult, load_payload
+from excite.payload.payload_result import KIND as PAYLOAD_KIND, PAYLOAD, PayloadResult
 from excite.simulation.simulation import SimulatedLog
-from excite.simulation.simulation_files import load_simulated_log
 from excite.storage.atomic import Destination, read_json
 from excite.storage.codec import record_of
 from excite.storage.commit import settle
 from excite.storage.migrations import is_of_kind
 from excite.storage.records import read_record
 from excite.study.posterior_samples import load_posterior
-from excite.study.predict_accuracy import KIND as ACCURACY, AccuracyPrediction, load_accuracy
-from excite.study.time_study import KIND as STUDY, TimeStudy, load_time_study
-from excite.verification.verification import KIND as VERIFICATION, Verification, load_verification
-from excite.verification.verify_servos import (
-    KIND as SERVO_VERIFICATION,
-    ServoVerification,
-    load_servo_verification,
-)
+from excite.study.predict_accuracy import KIND as ACCURACY, AccuracyPrediction
+from excite.study.time_study import KIND as STUDY, TimeStudy
+from excite.verification.verification import KIND as VERIFICATION, Verification
+from excite.verification.verify_servos import KIND as SERVO_VERIFICATION, ServoVerification
 from regressors.arguments import checked, fit, rule_of
 from regressors.errors import InputError, about
 
@@ -100,18 +95,18 @@ AccuracyPrediction, DesignBound, PrecisionSearch, SimulatedLog or PosteriorSampl
     return subject.record if isinstance(subject, Filed) else subject
 
 
-_READERS: dict[str, Callable[[Path], Record]] = {
-    VERIFICATION: load_verification,
-    STUDY: load_time_study,
-    FRICTION_PLAN: load_friction_plan,
-    CAMPAIGN: load_sweep,
-    FRICTION_FIT: load_friction_fit,
-    PAYLOAD_KIND: load_payload,
-    SERVOS_KIND: load_servos,
-    SERVO_VERIFICATION: load_servo_verification,
-    ACCURACY: load_accuracy,
-    LOG: load_simulated_log,
-    BOUND: lambda file: read_record(file, DesignBound, BOUND),
+_CLASSES: dict[str, type[Record]] = {
+    VERIFICATION: Verification,
+    STUDY: TimeStudy,
+    FRICTION_PLAN: FrictionPlan,
+    CAMPAIGN: SweepTable,
+    FRICTION_FIT: FrictionFit,
+    PAYLOAD_KIND: PayloadResult,
+    SERVOS_KIND: ServoResult,
+    SERVO_VERIFICATION: ServoVerification,
+    ACCURACY: AccuracyPrediction,
+    LOG: SimulatedLog,
+    BOUND: DesignBound,
 }
 _WHOLE = (*_LOADERS, PLAN, FIT, "study.json", CAMPAIGN_TABLE, PAYLOAD, SERVOS)
 
@@ -154,7 +149,8 @@ def _of_folder(folder: Path, part: Collection[str]) -> list[Subject]:
 
 def _record(path: Path, schema: object) -> Filed | None:
     """The record that a file holds; None where it is of another kind."""
-    return next((Filed(read(path), path) for kind, read in _READERS.items() if is_of_kind(kind, schema)), None)
+    kind = next((kind for kind in _CLASSES if is_of_kind(kind, schema)), None)
+    return None if kind is None else Filed(read_record(path, _CLASSES[kind], kind), path)
 
 
 def _of_file(path: Path, part: Collection[str]) -> Subject:

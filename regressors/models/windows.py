@@ -198,7 +198,11 @@ class WindowModel(RegressorModel):
     def combination(self, duration: float, count: int) -> Combination:
         """Short windows spread over the motion, each with Simpson's three instants; or long ones on a fine grid."""
         if self.window.kind == "long":
-            return _long_windows(duration, count)
+            time = np.linspace(0.0, duration, 2 * count + 1)
+            difference = np.eye(time.size)[1:]
+            difference[:, 0] -= 1.0
+            integral = _running_integral(np.eye(time.size), time)[1:]
+            return Combination(time, scipy.sparse.csr_array(difference), scipy.sparse.csr_array(integral))
         return _short_windows(duration, count, self.window.length)
 
 
@@ -213,11 +217,3 @@ def _short_windows(duration: float, count: int, length: float) -> Combination:
     difference = scipy.sparse.kron(eye, np.array([[-1.0, 0.0, 1.0]]), format="csr")
     integral = scipy.sparse.kron(eye, length / 6 * np.array([[1.0, 4.0, 1.0]]), format="csr")
     return Combination(time, difference / length, integral / length, unit=length)
-
-
-def _long_windows(duration: float, count: int) -> Combination:
-    time = np.linspace(0.0, duration, 2 * count + 1)
-    difference = np.eye(time.size)[1:]
-    difference[:, 0] -= 1.0
-    integral = _running_integral(np.eye(time.size), time)[1:]
-    return Combination(time, scipy.sparse.csr_array(difference), scipy.sparse.csr_array(integral))

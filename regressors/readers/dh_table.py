@@ -144,7 +144,12 @@ def _row(columns: list[tuple[str, str]], cells: list[str], number: int, place: s
         raise InputError(f"{place}: type: expected revolute or prismatic, given {texts['type']!r}")
     kind = KINDS[texts["type"].lower()]
     _check_units(columns, cells, kind, place)
-    _check_complete(row, place)
+    if ("lower" in row) != ("upper" in row):
+        raise InputError(f"{place}: give lower and upper, or neither")
+    body = [column for column in ("mass", *_CENTRE, *_INERTIA) if column in row]
+    missing = [column for column in ("mass", "Ixx", "Iyy", "Izz") if column not in row]
+    if body and missing:
+        raise InputError(f"{place}: give mass, centre of mass and inertia, or none; no {', '.join(missing)}")
     return {**row, "name": texts["name"] or f"q{number}", "type": kind}
 
 
@@ -161,15 +166,6 @@ def _check_units(columns: list[tuple[str, str]], cells: list[str], kind: JointKi
         moving = name in ("lower", "upper", "velocity", "acceleration", "jerk")
         if moving and cell.strip() and unit.partition("/")[0] in others:
             raise InputError(f"{place}: {name} of a {kind} joint is not in {unit}")
-
-
-def _check_complete(row: _Row, place: str) -> None:
-    if ("lower" in row) != ("upper" in row):
-        raise InputError(f"{place}: give lower and upper, or neither")
-    body = [column for column in ("mass", *_CENTRE, *_INERTIA) if column in row]
-    missing = [column for column in ("mass", "Ixx", "Iyy", "Izz") if column not in row]
-    if body and missing:
-        raise InputError(f"{place}: give mass, centre of mass and inertia, or none; no {', '.join(missing)}")
 
 
 def _robot(name: str, rows: list[_Row], convention: str, source: str) -> Robot:

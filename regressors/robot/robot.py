@@ -333,12 +333,12 @@ class Robot(Rebuilt):
         object.__setattr__(self, "parents", tuple(map(int, self.parents)) or tuple(range(n)))
         if not self.is_chain or self.branches:
             _check_tree(self)
+        known = (BASE, *(body.name for body in self.bodies))
+        check_names(f"link with a shape, of robot {self.name!r},", (part.link for part in self.shapes), known)
 
     def __repr__(self) -> str:
         """One line."""
         return f"<Robot {self.name}: {self.n} joints, {listed_names(self.joint_names)}>"
-        known = (BASE, *(body.name for body in self.bodies))
-        check_names(f"link with a shape, of robot {self.name!r},", (part.link for part in self.shapes), known)
 
     @property
     def n(self) -> int:

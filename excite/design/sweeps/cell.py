@@ -223,7 +223,13 @@ def _design_in(folder: Path, task: Task, work: CellWork) -> CellRecord:
     with result_folder(folder):
         write_cell(folder, work.record)
         try:
-            _design(folder, task, fresh=work.fresh)
+            robot = installed_robot(task)
+            formulation = formulate(robot, task)
+            kept = resume_search(folder, formulation, replace=True, fresh=work.fresh)
+            design = solve(robot, formulation, kept)
+            if design.interrupted:
+                raise KeyboardInterrupt
+            write_design(design, folder, ())
         except Exception as error:  # whatever it is, the other cells run
             text = str(error) or "no reason given"
             record = replace(
@@ -234,13 +240,3 @@ def _design_in(folder: Path, task: Task, work: CellWork) -> CellRecord:
             write_cell(folder, record)
             return record
     return work.record
-
-
-def _design(folder: Path, task: Task, *, fresh: bool) -> None:
-    robot = installed_robot(task)
-    formulation = formulate(robot, task)
-    kept = resume_search(folder, formulation, replace=True, fresh=fresh)
-    design = solve(robot, formulation, kept)
-    if design.interrupted:
-        raise KeyboardInterrupt
-    write_design(design, folder, ())

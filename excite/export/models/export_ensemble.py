@@ -7,7 +7,6 @@ from contextlib import suppress
 from hashlib import sha256
 from math import ceil
 from pathlib import Path
-from typing import Any
 
 from excite.export.exported import Exported
 from excite.export.models.export_model import ModelFormat, chosen_format, comment_of
@@ -119,7 +118,21 @@ def export_ensemble(
                 progress(paths + number + 1, paths + samples)
         except KeyboardInterrupt:
             interrupted = True
-        listed = _content(model, drawn, name_of(format), {**facts, "interrupted": interrupted})
+        listed = {
+            "schema": SCHEMA,
+            "robot": drawn.robot,
+            "result_sha256": drawn.result_sha256,
+            "program": model.program,
+            "format": name_of(format),
+            **facts,
+            "interrupted": interrupted,
+            "method": METHOD,
+            "draws": len(drawn),
+            "independent_draws": drawn.effective,
+            "split_deviation": drawn.split_deviation,
+            "distance": drawn.distance,
+            "mean": dict(zip(drawn.names, drawn.mean.tolist(), strict=True)),
+        }
         write_json(folder / ENSEMBLE, {**listed, "files": files, "notes": list(notes)})
     told = {"robots": robots, **({"interrupted": True} if interrupted else {})}
     return Exported(name_of(format), (folder / ENSEMBLE, *(folder / name for name in files)), notes, told)
@@ -145,24 +158,6 @@ def _robots(
         written = format.text(robot, comment_of(robot, own), template)
         others = (*(line for line in own if line != note), *written.notes)
         yield f"{stem}-{number + 1:0{max(4, len(str(count)))}d}{format.suffix}", written.encoded, others
-
-
-def _content(model: IdentifiedModel, drawn: PosteriorSamples, form: str, facts: dict[str, Any]) -> dict[str, Any]:
-    """Content of the list of all, but the files and the notes."""
-    return {
-        "schema": SCHEMA,
-        "robot": drawn.robot,
-        "result_sha256": drawn.result_sha256,
-        "program": model.program,
-        "format": form,
-        **facts,
-        "method": METHOD,
-        "draws": len(drawn),
-        "independent_draws": drawn.effective,
-        "split_deviation": drawn.split_deviation,
-        "distance": drawn.distance,
-        "mean": dict(zip(drawn.names, drawn.mean.tolist(), strict=True)),
-    }
 
 
 def _remove_older(folder: Path) -> None:

@@ -71,7 +71,13 @@ def sampled_design(
 ) -> SampledDesign:
     """Sample a design's whole motion by the formulas of its pieces; until the last sample the robot rests there."""
     sequence = design.sequence
-    _check_not_too_slow(design, rate)
+    family = design.trajectory.family
+    fastest = max(family.richness, 1) / family.duration
+    if rate < _FEWEST * fastest:
+        raise InputError(
+            f"`rate` {rate:g} Hz is too low to show the motion, whose {family.described} reach about {fastest:.3g} Hz: "
+            f"give {_FEWEST * fastest:.4g} Hz or more"
+        )
     count = math.ceil(sequence.duration * rate * (1.0 - _ROUNDING)) + 1
     if count > most:
         raise InputError(
@@ -93,17 +99,6 @@ def sampled_design(
             values[[0, -1]] = 0.0
     plain = Samples(time, *(x + 0.0 for x in (samples.q, samples.dq, samples.ddq, samples.dddq)))  # no negative zeros
     return SampledDesign(design, design.task.limits.applied(design.robot), sequence, rate, plain, tuple(segments))
-
-
-def _check_not_too_slow(design: Design, rate: float) -> None:
-    """Raise `InputError` where there are too few samples in a period of the fastest harmonic."""
-    family = design.trajectory.family
-    fastest = max(family.richness, 1) / family.duration
-    if rate < _FEWEST * fastest:
-        raise InputError(
-            f"`rate` {rate:g} Hz is too low to show the motion, whose {family.described} reach about {fastest:.3g} Hz: "
-            f"give {_FEWEST * fastest:.4g} Hz or more"
-        )
 
 
 def _check_rest(design: Design) -> None:

@@ -174,7 +174,9 @@ def ros1_messages(path: Path, wanted: Callable[[Topic], bool], notes: list[str])
             if code == _BAG_HEADER and header.get("encryptor"):
                 raise InputError(f"{path} is encrypted by {cut(_decoded(header['encryptor']))}")
             if code == _CONNECTION:
-                topic = _ros1_topic(kit, header, data)
+                own = kit.Header.read(BytesIO(len(data).to_bytes(4, "little") + data))
+                kind, text = _decoded(own.get("type", b"")), _decoded(own.get("message_definition", b""))
+                topic = Topic(_decoded(header.get("topic", b"")), _full_name(kind), "msg" if text else "", text, True)
                 topics[header.get_uint32("conn")] = same.setdefault(topic, topic)
             if code != _MESSAGE:
                 continue
@@ -216,12 +218,6 @@ def _fits(path: Path, stream: BinaryIO, end: int) -> bool:
     check_bytes(path, size if fits else 0)
     stream.seek(-len(head), 1)
     return fits
-
-
-def _ros1_topic(kit: Any, header: Any, data: bytes) -> Topic:
-    own = kit.Header.read(BytesIO(len(data).to_bytes(4, "little") + data))
-    kind, text = _decoded(own.get("type", b"")), _decoded(own.get("message_definition", b""))
-    return Topic(_decoded(header.get("topic", b"")), _full_name(kind), "msg" if text else "", text, True)
 
 
 def _damaged(path: Path, at: int) -> InputError:

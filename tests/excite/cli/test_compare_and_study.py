@@ -14,9 +14,9 @@ from excite.design.design import Design
 from excite.design.design_folder import save_design
 from excite.design.design_json import load_design
 from excite.design.optimisation import design_trajectory
-from excite.study.time_study import load_time_study
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task
+from excite.views.subjects import load
 
 # ``excite compare``: designs under the same metrics, as a table and as JSON.
 
@@ -165,7 +165,7 @@ def test_motions_side_by_side(recorded: Here) -> None:
     study = json.loads((recorded.cwd / "study" / "study.json").read_text(encoding="utf-8"))
     assert study["schema"] == "excite.study/2"
     assert [course["name"] for course in study["courses"]] == ["design", "run.csv"]
-    assert [len(course.time) for course in load_time_study(recorded.cwd / "study" / "study.json").courses] == [20, 20]
+    assert [len(course.time) for course in load(recorded.cwd / "study" / "study.json").courses] == [20, 20]
     refused = recorded.run("study", *given, "--out", "study")
     assert (refused.returncode, "--force" in refused.stderr) == (2, True)
 

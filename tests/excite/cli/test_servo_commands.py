@@ -45,6 +45,22 @@ def test_servos_are_identified_and_verified_end_to_end(here: Here) -> None:
     assert "--training-too" in refused
 
 
+def test_servos_are_judged_on_several_logs_in_one_table(here: Here) -> None:
+    (here.cwd / "small.urdf").write_text(URDF, encoding="utf-8")
+    true_servos().save(here.cwd / "servos")
+    write_log(servo_log(1, 12.0), here.cwd / "one.csv")
+    write_log(servo_log(2, 12.0), here.cwd / "two.csv")
+    ended = here.run("verify", "servos", "one.csv", "two.csv", "--figures", "none")
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stdout.startswith("The servos predict each of 2 logs")
+    assert [line.split()[:2] for line in ended.stdout.splitlines() if ".csv" in line] == [
+        ["one.csv", "holds"],
+        ["two.csv", "holds"],
+    ]
+    ended = here.run("verify", "servos", "one.csv", "two.csv", "--json", "--out", "again")
+    assert [each["holds"] for each in json.loads(ended.stdout)] == [True, True]
+
+
 @pytest.mark.slow
 def test_the_masses_of_a_result_set_the_scale_of_servos(here: Here) -> None:
     (with_files(here).cwd / "heavy.urdf").write_text(URDF.replace('"0.4"', '"0.6"').replace('"0.3"', '"0.45"'))

@@ -29,7 +29,7 @@ from excite.friction.points import (
 from excite.logs.log import Log
 from excite.logs.log_reading import write_log
 from excite.tasks.friction_file import read_friction, write_friction
-from regressors.errors import InputError
+from regressors.errors import InputError, UnknownName
 from regressors.robot.friction.curve import CoulombViscous, Stribeck
 from regressors.robot.friction.curves import Side
 from regressors.samples import Samples
@@ -323,3 +323,9 @@ def test_motion_of_a_window_is_that_of_parabolas_through_its_positions() -> None
     velocities, found = _parabola(time, start + speed * since + acceleration * since**2 / 2)
     np.testing.assert_allclose(velocities, speed + acceleration * since, atol=1e-12)
     np.testing.assert_allclose(found, acceleration, atol=1e-11)
+
+
+@pytest.mark.parametrize("name", ["speed", "gravity", "model", "criterion", "temperature", "load", "stiction"])
+def test_settings_of_few_values_are_refused_by_name(name: str) -> None:
+    with pytest.raises(UnknownName, match=f"no {name} named 'magic'; available: "):
+        FitSettings(**{name: "magic"})

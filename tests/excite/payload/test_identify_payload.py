@@ -17,7 +17,6 @@ from played import LOAD
 import excite
 from excite.payload.known_gains import read_gains, save_gains
 from excite.payload.load_estimate import estimate_load
-from excite.payload.payload_result import load_payload
 from excite.tasks.payload import Payload
 from regressors.errors import InputError, TakenError
 from regressors.models.load import PayloadModel
@@ -94,7 +93,7 @@ def test_the_load_is_found_from_a_pair_of_logs_and_read_back_as_written(played: 
     assert {path.name for path in files} == names - {"manifest.json"}
     with pytest.raises(TakenError):
         result.save(tmp_path / "out")
-    read = load_payload(tmp_path / "out" / "payload.json")
+    read = excite.load(tmp_path / "out" / "payload.json")
     for name in ("stated", "notes", "rated", "without", "loaded"):
         assert getattr(read, name) == getattr(result, name)
     np.testing.assert_array_equal(read.intervals, result.intervals)

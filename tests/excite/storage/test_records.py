@@ -18,17 +18,25 @@ from excite.design.friction_runs.friction_plan import load_friction_plan
 from excite.design.friction_runs.plan_friction import plan_friction
 from excite.design.friction_runs.schedule import Schedule
 from excite.design.sweeps.sweep_table import load_sweep
-from excite.payload.payload_result import load_payload
+from excite.payload.payload_result import PayloadResult
 from excite.storage.codec import content_of
-from excite.storage.records import json_of, read_curves, write_curves
-from excite.study.time_study import TimeCourse, TimeStudy, load_time_study
+from excite.storage.records import json_of, read_curves, read_record, write_curves
+from excite.study.time_study import TimeCourse, TimeStudy
 from excite.verification.verdict import CorrectedError
-from excite.verification.verification import Verification, load_verification
+from excite.verification.verification import Verification
 from excite.views.friction_views import friction_plan_view
 from regressors.errors import InputError
 
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"
 CURVES = ("time", "measured", "predicted", "motion", "replay", "step", "robot")
+
+
+def load_verification(path: Path) -> Verification:
+    return read_record(path, Verification, "verification")
+
+
+def load_study(path: Path) -> TimeStudy:
+    return read_record(path, TimeStudy, "study")
 
 
 def same_entries(one: Verification, other: Verification) -> None:
@@ -102,7 +110,7 @@ def test_a_study_is_read_as_written(tmp_path: Path) -> None:
         np.array([1.0, np.nan]), "truth",
     ).with_repetitions(rng.normal(size=(3, 5, 2)), ("noted",))  # fmt: skip
     TimeStudy("irp6", "hash", (course, course), 0.05).save(tmp_path)
-    read = load_time_study(tmp_path / "study.json")
+    read = load_study(tmp_path / "study.json")
     assert (read.robot, read.sha256, read.below, len(read.courses)) == ("irp6", "hash", 0.05, 2)
     for name in TimeCourse.__dataclass_fields__:
         one, other = getattr(read.courses[1], name), getattr(course, name)
@@ -120,7 +128,7 @@ def test_only_some_repetitions_are_in_a_file_and_the_scatter_is_of_all(
     course = TimeCourse("run", ("a",), ("kg",), np.arange(3.0), one, one, 2.6, one[:, 0], one[0], "truth")
     course = course.with_repetitions(np.random.default_rng(0).normal(size=(7, 3, 1)), ())
     TimeStudy("irp6", "", (course,), 0.05).save(tmp_path)
-    (read,) = load_time_study(tmp_path / "study.json").courses
+    (read,) = load_study(tmp_path / "study.json").courses
     assert (read.repeated.shape, read.repetitions) == ((2, 3, 1), 7)
     np.testing.assert_array_equal(read.scatter, course.scatter)
 
@@ -188,7 +196,7 @@ def test_every_entry_of_schema_1_is_in_the_record_of_today(place: str, tmp_path:
 
 def test_what_follows_from_a_study_of_schema_1_is_the_same() -> None:
     path = SAMPLES / "study-1" / "study.json"
-    (course,), (known,) = load_time_study(path).courses, json.loads(path.read_text())["courses"]
+    (course,), (known,) = load_study(path).courses, json.loads(path.read_text())["courses"]
     below, half = (np.array(known[name], dtype=float) for name in ("time_below", "half_width_99"))
     np.testing.assert_array_equal(course.time_below(0.05), below)
     seen = np.isfinite(half)
@@ -261,7 +269,7 @@ def test_a_friction_plan_is_read_as_written(drives: tuple[str, ...], tmp_path: P
 
 def test_a_payload_of_schema_1_is_refused_with_the_reason() -> None:
     with pytest.raises(InputError, match=r"has intervals, but not the covariance .* identify the payload again"):
-        load_payload(SAMPLES / "payload-1" / "payload.json")
+        read_record(SAMPLES / "payload-1" / "payload.json", PayloadResult, "payload")
 
 
 def test_what_was_not_finite_is_infinite(older: Path) -> None:

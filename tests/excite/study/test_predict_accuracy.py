@@ -18,7 +18,6 @@ from excite.identification.covariance import divisors
 from excite.identification.identification import Identification
 from excite.identification.streamed_rows import Decimation
 from excite.simulation.settings import SimulationSettings
-from excite.study.predict_accuracy import load_accuracy
 from excite.study.rehearsal import (
     Rehearsal,
     StatedNoise,
@@ -238,7 +237,7 @@ def test_a_prediction_is_saved_beside_the_design_and_foreign_files_stay(design: 
     assert content["schema"] == "excite.accuracy/2"
     assert [p["deviation"] for p in content["parameters"]] == [p.deviation for p in prediction.parameters]
     assert content["conditions"]["torque_noise"] == [1.0]
-    assert load_accuracy(path) == dataclasses.replace(prediction, conditions=content["conditions"])
+    assert excite.load(path) == dataclasses.replace(prediction, conditions=content["conditions"])
     other = tmp_path / "other"
     other.mkdir()
     (other / "accuracy.json").write_text("{}")

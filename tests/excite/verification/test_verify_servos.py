@@ -13,7 +13,7 @@ from servo_arm import JOINTS, identified_servos, servo_log, true_servos
 import excite
 from excite.identification.servo_result import ServoResult
 from excite.logs.log import Log, LogReference
-from excite.verification.verify_servos import ServoVerification, load_servo_verification, verify_servos
+from excite.verification.verify_servos import ServoVerification, verify_servos
 from regressors.errors import InputError
 from regressors.models.servo_response import SYMBOLS
 
@@ -92,15 +92,15 @@ def test_a_log_that_servos_were_identified_from_is_refused_unless_allowed() -> N
 def test_a_file_holds_the_verdict_and_the_motion(tmp_path: Path) -> None:
     verification = verify_servos(true_servos(), other()).stored()
     path = next(each for each in verification.save(tmp_path, name="mine") if each.suffix == ".json")
-    for loaded in (load_servo_verification(path), excite.load(path)):
-        assert isinstance(loaded, ServoVerification)
-        for field in fields(verification):
-            ours, theirs = getattr(verification, field.name), getattr(loaded, field.name)
-            if isinstance(ours, np.ndarray):
-                np.testing.assert_array_equal(ours, theirs, err_msg=field.name)
-            elif field.name != "robot":
-                assert ours == theirs, field.name
-        assert loaded.verdict == verification.verdict
+    loaded = excite.load(path)
+    assert isinstance(loaded, ServoVerification)
+    for field in fields(verification):
+        ours, theirs = getattr(verification, field.name), getattr(loaded, field.name)
+        if isinstance(ours, np.ndarray):
+            np.testing.assert_array_equal(ours, theirs, err_msg=field.name)
+        elif field.name != "robot":
+            assert ours == theirs, field.name
+    assert loaded.verdict == verification.verdict
 
 
 def test_after_a_gap_the_simulation_starts_again_as_measured() -> None:

@@ -16,7 +16,6 @@ from written_results import design, result, verification
 
 import excite
 from excite.identification.result_json import CURVES
-from excite.verification.verification import load_verification
 from excite.views.page_text import PageSection
 from excite.views.player_log import Appearance
 from excite.views.sections import section_of
@@ -152,7 +151,7 @@ def texts(section: PageSection) -> list[list[str]]:
 def test_figures_of_stored_results_are_those_of_new_ones(folder: Path) -> None:
     stored, new = (section_of(each, "s", LOOKS) for each in (excite.load_result(folder), result("old")))
     assert stored.motion == new.motion
-    verified = load_verification(folder / "verification-run.json")
+    verified = excite.load(folder / "verification-run.json")
     again, first = (section_of(each, "s", LOOKS) for each in (verified, verification("old")))
     assert again.motion is not None
     for one, other in ((stored, new), (again, first)):

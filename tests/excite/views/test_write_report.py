@@ -19,7 +19,6 @@ from written_results import design, plan, result, verification
 
 import excite
 from excite.design.task_file import read_task_file, task_content, task_from_options
-from excite.friction.friction_fit import load_friction_fit
 from excite.identification.result import RepeatedParameter, RepetitionSummary
 from excite.information.matrix import CONVENTIONS
 from excite.tasks.friction_file import write_friction
@@ -269,7 +268,7 @@ def test_the_motion_of_a_stored_plan_is_the_planned_one(planned: Path) -> None:
 @pytest.mark.slow
 def test_a_fit_of_friction_curves(fit: excite.FrictionFit, tmp_path: Path) -> None:
     fit.save(tmp_path / "fit")
-    (known,), (made,) = load_friction_fit(tmp_path / "fit" / "fit.json").characteristics, fit.characteristics
+    (known,), (made,) = excite.load(tmp_path / "fit" / "fit.json").characteristics, fit.characteristics
     assert known.fit is not None
     assert made.fit is not None
     assert (known.fit.form, known.points, known.stiction) == (made.fit.form, made.points, made.stiction)

@@ -20,6 +20,7 @@ from regressors.robot.archive import robot_from_description
 from regressors.robot.gears import BallScrew, ConstantRatio
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Aggregates, Drive, Joint, Limits, Link, Robot, Structure, Transmission
+from regressors.robot.shapes import Capsule, Part
 
 INF, NAN = np.inf, np.nan
 THETA = [2.0, 0.1, 0.0, 0.0, 0.1, 0.0, 0.0, 0.2, 0.0, 0.2]
@@ -64,6 +65,10 @@ REFUSED: tuple[tuple[Callable[[], object], str], ...] = (
     (lambda: robot(joints=(), links=(), limits=limits(0)), "robot 'two' has no moving joint"),
     (lambda: robot(links=(Link("la"),)), "robot 'two': 2 joints, but 1 links and 2 limits"),
     (lambda: robot(joints=(joint("a"), joint("a"))), "robot 'two': two joints share a name: a, a"),
+    (
+        lambda: robot(shapes=(Part("hand", Capsule((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.1)),)),
+        "no link with a shape, of robot 'two', named 'hand'; available: base, la, lb",
+    ),
     (lambda: robot(gravity=[0.0, 0.0, NAN]), "robot 'two': gravity must hold three finite numbers, given [0.0, 0.0, n"),
     (lambda: robot(transmission=transmission(coupling=np.eye(2)[:, :1])), "the coupling must have 2 columns, one per"),
     (lambda: robot(limits=limits(lower=[-1.0, 1.0])), "joint b: lower position limit 1 must be below the upper one 1"),
