@@ -173,9 +173,9 @@ def test_energy_balance_closes_with_friction() -> None:
 
 
 def test_implicit_friction_converges_at_order_two_to_the_explicit_method() -> None:
-    curves = FrictionCurves(dict.fromkeys(built_in("panda").joint_names, CoulombViscous(2.0, 0.5)))
-    plant, _ = plant_of(built_in("panda"), curves)
-    robot, course = controlled_robot(plant, plant, motion(7), LOOSE, None), motion(7)
+    arm = with_locked_joints(built_in("panda"), [1, 3, 5])
+    plant, _ = plant_of(arm, FrictionCurves(dict.fromkeys(arm.joint_names, CoulombViscous(2.0, 0.5))))
+    robot, course = controlled_robot(plant, plant, motion(3), LOOSE, None), motion(3)
 
     def last(steps: Steps) -> Array:
         return simulated_run(robot, course, 200.0, steps).samples.q[-1]

@@ -47,7 +47,8 @@ def test_a_coordinate_is_as_fast_as_the_nearer_of_both_bounds_of_what_it_moves()
 
 @cache
 def plan_of(name: str) -> FrictionPlan:
-    return plan_friction(built_in(name), SHORT, drives=HALVES[name])
+    """Without distances between links, which `test_plan_world.py` plans with."""
+    return plan_friction(built_in(name), SHORT, drives=HALVES[name], limits=LimitChoice(self_collision=False))
 
 
 def along(robot: Robot, plan: CoordinatePlan, s: Array) -> Array:
