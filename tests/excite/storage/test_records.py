@@ -61,17 +61,6 @@ def test_a_verification_is_read_as_written(tmp_path: Path) -> None:
     assert json_of(read) == json_of(new)
 
 
-def test_what_was_read_is_written_again_the_same(tmp_path: Path) -> None:
-    verification("old").save(tmp_path / "a", name="verification-run")
-    load_verification(tmp_path / "a" / "verification-run.json").save(tmp_path / "b", name="verification-run")
-    one, other = (json.loads((tmp_path / folder / "verification-run.json").read_text()) for folder in "ab")
-    assert one == other
-    arrays, again = (read_curves(tmp_path / folder / "verification-run_curves.npz") for folder in "ab")
-    assert arrays.keys() == again.keys()
-    for name in arrays:
-        np.testing.assert_array_equal(arrays[name], again[name])
-
-
 def test_long_logs_are_stored_in_part(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     new = verification("old")
     monkeypatch.setattr("excite.verification.verification.every", lambda *_: 4)
