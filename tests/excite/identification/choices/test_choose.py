@@ -166,9 +166,10 @@ def test_delays_of_single_joints_and_logs_are_found_applied_stated_and_read_back
         assert load_result(tmp_path / names[0]).recipe == result.recipe
     assert joint.recipe.delay == choice_of(joint, "delay").value
     assert (logs.recipe.delay, dict(logs.recipe.log_delays)) == (0.0, {"B": choice.value[1]})
-    column = delay_columns(Context(logs.target, logs.prepared, logs.recipe), logs.estimate.coefficients)
-    assert column.shape[1] == 1
-    assert np.all(column[logs.observations.log == 0] == 0.0)
+    for result, rows in ((joint, joint.observations.equation != 1), (logs, logs.observations.log == 0)):
+        column = delay_columns(Context(result.target, result.prepared, result.recipe), result.coefficients)
+        assert column.shape[1] == 1
+        assert np.all(column[rows] == 0.0)
 
 
 def test_planted_terms_are_chosen_for_their_drive() -> None:
