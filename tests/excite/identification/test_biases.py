@@ -38,11 +38,6 @@ EXACTLY = replace(EXACT, sign_width=0.0)
 C = irp6().transmission.coupling[:3, :3]
 
 
-@pytest.fixture(scope="module")
-def log() -> Log:
-    return played(three_joints(), 3)
-
-
 def slow(log: Log, speed: float) -> Array:
     """Rows of each joint's equation in which a drive that acts on it is slow, by hand."""
     dz = np.abs(log.dq @ C.T)

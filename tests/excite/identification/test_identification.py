@@ -16,7 +16,6 @@ from played import (
     found,
     irp6,
     mixed,
-    noisy,
     periodic,
     played,
     three_joints,
@@ -41,16 +40,6 @@ from regressors.robot.friction.curves import FrictionCurves
 
 # Rotor inertias seen through the gears, from the numbers of the description
 GEARED = {1: 7.658e-05 * 158.0**2, 2: 7.658e-05 * 167.5**2, 3: 7.658e-05 * 167.5**2, 4: 4.0e-5 * 128.0**2}
-
-
-@pytest.fixture(scope="module")
-def log() -> Log:
-    return played(three_joints(), 3)
-
-
-@pytest.fixture(scope="module")
-def noise() -> Log:
-    return noisy(played(three_joints(), 3, seconds=4.005), 0.5, 1e-5, 1)
 
 
 def test_the_differential_model_gives_the_truth_back(log: Log) -> None:

@@ -14,12 +14,6 @@ from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.robot.friction.curves import FrictionCurves
 
-
-@pytest.fixture(scope="module")
-def log() -> Log:
-    return played(three_joints(), 3)
-
-
 BAD_RECIPES = (
     ({"delay": (0.0, 1e9)}, "`delay` must be a number from -10000 to 10000 s, given"),
     ({"signals": "magic"}, "no signals named 'magic'; available: butterworth, "),

@@ -35,11 +35,6 @@ CURVES = FrictionCurves(curves())
 C = irp6().transmission.coupling[:3, :3]
 
 
-@pytest.fixture(scope="module")
-def log() -> Log:
-    return played(three_joints(), 3)
-
-
 def turned(log: Log, direction: Array) -> Log:
     """The log with Coulomb friction whose direction is not the sign of the velocity."""
     coulomb = np.array([CURVES.curve(name).coulomb for name in ("z1", "z2", "z3")])

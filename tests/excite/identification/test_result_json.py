@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from played import TASK, described, found, irp6, mixed, noisy, periodic, played, three_joints
+from played import TASK, described, found, irp6, mixed, periodic, played
 from recordings import write_sidecar
 
 from excite.identification.identification import Identification
@@ -27,16 +27,6 @@ from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
 
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"
-
-
-@pytest.fixture(scope="module")
-def log() -> Log:
-    return played(three_joints(), 3)
-
-
-@pytest.fixture(scope="module")
-def noise() -> Log:
-    return noisy(played(three_joints(), 3, seconds=4.005), 0.5, 1e-5, 1)
 
 
 def test_the_truth_predicts_what_was_measured(log: Log) -> None:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from criterion_laws import check_gradient, information_matrix
+from criterion_laws import check_gradient, information_matrix, slope
 from hypothesis import given, strategies as st
 
 import excite
@@ -33,11 +32,6 @@ def random_matrix(seed: int, size: int = 6, spread: float = 2.0) -> tuple[Array,
     rng = np.random.default_rng(seed)
     W = rng.normal(size=(40, size)) * 10.0 ** rng.uniform(-spread / 2, spread / 2, size)
     return W, W.T @ W / 40
-
-
-def slope(function: Callable[[float], float], h: float) -> float:
-    """Derivative at zero by central differences of fourth order."""
-    return (8 * (function(h) - function(-h)) - (function(2 * h) - function(-2 * h))) / (12 * h)
 
 
 # --- the criterion, as a function of M -------------------------------------------------------------------------------

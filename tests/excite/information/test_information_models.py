@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable
 from functools import cache
 
 import casadi as ca
 import numpy as np
 import pytest
+from criterion_laws import slope
 
 from constraints.linear import linear_limits
 from excite.design.formulation import Formulation, formulate
@@ -73,11 +73,6 @@ def made(request: pytest.FixtureRequest) -> Formulation:
 
 def motion(problem: Problem, seed: int = 0) -> Array:
     return random_motion(problem, np.random.default_rng(seed))
-
-
-def slope(function: Callable[[float], float], h: float) -> float:
-    """Derivative at zero by central differences of fourth order."""
-    return (8 * (function(h) - function(-h)) - (function(2 * h) - function(-2 * h))) / (12 * h)
 
 
 def direction(shape: tuple[int, ...], seed: int) -> Array:

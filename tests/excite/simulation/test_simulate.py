@@ -173,9 +173,10 @@ def test_energy_balance_closes_with_friction() -> None:
 
 
 def test_implicit_friction_converges_at_order_two_to_the_explicit_method() -> None:
-    curves = FrictionCurves(dict.fromkeys(built_in("panda").joint_names, CoulombViscous(2.0, 0.5)))
-    plant, _ = plant_of(built_in("panda"), curves)
-    robot, course = controlled_robot(plant, plant, motion(7), LOOSE, None), motion(7)
+    arm = with_locked_joints(built_in("panda"), [1, 3, 5])
+    plant, _ = plant_of(arm, FrictionCurves(dict.fromkeys(arm.joint_names, CoulombViscous(2.0, 0.5))))
+    course = motion(3, duration=1.5)
+    robot = controlled_robot(plant, plant, course, LOOSE, None)
 
     def last(steps: Steps) -> Array:
         return simulated_run(robot, course, 200.0, steps).samples.q[-1]
@@ -183,7 +184,7 @@ def test_implicit_friction_converges_at_order_two_to_the_explicit_method() -> No
     exact = last(Steps(60, 0.1))
     errors = [float(np.abs(last(Steps(s, 0.1, implicit=True)) - exact).max()) for s in (5, 10, 20)]
     assert min(order_of(errors)) > 1.7
-    assert errors[-1] < 1e-5
+    assert errors[-1] < 3e-7
 
 
 def test_steep_friction_of_all_joints_is_that_of_a_stiff_solver() -> None:

@@ -21,7 +21,6 @@ from excite.storage.atomic import check_table, write_json
 from excite.storage.codec import INLINE, OBJECT, content_of, named, record_of
 from excite.storage.records import chosen, every, read_curves, write_curves
 from regressors.errors import InputError, NumericalError
-from regressors.readers.library import built_in
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -113,12 +112,6 @@ def test_arrays_stand_beside_under_the_names_of_their_fields() -> None:
     assert record_of(Whole, content, {}).curve is None
     with pytest.raises(InputError, match="expected an array of numbers"):
         record_of(Whole, content, {"curve.q": np.array(["x"])})
-
-
-def test_robots_are_whole() -> None:
-    robot = again(Whole("a", 1.0, 1, Colour.RED, Part(), robot=built_in("panda"))).robot
-    assert robot is not None
-    assert robot.sha256() == built_in("panda").sha256()
 
 
 WRONG: tuple[tuple[dict[str, Any], str], ...] = (

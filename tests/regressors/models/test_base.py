@@ -92,14 +92,6 @@ def test_left_to_right_base_does_not_depend_on_the_random_states(model: Differen
         assert other.expressions == first.expressions
 
 
-def test_choices_have_one_rank_and_one_row_space(model: DifferentialModel) -> None:
-    left, pivoted = (base_parameters(model, choice) for choice in CHOICES)
-    assert left.rank == pivoted.rank
-    change = pivoted.D[:, left.index]  # beta_pivoted = change beta_left
-    assert np.linalg.matrix_rank(change) == left.rank
-    np.testing.assert_allclose(change @ left.D, pivoted.D, atol=1e-7 * np.abs(pivoted.D).max())
-
-
 def test_left_to_right_base_takes_the_first_columns_that_it_can(model: DifferentialModel) -> None:
     """No column left of a chosen one could have been taken instead: D's row k starts at column index[k]."""
     base = base_parameters(model)

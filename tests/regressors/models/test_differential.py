@@ -194,15 +194,6 @@ def test_units_and_groups_of_the_drives_columns() -> None:
     }
 
 
-def test_without_a_transmission_every_joint_has_its_own_friction() -> None:
-    robot = random_chain("rr", np.random.default_rng(4))
-    model = DifferentialModel(robot)
-    assert model.names[20:] == ("F1c", "F2c", "F1v", "F2v")
-    dq = np.array([-0.3, 0.7])
-    expected = np.hstack([np.diag(np.sign(dq)), np.diag(dq)])
-    np.testing.assert_array_equal(regressor(model, dq, dq, dq)[:, 20:], expected)
-
-
 # --- structure -------------------------------------------------------------------------------------------------------
 
 

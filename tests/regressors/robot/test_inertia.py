@@ -67,14 +67,6 @@ def test_transport_moves_the_points(seed: int) -> None:
     np.testing.assert_allclose(moved, theta_of(m, r @ R.T + p), rtol=1e-11, atol=1e-11)
 
 
-@given(SEED)
-def test_transports_compose_and_invert(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    (R, S), (p, s) = [random_rotation(rng) for _ in range(2)], rng.normal(size=(2, 3))
-    np.testing.assert_allclose(transport(R, p) @ transport(S, s), transport(R @ S, R @ s + p), atol=1e-11)
-    np.testing.assert_allclose(transport(R, p) @ transport(R.T, -R.T @ p), np.eye(10), atol=1e-11)
-
-
 CENTRE = (0.1, -0.05, 0.2)
 
 

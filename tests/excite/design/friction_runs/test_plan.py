@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +33,7 @@ SHORT = Schedule(percent=(5.0, 50.0, 100.0), longest=3.0, warm_up=5.0, breakaway
 QUICK = "--speeds 5,100 --shortest 0.3 --longest 2 --warm-up 1 --breakaways 1 --creeping 1 --rate 50"
 PAPER = [5, 10, 20, 30, 40, 50, 60, 70, 80, 90, 100]
 HALVES = {"irp6": ("z1", "z2", "z3"), "panda": ("2", "4", "6"), "ur10e": ("1", "2", "5")}
+planned = partial(plan_friction, limits=LimitChoice(self_collision=False))  # with distances: test_plan_world.py
 
 
 def test_a_coordinate_is_as_fast_as_the_nearer_of_both_bounds_of_what_it_moves() -> None:
@@ -47,7 +48,7 @@ def test_a_coordinate_is_as_fast_as_the_nearer_of_both_bounds_of_what_it_moves()
 
 @cache
 def plan_of(name: str) -> FrictionPlan:
-    return plan_friction(built_in(name), SHORT, drives=HALVES[name])
+    return planned(built_in(name), SHORT, drives=HALVES[name])
 
 
 def along(robot: Robot, plan: CoordinatePlan, s: Array) -> Array:
@@ -143,9 +144,9 @@ def test_torques_that_are_not_there_are_said_to_be_broken() -> None:
     robot = built_in("irp6")
     limits = robot.transmission.limits
     weak = robot.replace(transmission=replace(robot.transmission, limits=replace(limits, torque=limits.torque * 0.35)))
-    (c,) = plan_friction(weak, SHORT, drives=("2",)).coordinates
+    (c,) = planned(weak, SHORT, drives=("2",)).coordinates
     assert [use.label for use in c.broken] == ["drive z2 torque"]
-    (unknown,) = plan_friction(built_in("iiwa7"), SHORT, joints=("1",)).coordinates
+    (unknown,) = planned(built_in("iiwa7"), SHORT, joints=("1",)).coordinates
     assert "need the inertias of all links" in unknown.torques_unchecked
 
 
@@ -191,16 +192,16 @@ def lift(gravity: Array) -> Robot:
 
 
 def test_a_sliding_joint_has_its_weight_everywhere() -> None:
-    (up,) = plan_friction(lift(np.array([0.0, 0.0, -9.81])), SHORT, limits=LimitChoice(floor="none")).coordinates
+    (up,) = planned(lift(np.array([0.0, 0.0, -9.81])), SHORT, limits=LimitChoice(floor="none")).coordinates
     assert (up.place.gravity, up.unit, up.centre) == ("subtracted", "m", pytest.approx(0.25))
     assert [window.gravity for window in up.windows] == pytest.approx([3 * 9.81] * len(up.windows))
-    (level,) = plan_friction(lift(np.array([9.81, 0.0, 0.0])), SHORT).coordinates
+    (level,) = planned(lift(np.array([9.81, 0.0, 0.0])), SHORT).coordinates
     assert level.place.gravity == "none"
     assert not level.broken
 
 
 def test_the_stroke_can_be_bounded() -> None:
-    (c,) = plan_friction(built_in("ur10e"), replace(SHORT, stroke=1.2), drives=("3",)).coordinates
+    (c,) = planned(built_in("ur10e"), replace(SHORT, stroke=1.2), drives=("3",)).coordinates
     q = c.samples()[0].q[:, 2]
     assert c.stroke == pytest.approx(1.2)
     assert np.abs(q - c.place.pose[2]).max() == pytest.approx(1.2, abs=1e-9)
@@ -208,7 +209,7 @@ def test_the_stroke_can_be_bounded() -> None:
 
 def test_windows_may_be_as_long_as_the_range_allows(tmp_path: Path) -> None:
     schedule = replace(SHORT, percent=(20.0, 100.0), longest=float("inf"))
-    plan = plan_friction(built_in("irp6"), schedule, drives=("2",))
+    plan = planned(built_in("irp6"), schedule, drives=("2",))
     (c,) = plan.coordinates
     for window in c.windows:  # the range of 2 x 0.69813 less its reserve, less both ramps
         ramps = 2 * c.pace.ramp(abs(window.speed))
@@ -219,9 +220,9 @@ def test_windows_may_be_as_long_as_the_range_allows(tmp_path: Path) -> None:
 
 def test_long_plans_say_what_shorter_windows_would_make_of_them(capfd: pytest.CaptureFixture[str]) -> None:
     robot, schedule = built_in("irp6"), Schedule(rate=50.0, longest=float("inf"))
-    plan = plan_friction(robot, schedule, drives=("1", "2"))
+    plan = planned(robot, schedule, drives=("1", "2"))
     assert plan.duration == pytest.approx(sum(c.samples()[0].time[-1] for c in plan.coordinates))
-    shorter = plan_friction(robot, replace(schedule, longest=1.5), drives=("1", "2"), pose=np.zeros(5)).duration
+    shorter = planned(robot, replace(schedule, longest=1.5), drives=("1", "2"), pose=np.zeros(5)).duration
     assert plan.lasting(1.5) == pytest.approx(shorter)
     assert plan.duration > 2 * shorter
     print_verdict(friction_plan_view(plan))
@@ -237,21 +238,21 @@ def test_the_other_drives_hold_their_coordinates_and_a_joint_may_turn_several() 
     assert np.ptp(z[:, 1]) > 1.0
     np.testing.assert_allclose(np.delete(z, 1, axis=1), 0.0, atol=1e-12)
     assert c.turns == ("z2",)
-    (alone,) = plan_friction(built_in("irp6"), SHORT, joints=("q3",)).coordinates
+    (alone,) = planned(built_in("irp6"), SHORT, joints=("q3",)).coordinates
     assert alone.turns == ("z3", "z4")
     assert np.ptp(np.delete(alone.samples()[0].q, 2, axis=1), axis=0).max() == 0.0
 
 
 @pytest.mark.slow
 def test_speeds_and_windows_are_those_of_the_paper_and_take_a_quarter_of_an_hour() -> None:
-    plan = plan_friction(built_in("irp6"), Schedule(rate=50.0))
+    plan = planned(built_in("irp6"), Schedule(rate=50.0))
     assert len(plan.coordinates) == 5
     assert plan.duration < 15 * 60
     assert all(sorted(c.order) == PAPER for c in plan.coordinates)
     for c, shortest in zip(plan.coordinates, (0.5, 0.3, 0.2, 0.2, 0.2), strict=True):
         assert min(w.end - w.start for w in c.windows) >= shortest
         assert max(w.end - w.start for w in c.windows) <= 2.0
-    (shorter,) = plan_friction(built_in("irp6"), Schedule(shortest=0.3, rate=100.0), drives=("3",)).coordinates
+    (shorter,) = planned(built_in("irp6"), Schedule(shortest=0.3, rate=100.0), drives=("3",)).coordinates
     assert sorted(shorter.order) == PAPER[:-1]
     (left_out,) = shorter.left_out
     assert left_out.percent == 100.0
@@ -259,7 +260,7 @@ def test_speeds_and_windows_are_those_of_the_paper_and_take_a_quarter_of_an_hour
 
 
 def test_order_of_the_runs() -> None:
-    (c,) = plan_friction(built_in("irp6"), Schedule(rate=100.0), drives=("1",)).coordinates
+    (c,) = planned(built_in("irp6"), Schedule(rate=100.0), drives=("1",)).coordinates
     assert c.order == [100, 5, 90, 10, 80, 20, 70, 30, 60, 40, 50]
     segments = c.samples()[1]
     turns = [segments[0], *(b for a, b in itertools.pairwise(segments) if a != b)]
@@ -295,13 +296,13 @@ def test_velocities_are_those_of_the_positions() -> None:
 
 def test_unbounded_joints_and_those_of_unknown_inertia() -> None:
     robot = built_in("iiwa7")
-    plan = plan_friction(robot, SHORT, joints=("1",))  # about a vertical axis nothing weighs, whatever the inertias
+    plan = planned(robot, SHORT, joints=("1",))  # about a vertical axis nothing weighs, whatever the inertias
     assert plan.coordinates[0].place.gravity == "none"
     with pytest.raises(InputError, match=r"A2: gravity acts on it and the inertias .* `pose` together with `balanced`"):
-        plan_friction(robot, SHORT, joints=("2",))
+        planned(robot, SHORT, joints=("2",))
     with pytest.raises(InputError, match="inertias of links are not known"):
-        plan_friction(robot, SHORT, joints=("2",), pose=np.zeros(7))
-    (stated,) = plan_friction(robot, SHORT, joints=("2",), pose=np.zeros(7), balanced=True).coordinates
+        planned(robot, SHORT, joints=("2",), pose=np.zeros(7))
+    (stated,) = planned(robot, SHORT, joints=("2",), pose=np.zeros(7), balanced=True).coordinates
     assert stated.place.gravity == "stated"
     assert np.isnan(stated.largest_gravity)
     assert all(np.isnan(window.gravity) for window in stated.windows)
@@ -309,10 +310,10 @@ def test_unbounded_joints_and_those_of_unknown_inertia() -> None:
 
 def test_a_given_pose_is_the_middle_of_every_run() -> None:
     pose = np.array([0.1, 0.0, 0.2, 0.3, 0.0])
-    one, two, _ = plan_friction(built_in("irp6"), SHORT, drives=("1", "2", "5"), pose=pose).coordinates
+    one, two, _ = planned(built_in("irp6"), SHORT, drives=("1", "2", "5"), pose=pose).coordinates
     np.testing.assert_array_equal(one.place.pose, pose)
     assert two.place.gravity == "cancels"
-    (tilted,) = plan_friction(
+    (tilted,) = planned(
         built_in("irp6"), replace(SHORT, percent=(5.0, 50.0)), drives=("2",), pose=pose + np.array([0, 0.2, 0, 0, 0])
     ).coordinates
     assert tilted.place.gravity == "subtracted"
@@ -370,7 +371,7 @@ def test_what_cannot_be_planned() -> None:
         own = {key: value for key, value in changes.items() if hasattr(SHORT, key)}
         others = {key: value for key, value in changes.items() if key not in own}
         with pytest.raises(InputError, match=message):
-            plan_friction(others.pop("robot", built_in("irp6")), replace(SHORT, **own), **others)
+            planned(others.pop("robot", built_in("irp6")), replace(SHORT, **own), **others)
 
 
 def test_the_command(here: Here) -> None:
@@ -404,7 +405,7 @@ def test_joints_without_a_range_are_not_moved() -> None:
     limits = replace(robot.limits, acceleration=np.ones(2))
     robot = robot.replace(limits=limits, gravity=np.zeros(3))
     with pytest.raises(InputError, match="joint 'k': no position limits are stated; write <limit "):
-        plan_friction(robot, SHORT)
-    assert len(plan_friction(robot, SHORT, joints=("j",), pose=np.zeros(2)).coordinates) == 1
+        planned(robot, SHORT)
+    assert len(planned(robot, SHORT, joints=("j",), pose=np.zeros(2)).coordinates) == 1
     limits = replace(limits, lower=-np.ones(2), upper=np.ones(2))
-    assert len(plan_friction(robot.replace(limits=limits), SHORT, pose=np.zeros(2)).coordinates) == 2
+    assert len(planned(robot.replace(limits=limits), SHORT, pose=np.zeros(2)).coordinates) == 2

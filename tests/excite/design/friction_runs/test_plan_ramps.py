@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -16,16 +16,18 @@ from excite.design.friction_runs.friction_plan import CoordinatePlan, FrictionPl
 from excite.design.friction_runs.plan_friction import plan_friction
 from excite.design.friction_runs.schedule import Schedule, torque_ramps
 from excite.simulation.simulation_files import read_motion
+from excite.tasks.limit_choice import LimitChoice
 from regressors.errors import InputError
 from regressors.readers.library import built_in
 from regressors.robot.robot import Robot
 
 SHORT = Schedule(percent=(50.0,), warm_up=0.0, breakaways=2, creeping=0.5, rate=200.0, pause=1.3, ramping=2.5)
+planned = partial(plan_friction, limits=LimitChoice(self_collision=False))  # with distances: test_plan_world.py
 
 
 @cache
 def plan() -> FrictionPlan:
-    return plan_friction(built_in("irp6"), SHORT, drives=("1", "3"))
+    return planned(built_in("irp6"), SHORT, drives=("1", "3"))
 
 
 def limited(robot: Robot, torque: float) -> Robot:
@@ -37,7 +39,7 @@ def limited(robot: Robot, torque: float) -> Robot:
 
 
 def coordinate(robot: Robot, *drives: str, **options: object) -> CoordinatePlan:
-    return plan_friction(robot, SHORT, drives=drives, **options).coordinates[0]  # type: ignore[arg-type]
+    return planned(robot, SHORT, drives=drives, **options).coordinates[0]  # type: ignore[arg-type]
 
 
 def test_torque_rises_in_proportion_to_time_to_the_largest_one_and_is_zero_elsewhere() -> None:
@@ -64,7 +66,7 @@ def test_directions_alternate_with_rests_between() -> None:
     ends = [0.0, *(ramp.end for ramp in ramps.ramps)]
     starts = [*(ramp.start for ramp in ramps.ramps), ramps.duration]
     np.testing.assert_allclose(np.subtract(starts, ends), 1.3, atol=1e-9)
-    (hasty,) = plan_friction(built_in("irp6"), replace(SHORT, pause=0.0), drives=("1",)).coordinates
+    (hasty,) = planned(built_in("irp6"), replace(SHORT, pause=0.0), drives=("1",)).coordinates
     assert hasty.ramps.ramps[1].start - hasty.ramps.ramps[0].end == pytest.approx(1.0)
 
 
@@ -90,10 +92,10 @@ def test_torque_is_capped_at_half_of_the_limit_less_gravity() -> None:
 
 def test_torques_that_are_given() -> None:
     robot = built_in("ur10e")
-    one, two = plan_friction(robot, SHORT, drives=("1", "6"), torque_ramp=(20.0, 0.0)).coordinates
+    one, two = planned(robot, SHORT, drives=("1", "6"), torque_ramp=(20.0, 0.0)).coordinates
     assert (one.ramps.largest, one.ramps.drive, one.ramps.origin) == (20.0, "shoulder_pan_joint", "given")
     assert (two.ramps, two.no_ramps) == (None, "none were requested")
-    both = plan_friction(robot, SHORT, drives=("1", "6"), torque_ramp=(5.0,)).coordinates
+    both = planned(robot, SHORT, drives=("1", "6"), torque_ramp=(5.0,)).coordinates
     assert [c.ramps.largest for c in both if c.ramps is not None] == [5.0, 5.0]
 
 
@@ -101,12 +103,12 @@ def test_there_are_none_where_friction_is_not_known_or_several_drives_turn() -> 
     unknown = coordinate(built_in("ur10e"), "1")
     assert unknown.ramps is None
     assert "states no friction; give `torque_ramp`" in unknown.no_ramps
-    (several,) = plan_friction(built_in("irp6"), SHORT, joints=("q3",), torque_ramp=(10.0,)).coordinates
+    (several,) = planned(built_in("irp6"), SHORT, joints=("q3",), torque_ramp=(10.0,)).coordinates
     assert several.ramps is None
     assert "z3, z4 move together" in several.no_ramps
-    (alone,) = plan_friction(built_in("irp6"), SHORT, joints=("q1",)).coordinates
+    (alone,) = planned(built_in("irp6"), SHORT, joints=("q1",)).coordinates
     assert alone.ramps.drive == "z1"
-    (never,) = plan_friction(built_in("irp6"), replace(SHORT, breakaways=0), drives=("1",)).coordinates
+    (never,) = planned(built_in("irp6"), replace(SHORT, breakaways=0), drives=("1",)).coordinates
     assert never.ramps is None
 
 
@@ -139,7 +141,7 @@ def test_torques_that_cannot_be() -> None:
         ((1000.0,), "z1: a torque ramp to 1000 Nm exceeds the limit of 331.8 Nm; give a lower `torque_ramp`"),
     ):
         with pytest.raises(InputError, match=message):
-            plan_friction(built_in("irp6"), SHORT, drives=("1", "3"), torque_ramp=given)
+            planned(built_in("irp6"), SHORT, drives=("1", "3"), torque_ramp=given)
 
 
 def test_the_command_writes_and_clears_them(here: Here) -> None:

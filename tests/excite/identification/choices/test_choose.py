@@ -150,11 +150,12 @@ def test_presliding_is_not_taken_for_a_delay_nor_a_delay_for_presliding(delay: f
 
 def test_delays_of_single_joints_and_logs_are_found_applied_stated_and_read_back(tmp_path: Path) -> None:
     effort = np.column_stack([late(0.0).effort[:, 0], late(0.012).effort[:, 1], late(0.0).effort[:, 2]])
-    joint = excite.identify("irp6", replace(late(0.0), effort=effort, sha256="joint"), choose=("cutoff", "delay"))
+    asked = {"choose": ("delay",), "recipe": Recipe(cutoff=plain().recipe.cutoff)}
+    joint = excite.identify("irp6", replace(late(0.0), effort=effort, sha256="joint"), **asked)
     other = replace(noisy(played(three_joints(3), 3, 200.0, 8.0), 0.2, 1e-6, 3), source="B", sha256="B")
     rows = round(0.01 * 200.0)
     other = replace(other.rows(slice(rows, None)), effort=other.effort[:-rows])
-    logs = excite.identify("irp6", [late(0.0), other], choose=("cutoff", "delay"))
+    logs = excite.identify("irp6", [late(0.0), other], **asked)
     for result, true, names in ((joint, (0.0, 0.012, 0.0), ("q1", "q2", "q3")), (logs, (0.0, 0.01), ("LOG", "B"))):
         choice = choice_of(result, "delay")
         np.testing.assert_allclose(choice.value, true, atol=4e-4)
@@ -165,9 +166,10 @@ def test_delays_of_single_joints_and_logs_are_found_applied_stated_and_read_back
         assert load_result(tmp_path / names[0]).recipe == result.recipe
     assert joint.recipe.delay == choice_of(joint, "delay").value
     assert (logs.recipe.delay, dict(logs.recipe.log_delays)) == (0.0, {"B": choice.value[1]})
-    column = delay_columns(Context(logs.target, logs.prepared, logs.recipe), logs.estimate.coefficients)
-    assert column.shape[1] == 1
-    assert np.all(column[logs.observations.log == 0] == 0.0)
+    for result, rows in ((joint, joint.observations.equation != 1), (logs, logs.observations.log == 0)):
+        column = delay_columns(Context(result.target, result.prepared, result.recipe), result.coefficients)
+        assert column.shape[1] == 1
+        assert np.all(column[rows] == 0.0)
 
 
 def test_planted_terms_are_chosen_for_their_drive() -> None:
