@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 82_960,
+    "lines": 82_970,
     "lines of code": 51_240,
     "files": 379,
     "classes": 682,
@@ -24,7 +24,7 @@ BOUNDS = {
     "blocks of `TYPE_CHECKING`": 17,
     "imports inside functions": 64,
     "look-ups of built-in parts by name": 18,
-    "lines of code of tests": 37_590,
+    "lines of code of tests": 37_600,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 141,
