@@ -161,8 +161,8 @@ LIMITATIONS = (
     "cases named plain defaults choose all that `identify` chooses. Their line holds the true parameters; how often "
     "the interval of a term that was added without being true holds zero is in results/coverage.json.",
     "Energy, but for long windows: windows of 5 ms of a log of 1 kHz, of the ur10e of 4 ms at 500 Hz. Where noise is "
-    "taken as alike, `covariance` is white, which it was for all short windows of uncorrelated rows before. Intervals of "
-    "the ur10e are at least 1.4 times as wide as its estimates scatter, so that they tell little about the noise.",
+    "taken as alike, `covariance` is white, which it was for all short windows of uncorrelated rows before. Intervals "
+    "of the ur10e are at least 1.3 times as wide as its estimates scatter, so that they tell little about the noise.",
     "Long windows: the noise of the measured torques or wrench is white or autoregressive; the windows cumulate it.",
     "Sticking friction breaks the model; the intervals allow for it by what rows near standstill change, and are wide: "
     "up to the size of the parameter where a drive is identified from rows near standstill alone. Rows left out are "
