@@ -13,12 +13,16 @@ SLOWEST = 0.02  # of a drive, below which rows are left out by the mask [rad/s]
 
 IRP6 = Experiment()
 ENERGY = Experiment(model={"model": "energy", "window": "long"})
+SHORT = Experiment(model={"model": "energy"}, rate=1000.0)  # windows of 5 ms, as in [KD96]
+SHORT_STICKING = replace(SHORT, stiction=1.0, breakaway=1e-5)
+SHORT_UR10E = Experiment("ur10e", model={"model": "energy"}, duration=8.0, rate=500.0)
 LOAD = Experiment(model={"model": "load-integral", "window": "long"}, duration=4.0)
 COULOMB = Experiment(stiction=1.0, breakaway=1e-5)
 STICKING = Experiment(stiction=1.5, breakaway=1e-3)
 PANDA = Experiment("panda", duration=8.0)
 UR10E = Experiment("ur10e", duration=8.0, rate=125.0)
 POSSIBLE = Recipe(estimator="physical")
+ALIKE = Recipe(covariance="white")  # noise that is alike in all windows
 
 
 CASES = (
@@ -56,4 +60,15 @@ CASES = (
     Case(
         "plain defaults, load, bias of 0.3 N", Experiment(model={"model": "load"}, duration=4.0), offset=0.3, plain=True
     ),
+    Case("energy, white, noise taken as alike", SHORT, recipe=ALIKE, plain=True),
+    Case("energy, plain defaults, white", SHORT, plain=True),
+    Case("energy, plain defaults, positions 1e-4 rad", SHORT, positions=1e-4, plain=True),
+    Case("energy, plain defaults, autoregressive", SHORT, noise="autoregressive", plain=True),
+    Case("energy, plain defaults, encoder 2e-4 rad", SHORT, encoder=2e-4, plain=True),
+    Case("energy, plain defaults, encoder 1e-3 rad", SHORT, encoder=1e-3, plain=True),
+    Case("energy, plain defaults, sticking Coulomb friction", SHORT_STICKING, plain=True),
+    Case("energy, ur10e, white, noise taken as alike", SHORT_UR10E, recipe=ALIKE, plain=True),
+    Case("energy, ur10e, plain defaults, white", SHORT_UR10E, plain=True),
+    Case("energy, ur10e, plain defaults, positions 1e-4 rad", SHORT_UR10E, positions=1e-4, plain=True),
+    Case("energy, ur10e, plain defaults, autoregressive", SHORT_UR10E, noise="autoregressive", plain=True),
 )

@@ -34,13 +34,15 @@ class Case:
         Its deviation over the root mean square of each channel.
     encoder : float
         Step of the positions [rad]; 0 for exact ones.
+    positions : float
+        Deviation of white noise of the positions [rad].
     offset : float
         Added to the second torque, or to every force of a wrench [Nm or N].
     late : float
         By which torques or wrench are late [s].
     recipe : Recipe
     plain : bool
-        Identify with plain defaults, whose settings are chosen by left-out torques.
+        Identify with plain defaults beside the recipe, whose settings are chosen by left-out torques.
     """
 
     name: str
@@ -48,6 +50,7 @@ class Case:
     noise: str = "white"
     level: float = 0.03
     encoder: float = 0.0
+    positions: float = 0.0
     offset: float = 0.0
     late: float = 0.0
     recipe: Recipe = field(default_factory=Recipe)
@@ -119,7 +122,7 @@ def identified(case: Case, log: Log) -> Identification:
     """What one log gives: by the recipe of the case, or by plain defaults."""
     experiment = case.experiment
     if case.plain:
-        return identify(experiment.task, log)
+        return identify(experiment.task, log, recipe=case.recipe)
     return estimate_parameters(experiment.description, experiment.task, [log], case.recipe)
 
 
@@ -135,6 +138,8 @@ def noisy(log: Log, case: Case, seed: int, k: int) -> Log:
     offset = np.zeros(exact.shape[1])
     offset[slice(1, 2) if channel == "effort" else slice(0, 3)] = case.offset
     changes: dict[str, Any] = {channel: exact + offset + size * noise}
+    if case.positions:
+        changes["q"] = log.q + case.positions * rng.normal(size=log.q.shape)
     if case.encoder:
         phase = rng.uniform(size=log.q.shape[1])
         changes["q"] = case.encoder * (np.round(log.q / case.encoder + phase) - phase)

@@ -216,8 +216,9 @@ def motion_noise(
     left = np.std((uniform.q[passed.kept] - smooth.q)[used], axis=0) if np.any(used) else np.zeros(white.shape[1])
     size = left / np.maximum(np.std(white[passed.kept] - passed.samples.q, axis=0), 1e-6)
     values = size * getattr(passed.samples, what)
-    signal = np.sqrt(np.mean(getattr(part.samples, what) ** 2, axis=0))
-    share = np.divide(np.std(values, axis=0), signal, out=np.zeros_like(signal), where=signal > 0)
+    signal = np.sqrt(np.mean(_in_rows(target, part.samples, getattr(part.samples, what)) ** 2, axis=0))
+    noise = np.std(_in_rows(target, passed.samples, values), axis=0)
+    share = np.divide(noise, signal, out=np.zeros_like(signal), where=signal > 0)
     most = float(share.max(initial=0.0))
     if most < SHARE and not whole:
         values = np.broadcast_to(0.0, part.samples.q.shape)
@@ -225,6 +226,17 @@ def motion_noise(
         more = method.motion(uniform.time, rng.normal(size=white.shape))
         values = np.concatenate([values, size * getattr(more.samples, what)])
     return values[:count], most
+
+
+def _in_rows(target: IdentificationTarget, samples: Samples, values: Array) -> Array:
+    """A derivative as the rows hold it: at every instant, or its difference over every window.
+
+    The difference of velocities over a short window is an acceleration, of which noise is a far larger share.
+    """  # values (N, n)
+    if target.model.window is None:
+        return values
+    first, last = target.model.window.ends(samples.time)
+    return np.asarray(values[last] - values[first])
 
 
 def allowing_for_motion_noise(estimate: Estimate, estimator: Estimator, context: Context) -> Estimate:

@@ -26,6 +26,7 @@ from regressors.samples import Array, Index
 _EQUAL = ("least-squares", "recursive")  # methods that weight all rows equally
 _WEIGHTED = ("weighted", "huber", "physical")
 METHODS = (*_EQUAL, *_WEIGHTED)
+_SCALED = "the noise of each window is taken to be that of the measurements times what multiplies them there"
 _BLOCK = 2**13  # rows that are multiplied at once
 _SHOWN = 1e-3  # share of its mean by which a stretch of rows must show a direction
 
@@ -58,7 +59,8 @@ def robust_covariance(
     kept = np.where(np.outer(seen, seen), covariance, estimate.covariance)
     spent = observations.y.size - estimate.degrees_of_freedom
     freedom = residual_degrees_of_freedom(paths.effective, spent, len(observations.equations))
-    return replace(estimate, covariance=kept, degrees_of_freedom=freedom, notes=(*estimate.notes, note))
+    notes = (note,) if channels is None else (note, _SCALED)
+    return replace(estimate, covariance=kept, degrees_of_freedom=freedom, notes=(*estimate.notes, *notes))
 
 
 def group_scale(estimate: Estimate) -> Array:
@@ -191,8 +193,11 @@ def _bartlett(parts: Iterable[Array], width: int) -> Array:
 def with_covariance(
     estimate: Estimate, observations: Observations, kind: str, cumulated: bool = False, channels: Array | None = None
 ) -> Estimate:
-    """Choose the covariance of an estimate by the correlation of its residuals, or as asked for."""
-    if kind == "auto" and not cumulated:
+    """Choose the covariance of an estimate by the correlation of its residuals, or as asked for.
+
+    Noise that enters by channels is as large as these, such as velocities, and so not white where it is uncorrelated.
+    """
+    if kind == "auto" and not cumulated and channels is None:
         residuals = residual_diagnostics(estimate, observations)
         kind = "white" if all(one.whiteness > 0.001 or abs(one.lag_one) < 0.05 for one in residuals) else "auto"
     if kind == "white":

@@ -217,6 +217,17 @@ def test_the_noise_has_the_size_that_passes_the_filter(exact, stretch, delay, mo
         np.testing.assert_allclose(np.std(drawn, axis=0), measured, rtol=0.2)
 
 
+def test_short_windows_hold_as_much_noise_as_accelerations(exact: Log) -> None:
+    """Their rows are differences of velocities, in which noise is a far larger share than in the velocities."""
+    log, shares = noisy(exact, 0.0, NOISE, 1), {}
+    for window in ("short", "long", None):
+        task = TASK if window is None else TASK.changed(model="energy", window=window)
+        part = prepare(log, irp6(), target := target_of(irp6(), task), RECIPE)
+        shares[window] = motion_noise(part, target, RECIPE, "ddq" if window is None else "dq", 1)[1]
+    assert shares["short"] == pytest.approx(shares[None], rel=0.2)
+    assert shares["long"] < 0.2 * shares["short"]
+
+
 def test_what_happens_at_standstill_is_no_noise_of_the_motion(exact: Log) -> None:
     slow = np.min(np.abs(exact.dq @ C.T), axis=1) < 0.04
     shaken = exact.q + 1e-4 * slow[:, None] * np.random.default_rng(0).normal(size=exact.q.shape)

@@ -16,7 +16,7 @@ from played import EXACT, TASK, irp6, noisy, played, three_joints
 
 from excite.identification import observations as module
 from excite.identification.covariance import robust_covariance
-from excite.identification.equations import equations_of
+from excite.identification.equations import equations_of, right_sides
 from excite.identification.estimator import Context
 from excite.identification.estimators.least_squares import least_squares, weighted
 from excite.identification.noise import (
@@ -178,6 +178,21 @@ def test_long_windows_of_the_energy_model_cover() -> None:
     assert any("cumulated sum" in note for note in found.estimate.notes)
     # a model of single instants has none
     assert noise_origin(Context(target_of(irp6(), TASK), (), Recipe())) == (False, None)
+
+
+def test_short_windows_state_the_noise_of_torques_times_velocities() -> None:
+    """Against torques drawn again, through the windows' right-hand sides and the pseudoinverse of W."""
+    exact, task, drawn = played(three_joints(), 3, rate=1000.0, seconds=4.0), Task("irp6", model="energy"), 1.0
+    logs = [noisy(exact, drawn, 0.0, seed) for seed in range(4)]
+    results = [estimate_parameters(irp6(), task, [log], EXACT) for log in logs]
+    alike = estimate_parameters(irp6(), task, logs[:1], dataclasses.replace(EXACT, covariance="white"))
+    part, rng = alike.prepared[0], np.random.default_rng(0)
+    torques = drawn * rng.normal(size=(300, *part.measured.shape))
+    inverse = np.linalg.pinv(alike.observations.W)
+    scatter = np.std(right_sides(alike.target, part, alike.recipe, torques).T @ inverse.T, axis=0)
+    np.testing.assert_allclose(np.mean([r.estimate.deviation for r in results], axis=0), scatter, rtol=0.2)
+    assert np.max(np.abs(np.log(alike.estimate.deviation / scatter))) > 0.25
+    assert any("what multiplies them" in note for note in results[0].estimate.notes)
 
 
 COUNT = 6000
