@@ -74,14 +74,14 @@ class CuttingPlanes:
         chosen: tuple[tuple[int, ...], Index] = (), np.zeros(0, dtype=int)
         for kept in (each for size in range(1, most + 1) for each in combinations(range(k), size)):
             columns = np.flatnonzero(~np.delete(moves, kept, axis=1).any(axis=1))
-            if columns.size > chosen[1].size and int(placed[columns].any(axis=0).sum()) <= positions:
+            if columns.size > chosen[1].size and np.count_nonzero(placed[columns].any(axis=0)) <= positions:
                 chosen = kept, columns
         if not chosen[1].size:
             return self
         own, others = np.array(chosen[0]), np.delete(np.arange(k), chosen[0])
         rows = self.rows.part(chosen[1], own, others, self.states.centre[others])
         states = self.states.part(own, others)
-        counted = placed[chosen[1]].any(axis=0)[own] & np.isfinite(states.extent(0))
+        counted = placed[np.ix_(chosen[1], own)].any(axis=0) & np.isfinite(states.extent(0))
         conditions = MomentConditions(states, counted, self.conditions.frequencies)
         return CuttingPlanes(rows, conditions, self.motion[:, np.concatenate([own, own + k, own + 2 * k])])
 

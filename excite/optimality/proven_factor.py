@@ -21,8 +21,9 @@ from excite.optimality.limited_states import LimitedStates, MomentConditions, ma
 from regressors.samples import Array, Index
 
 MOST_COORDINATES, MOST_POSITIONS = 3, 2
-COARSE, FINE = 8, 20  # cells along each of two positions; finer towards its limits, where velocities are low
+COARSE, FINE = 10, 20  # cells along each of two positions; finer towards its limits, where velocities are low
 _ALONE = 3  # times as many along a single one
+_MOST = 4.0  # times the factor of the states that were looked at, beyond which a proof is given up
 _LOWEST = 1e-3  # of the highest velocity, where none is possible
 _ABOVE = 1.002  # of the smallest factor of a corner, so that its certificate serves at others too
 
@@ -48,7 +49,7 @@ def proven_factor(
         tell(f"proof: {number} of {len(patterns)} sign patterns of the velocities")
         try:
             pattern = SignPattern(certificate, functions, np.array(signs))
-            if (largest := of_pattern(pattern, grid, max(largest, guess), 2.0 * guess, seed)) > 2.0 * guess:
+            if (largest := of_pattern(pattern, grid, max(largest, guess), _MOST * guess, seed)) > _MOST * guess:
                 return None
         except NotPolynomial:
             return None
