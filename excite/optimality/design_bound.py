@@ -206,7 +206,7 @@ def bound(
         try:
             for name in criteria:
                 for each in _improving(BOUNDED[name], planes, design, rounds, seed, progress):
-                    if name not in best or each.value > best[name].value:
+                    if name not in best or (each.proven, each.value) > (best[name].proven, best[name].value):
                         progress(each.sentence)
                     best[name] = each
             changes = sensitivity(design, progress) if what_ifs else None
