@@ -16,15 +16,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 82_850,
-    "lines of code": 51_170,
+    "lines": 83_100,
+    "lines of code": 51_360,
     "files": 379,
-    "classes": 682,
+    "classes": 683,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 17,
     "imports inside functions": 64,
     "look-ups of built-in parts by name": 18,
-    "lines of code of tests": 37_520,
+    "lines of code of tests": 37_650,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 141,

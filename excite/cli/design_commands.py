@@ -259,6 +259,6 @@ def bound() -> None:
     motions of the family within the limits of the design's problem. 'excite compare' shows it from then on.
 
     With it, what twice the harmonics, 1.5 times the period, or each limit of joints and drives that is used, looser by
-    20 %, would bring: the gains found by improving this motion after one change at a time. Ctrl-C ends that, and the
-    bound is kept.
+    20 %, would bring: the gains found by improving this motion after one change at a time. Ctrl-C ends the work, and
+    the bound so far is kept.
     """

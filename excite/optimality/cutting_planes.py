@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from itertools import combinations
+from typing import Any, ClassVar
 
 import clarabel
 import numpy as np
@@ -13,7 +14,7 @@ import scipy.sparse as sp
 
 from excite.errors import ConicSolverError
 from excite.optimality.limited_states import LimitedStates, MomentConditions, StateRows, matrix_of, triangle
-from regressors.samples import Array
+from regressors.samples import Array, Index
 
 _DRAWN, _CLIMBING, _ADDED, _STEPS = 8000, 1200, 500, 30
 LOOKED_AT = _DRAWN + _CLIMBING * _STEPS  # states in a round
@@ -41,7 +42,13 @@ class CuttingPlanes:
     def run(
         self, criterion: BoundedCriterion, rounds: int, rng: np.random.Generator, tell: Tell = lambda _: None
     ) -> tuple[DualCertificate, float]:
-        """Solve and add states, round by round; the best dual point, and its largest ratio over all of these states."""
+        """The best dual point of all rounds, and its largest ratio over all states that were looked at."""
+        return list(self.improving(criterion, rounds, rng, tell))[-1]
+
+    def improving(
+        self, criterion: BoundedCriterion, rounds: int, rng: np.random.Generator, tell: Tell = lambda _: None
+    ) -> Iterator[tuple[DualCertificate, float]]:
+        """Solve and add states, round by round; after each the best dual point so far, and its largest ratio."""
         S = np.concatenate([self.motion, self.states.drawn(_FIRST, rng)])
         best: tuple[DualCertificate, float] | None = None
         for number in range(rounds):
@@ -54,12 +61,29 @@ class CuttingPlanes:
             if best is None or criterion.proven(certificate, factor) > criterion.proven(*best):
                 best = certificate, factor
             tell(f"{criterion.described}: round {number + 1}, {criterion.proven(*best):.4g}")
+            yield best
             if factor < _NEAR:
                 break
             S = np.concatenate([S[self._kept(weights, number, rng)], states[ratios > _VIOLATED][:_ADDED]])
         if best is None:
             raise ConicSolverError("the relaxation was not solved in any round; give a design of fewer parameters")
-        return best
+
+    def of_few(self, most: int, positions: int) -> CuttingPlanes:
+        """The relaxation of the columns that few coordinates move, and few positions; itself where there are none."""
+        (moves, placed), k = self.rows.moved_by(), self.states.n
+        chosen: tuple[tuple[int, ...], Index] = (), np.zeros(0, dtype=int)
+        for kept in (each for size in range(1, most + 1) for each in combinations(range(k), size)):
+            columns = np.flatnonzero(~np.delete(moves, kept, axis=1).any(axis=1))
+            if columns.size > chosen[1].size and np.count_nonzero(placed[columns].any(axis=0)) <= positions:
+                chosen = kept, columns
+        if not chosen[1].size:
+            return self
+        own, others = np.array(chosen[0]), np.delete(np.arange(k), chosen[0])
+        rows = self.rows.part(chosen[1], own, others, self.states.centre[others])
+        states = self.states.part(own, others)
+        counted = placed[np.ix_(chosen[1], own)].any(axis=0) & np.isfinite(states.extent(0))
+        conditions = MomentConditions(states, counted, self.conditions.frequencies)
+        return CuttingPlanes(rows, conditions, self.motion[:, np.concatenate([own, own + k, own + 2 * k])])
 
     def _solved(self, criterion: BoundedCriterion, S: Array) -> tuple[Array, DualCertificate | None]:
         Y = self.rows(S)
@@ -134,7 +158,6 @@ _SETTINGS = {  # bounds do not depend on them, see `DualCertificate`
     "max_iter": 100,
     **dict.fromkeys(("tol_gap_rel", "tol_gap_abs"), 1e-5),
     "tol_feas": 1e-6,
-    "static_regularization_constant": 1e-7,  # Clarabel's 1e-8 ends some of these programmes at the first step
 }
 _TOTAL = 1e-12
 _USABLE = ("Solved", "AlmostSolved", "MaxIterations", "InsufficientProgress")
@@ -144,8 +167,9 @@ def relaxation(
     criterion: BoundedCriterion, F: Array, h: Array, conditions: MomentConditions, scale: float
 ) -> tuple[Array, tuple[Array, Array, float, Array]]:
     """Best measure on some states, and the multipliers of the dual point."""  # F (N, b, b); h (N, m); result (N,)
-    of_own, psd, exponential, total = criterion.part(F, scale)
-    own, N = of_own.size, len(F)
+    size = 1.0 + np.linalg.norm(F, axis=(1, 2)) / scale  # of a state; a weight times it is the programme's variable
+    of_own, psd, exponential, total = criterion.part(F / size[:, None, None], scale)
+    own, N, h = of_own.size, len(F), h / size[:, None]
     B = conditions.cone()
     p = B.shape[1]
     sizes = np.maximum(np.abs(h).max(axis=0), 1e-9)
@@ -155,10 +179,10 @@ def relaxation(
     moments = [zeros(h.shape[1], own), sp.csc_matrix((h / sizes).T), sp.csc_matrix(-of_cone / sizes[:, None])]
     blocks = [(moments, np.zeros(h.shape[1]), [clarabel.ZeroConeT(h.shape[1])])]
     if total:
-        blocks.append(([zeros(1, own), np.ones((1, N)), zeros(1, p)], np.ones(1), [clarabel.ZeroConeT(1)]))
+        blocks.append(([zeros(1, own), 1.0 / size[None], zeros(1, p)], np.ones(1), [clarabel.ZeroConeT(1)]))
     blocks.append(([zeros(N, own), -sp.eye_array(N), zeros(N, p)], np.zeros(N), [clarabel.NonnegativeConeT(N)]))
     first = sum(b.size for _, b, _ in blocks)
-    blocks += [([A, zeros(A.shape[0], p)], b, [clarabel.PSDTriangleConeT(size)]) for A, b, size in psd]
+    blocks += [([A, zeros(A.shape[0], p)], b, [clarabel.PSDTriangleConeT(order)]) for A, b, order in psd]
     blocks += [([A, zeros(3, p)], b, [clarabel.ExponentialConeT()]) for A, b in exponential]
     if p:
         of_sizes = [clarabel.PSDTriangleConeT(size) for size in conditions.sizes]
@@ -168,11 +192,11 @@ def relaxation(
     objective = np.concatenate([of_own, np.zeros(N + p)])
     x, z = _solved(objective, A, np.concatenate(right), [cone for some in cones for cone in some])
     dual = []
-    for _, b, size in psd:
-        dual.append(_positive(matrix_of(z[first : first + b.size], size)))
+    for _, b, order in psd:
+        dual.append(_positive(matrix_of(z[first : first + b.size], order)))
         first += b.size
     lower, upper, constant = criterion.multipliers(dual, scale)
-    weights = np.maximum(x[own : own + N], 0.0)
+    weights = np.maximum(x[own : own + N], 0.0) / size
     admitted = conditions.admitted(-z[: h.shape[1]] / sizes)
     return weights / max(weights.sum(), _TOTAL), (lower, upper, constant, admitted)
 
@@ -211,6 +235,8 @@ class BoundedCriterion(ABC):
 
     name: str  # that of the criterion
     described: str
+    of_columns: ClassVar[bool] = True  # that of some columns is at most that of all
+    trivial: ClassVar[float] = 0.0  # below any value
 
     @abstractmethod
     def part(self, F: Array, scale: float) -> ConicPart:
@@ -238,6 +264,7 @@ class BoundedCondition(BoundedCriterion):
 
     name = "condition"
     described = "condition number"
+    trivial = 1.0
 
     def part(self, F: Array, scale: float) -> ConicPart:
         """Two matrices: ``sum w F - I`` and ``t I - sum w F``."""
@@ -287,6 +314,7 @@ class BoundedDeterminant(BoundedCriterion):
 
     name = "logdet"
     described = "volume of the confidence ellipsoid, det^(-1/2b)"
+    of_columns = False
 
     def part(self, F: Array, scale: float) -> ConicPart:
         """``[[sum w F, Z], [Z', diag(Z)]] >= 0`` with Z lower triangular, and ``log Z_ii >= t_i``."""

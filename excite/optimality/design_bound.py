@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,12 +16,12 @@ from excite.design.blueprint import restricted_limits
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
 from excite.design.problem_identity import NotComparable, content_sha256, plain_options
-from excite.errors import BrokenLimitError
+from excite.errors import BrokenLimitError, ConicSolverError
 from excite.information.target import target_of
 from excite.information.weighting import minimised_text, weighting_of
 from excite.optimality.cutting_planes import BOUNDED, LOOKED_AT, BoundedCriterion, CuttingPlanes, Tell
 from excite.optimality.limited_states import MomentConditions, StateRows, limited_states, state_rows
-from excite.optimality.proven_factor import proven_factor
+from excite.optimality.proven_factor import COARSE, MOST_COORDINATES, MOST_POSITIONS, proven_factor
 from excite.optimality.sensitivity import LIKELY_CAUSE, Sensitivity, sensitivity
 from excite.registry import instance, is_own, name_of
 from excite.storage.atomic import Destination, read_json
@@ -38,6 +38,7 @@ from regressors.samples import Array
 
 _INSTANTS = 40  # of the design's motion, for each harmonic
 _ROUNDS = 8
+_FIRST_PROVEN = 2, 1  # coordinates, and positions among them, of arms with more than can be proven at once
 KIND, NAME = "bound", "bound.json"
 
 
@@ -172,7 +173,7 @@ def bound(
         Largest number of rounds of cutting planes.
     seed : int
     what_ifs : bool
-        Find what changes of the problem would bring, too; Ctrl-C ends that, and the bounds are returned without it.
+        Find what changes of the problem would bring, too. Ctrl-C ends the work, and the bounds so far are returned.
     progress : callable, optional
         Takes a sentence on the progress.
 
@@ -201,11 +202,18 @@ def bound(
     with threadpool_limits(1):
         formulation = formulate(design.robot, design.task)
         planes = cutting_planes(formulation, design)
-        found = tuple(_bound(BOUNDED[name], planes, design, rounds, seed, progress) for name in criteria)
-        changes = None
-        if what_ifs:
-            with suppress(KeyboardInterrupt):
-                changes = sensitivity(design, progress)
+        best, changes = dict[str, CriterionBound](), None
+        try:
+            for name in criteria:
+                for each in _improving(BOUNDED[name], planes, design, rounds, seed, progress):
+                    if name not in best or (each.proven, each.value) > (best[name].proven, best[name].value):
+                        progress(each.sentence)
+                    best[name] = each
+            changes = sensitivity(design, progress) if what_ifs else None
+        except KeyboardInterrupt:
+            if not best:
+                raise
+    found = tuple(best.values())
     problem, said = bounded_problem_sha256(design), _assumptions(formulation, planes)
     return DesignBound(design.name, problem, found, said, design.coefficients_sha256, changes)
 
@@ -243,24 +251,34 @@ def _states_of(design: Design, rows: StateRows, count: int) -> Array:
     return np.hstack([samples.q, samples.dq, samples.ddq])
 
 
-def _bound(
+def _improving(
     criterion: BoundedCriterion, planes: CuttingPlanes, design: Design, rounds: int, seed: int, progress: Tell
-) -> CriterionBound:
-    began = time.process_time()
-    certificate, largest = planes.run(criterion, rounds, np.random.default_rng(seed), tell=progress)
-    estimate = criterion.proven(certificate, largest)
-    factor = proven_factor(certificate, largest, seed, progress)
-    value = estimate if factor is None else criterion.proven(certificate, factor)
-    return CriterionBound(
-        name=criterion.name,
-        described=criterion.described,
-        value=value,
-        proven=factor is not None,
-        estimate=estimate,
-        states=LOOKED_AT,
-        reached=reached_by(design, criterion.name),
-        cpu_seconds=time.process_time() - began,
-    )
+) -> Iterator[CriterionBound]:
+    """Better and better bounds: soon a proven one, of few coordinates if there are many; then the estimate of all."""
+    began, proven, estimate = time.process_time(), 0.0, 0.0
+    reached = reached_by(design, criterion.name)
+
+    def outcome() -> CriterionBound:
+        useful, seconds = proven > criterion.trivial, time.process_time() - began
+        value, name, described = proven if useful else estimate, criterion.name, criterion.described
+        return CriterionBound(name, described, value, useful, estimate, LOOKED_AT, reached, seconds)
+
+    small = planes.states.n <= MOST_COORDINATES and int(planes.conditions.counted.sum()) <= MOST_POSITIONS
+    few = planes if small or not criterion.of_columns else planes.of_few(*_FIRST_PROVEN)
+    with suppress(*(() if few is planes else (ConicSolverError,))):
+        for number, best in enumerate(few.improving(criterion, rounds, np.random.default_rng(seed), progress)):
+            estimate = criterion.proven(*best)
+            if number == 0:
+                factor = proven_factor(*best, seed, progress, COARSE)
+                proven = 0.0 if factor is None else criterion.proven(best[0], factor)
+            yield outcome()
+        if (factor := proven_factor(*best, seed, progress)) is not None:
+            proven = max(proven, criterion.proven(best[0], factor))
+        yield outcome()
+    with suppress(*((ConicSolverError,) if proven else ())):
+        for best in () if few is planes else planes.improving(criterion, rounds, np.random.default_rng(seed), progress):
+            estimate = max(estimate, criterion.proven(*best))
+            yield outcome()
 
 
 def reached_by(design: Design, name: str) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -55,6 +55,12 @@ class LimitedStates:
     def radius(self) -> Array:
         """Half the positions' range, shape (m,); infinite where it is not bounded."""
         return 0.5 * (self.high - self.low)
+
+    def part(self, kept: Index, others: Index) -> LimitedStates:
+        """Of some coordinates, by the functions of these alone."""
+        own = ~np.any(self.directions[:, others] != 0.0, axis=1)
+        bounds = {name: getattr(self, name)[own] for name in ("low", "high", "velocity", "acceleration", "speeds")}
+        return replace(self, directions=self.directions[np.ix_(own, kept)], centre=self.centre[kept], **bounds)
 
     def extent(self, order: int) -> Array:
         """Largest absolute value of each coordinate, or of a derivative, shape (k,); infinite where it has none."""
@@ -180,11 +186,24 @@ class StateRows:
         weighted = ca.mtimes(ca.DM(np.diag(1.0 / self.noise)), Y[:, self.index.tolist()])
         return ca.mtimes(weighted, ca.DM(self.transform))
 
+    def moved_by(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Coordinates that enter each column at all, and those whose position does, shape (b, k) each."""
+        symbols = [ca.SX.sym(name, self.motion.matrix.shape[1]) for name in ("y", "dy", "ddy")]
+        columns = ca.horzsplit(ca.cse(self.expression(*symbols)))
+        depends = [[ca.which_depends(ca.vec(each), symbol, 1, False) for each in columns] for symbol in symbols]
+        return np.any(depends, axis=0), np.array(depends[0], dtype=bool)
+
     def positions_that_count(self) -> NDArray[np.bool_]:
         """Coordinates whose position enters Y at all, shape (k,): not joint 1 of an arm with a vertical first axis."""
-        symbols = [ca.SX.sym(name, self.motion.matrix.shape[1]) for name in ("y", "dy", "ddy")]
-        Y = ca.vec(ca.cse(self.expression(*symbols)))
-        return np.asarray(ca.which_depends(Y, symbols[0], 1, False), dtype=bool)
+        return np.asarray(self.moved_by()[1].any(axis=0))
+
+    def part(self, columns: Index, kept: Index, others: Index, centre: Array) -> StateRows:
+        """Some columns, which the kept coordinates alone move; the others rest in the centre."""  # centre (others,)
+        N, q0 = self.motion.matrix, self.motion.offset
+        labels, units = ([names[i] for i in kept] for names in (self.motion.labels, self.motion.units))
+        motion = PartialMotion(tuple(labels), tuple(units), N[:, kept], q0 + N[:, others] @ centre)
+        prior = self.prior[np.ix_(columns, columns)]
+        return replace(self, motion=motion, transform=self.transform[:, columns], prior=prior)
 
 
 def state_rows(formulation: Formulation) -> StateRows:

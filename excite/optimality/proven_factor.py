@@ -20,10 +20,12 @@ from excite.optimality.cutting_planes import DualCertificate, conic_solution
 from excite.optimality.limited_states import LimitedStates, MomentConditions, matrix_of, triangle, triangle_basis
 from regressors.samples import Array, Index
 
-_MOST_COORDINATES, _MOST_POSITIONS = 3, 2
-_CELLS = 18  # along each position; finer towards its limits, where velocities are low
-_MOST_CERTIFICATES = 4000
+MOST_COORDINATES, MOST_POSITIONS = 3, 2
+COARSE, FINE = 10, 20  # cells along each of two positions; finer towards its limits, where velocities are low
+_ALONE = 3  # times as many along a single one
+_MOST = 4.0  # times the factor of the states that were looked at, beyond which a proof is given up
 _LOWEST = 1e-3  # of the highest velocity, where none is possible
+_ABOVE = 1.002  # of the smallest factor of a corner, so that its certificate serves at others too
 
 
 #: Corners of cells, shape (N, c) in positions that count, and what holds in all cells around each: the largest width
@@ -32,26 +34,26 @@ _LOWEST = 1e-3  # of the highest velocity, where none is possible
 Grid = tuple[Array, Array, Array, Array]
 
 
-def proven_factor(certificate: DualCertificate, guess: float, seed: int, tell: Callable[[str], None]) -> float | None:
+def proven_factor(
+    certificate: DualCertificate, guess: float, seed: int, tell: Callable[[str], None], cells: int = FINE
+) -> float | None:
     """Factor that is proven for all states; None where the problem is not one of few coordinates that can be proven."""
     chosen = _functions(certificate)
     if chosen is None:
         return None
     functions, positions = chosen
-    grid = _grid(certificate.conditions, functions, positions)
+    grid = _grid(certificate.conditions, functions, positions, cells if positions.size > 1 else _ALONE * cells)
     patterns = list(product((1.0, -1.0), repeat=functions.size))
-    if len(grid[0]) * len(patterns) > _MOST_CERTIFICATES:
-        return None
     largest = 0.0
     for number, signs in enumerate(patterns):
         tell(f"proof: {number} of {len(patterns)} sign patterns of the velocities")
         try:
-            largest = max(
-                largest, of_pattern(SignPattern(certificate, functions, np.array(signs)), grid, 2.0 * guess, seed)
-            )
+            pattern = SignPattern(certificate, functions, np.array(signs))
+            if (largest := of_pattern(pattern, grid, max(largest, guess), _MOST * guess, seed)) > _MOST * guess:
+                return None
         except NotPolynomial:
             return None
-    return largest if largest <= 2.0 * guess else None
+    return largest
 
 
 def _functions(certificate: DualCertificate) -> tuple[Index, Index] | None:
@@ -59,7 +61,7 @@ def _functions(certificate: DualCertificate) -> tuple[Index, Index] | None:
     states, counted = certificate.conditions.states, certificate.conditions.counted
     (functions,) = np.nonzero(states.speeds & np.isfinite(states.acceleration))
     k = states.n
-    if k > _MOST_COORDINATES or functions.size != k or int(counted.sum()) > _MOST_POSITIONS:
+    if k > MOST_COORDINATES or functions.size != k or int(counted.sum()) > MOST_POSITIONS:
         return None
     of_others = np.any(certificate.rows.positions_that_count() & ~counted)
     if of_others or np.linalg.matrix_rank(states.directions[functions]) < k:
@@ -69,29 +71,44 @@ def _functions(certificate: DualCertificate) -> tuple[Index, Index] | None:
     return (functions, positions) if positions.size == int(counted.sum()) else None
 
 
-def of_pattern(pattern: SignPattern, grid: Grid, most: float, seed: int) -> float:
-    """Factor that is proven for one choice of the signs of speeds; above `most` if it is larger than that."""
+def of_pattern(pattern: SignPattern, grid: Grid, guess: float, most: float, seed: int) -> float:
+    """Factor that is proven for one choice of the signs of speeds, at least the guess; infinite if above `most`.
+
+    A certificate of one corner is tried at all others, and serves wherever it holds.
+    """
     corners, widths, highest, axes = grid
     states, rng = pattern.states, np.random.default_rng(seed)
-    of_Q, of_D = pattern.curvature(axes, rng)
     # |m' E m| <= sum_i e_i m_i^2 with e the sums of rows, since E is symmetric
-    errors = np.einsum("na,aij->ni", widths**2 / 8, of_Q + most * of_D)
-    lower, upper, of_h = pattern.matrices(corners, rng)
+    of_Q, of_D = (np.einsum("na,aij->ni", widths**2 / 8, bound) for bound in pattern.curvature(axes, rng))
+    lower, D, of_h = pattern.matrices(corners, rng)
+    Q, unit = lower + of_h + of_Q[:, :, None] * np.eye(of_Q.shape[1]), np.eye(of_Q.shape[1])
+    D = D - of_D[:, :, None] * unit
     V, A = states.velocity[pattern.functions], states.acceleration[pattern.functions]
     linked = np.full(V.size, np.inf) if states.bandwidth is None else (states.bandwidth * V / A) ** 2
     certificates = SumOfSquares(pattern.signs, linked)
-    largest = 0.0
-    for Q, D, error, fastest in zip(lower + of_h, upper, errors, highest, strict=True):
-        largest = max(largest, certificates.factor(Q + np.diag(error), D, fastest))
-        if largest > most:
-            break
-    return largest
+    factor, known = guess, list[RestOfSquares]()
+    while factor <= most:
+        missing = factor * D - Q  # to be positive for all velocities and accelerations
+        left = np.arange(len(Q))
+        for rest in known:
+            left = left[~rest.serves(missing[left], highest[left])]
+        while left.size:
+            worst = left[np.argmax(highest[left].sum(axis=1))]
+            rest = certificates.rest(missing[worst], highest[worst])
+            if not rest.serves(missing[[worst]], highest[[worst]])[0]:
+                break
+            known.append(rest)
+            left = left[~rest.serves(missing[left], highest[left])]
+        else:
+            return factor
+        factor = _ABOVE * max(factor, certificates.factor(Q[worst], D[worst], highest[worst]))
+    return np.inf
 
 
-def _grid(conditions: MomentConditions, functions: Index, positions: Index) -> Grid:
+def _grid(conditions: MomentConditions, functions: Index, positions: Index, cells: int) -> Grid:
     """Corners of all cells that hold positions within the limits."""
     states, counted = conditions.states, conditions.counted
-    axes = [states.middle[i] - states.radius[i] * np.cos(np.linspace(0.0, np.pi, _CELLS + 1)) for i in positions]
+    axes = [states.middle[i] - states.radius[i] * np.cos(np.linspace(0.0, np.pi, cells + 1)) for i in positions]
     if not axes:
         return np.zeros((1, 0)), np.zeros((1, 0)), np.ones((1, functions.size)), np.zeros((0, 0))
     beside = [np.maximum(*(np.pad(np.diff(axis), ends) for ends in ((0, 1), (1, 0)))) for axis in axes]
@@ -185,6 +202,17 @@ class SumOfSquares:
         lacking = self._lacking(x, A, of_Q + margin, of_D)
         return float(x[0]) if lacking <= margin.max() else np.inf
 
+    def rest(self, M: Array, highest: Array) -> RestOfSquares:
+        """The certificate of ``m' M m >= 0`` that leaves most of M, but for its square of all monomials."""
+        scales = np.outer(*[self._scales(highest)] * 2)
+        size, unit = float(np.abs(M * scales).max()), np.eye(len(M))
+        of_M, of_unit = (self._of_m @ triangle(each) for each in (M * scales / size, unit))
+        A = np.concatenate([self._columns, self._links(highest)], axis=1)
+        x = self._solved(A, -of_M, of_unit)  # A x = of_M + x_0 of_unit
+        N = M * scales / size + x[0] * unit - matrix_of(x[1 : 1 + self._of_m.shape[1]], len(M))
+        N[0, 0] += self._lacking(x, A, -of_M, of_unit)
+        return RestOfSquares(size * N, scales, highest)
+
     def _solved(self, A: Array, of_Q: Array, of_D: Array) -> Array:
         """``A x = factor of_D - of_Q`` with the least factor; the factor, then x."""
         count = A.shape[1]
@@ -208,6 +236,27 @@ class SumOfSquares:
             first += count
         largest = np.abs(A[:, self._free :]).sum(axis=0)
         return short + float(largest @ np.maximum(-x[1 + self._free :], 0.0))
+
+
+_ROUNDED = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class RestOfSquares:
+    """``m' N m >= 0`` up to the highest velocities: ``m' M m >= 0`` wherever ``M - N`` is positive semidefinite."""
+
+    N: Array  # (|m|, |m|) in the monomials of velocities in units of the highest ones
+    scales: Array  # (|m|, |m|) products of these units
+    highest: Array  # (k,)
+
+    def serves(self, M: Array, highest: Array) -> NDArray[np.bool_]:
+        """Whether it proves each matrix positive, shape (N,)."""  # M (N, |m|, |m|); highest (N, k)
+        slower = np.all(highest <= self.highest, axis=1)
+        if not np.all(np.isfinite(self.N)):
+            return np.zeros_like(slower)
+        scaled = M * self.scales
+        lowest = np.linalg.eigvalsh(scaled - self.N)[:, 0]
+        return np.asarray(slower & (lowest >= _ROUNDED * np.abs(scaled).max(axis=(1, 2))))
 
 
 def _bounds(signs: Array) -> list[Polynomial]:

@@ -15,8 +15,12 @@ import excite
 from constraints.certificate import limit_uses
 from excite.cli.main import cli
 from excite.design.design_json import load_design
+from excite.design.formulation import formulate
 from excite.design.problem import Problem
+from excite.optimality import design_bound
+from excite.optimality.cutting_planes import BOUNDED
 from excite.optimality.design_bound import NAME, CriterionBound, DesignBound, bounded_problem_sha256, stored_bound
+from excite.optimality.proven_factor import proven_factor
 from excite.optimality.sensitivity import ProblemChanges, Sensitivity, SensitivityRow, same_motion, sensitivity
 from excite.views.comparison_view import verdict_of
 from regressors.errors import InputError, UnknownName
@@ -51,6 +55,50 @@ def test_interrupted_changes_leave_the_bound(folder: Path, monkeypatch: pytest.M
     found = excite.bound(load_design(folder), rounds=1)
     assert (found.sensitivity, len(found.criteria)) == (None, 1)
     assert excite.bound(load_design(folder), rounds=1, what_ifs=False).criteria[0].value == found.criteria[0].value
+
+
+def test_an_interrupted_bound_is_what_was_proven_so_far(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls, proven = list[int](), design_bound.proven_factor
+
+    def at_call(number: int) -> None:
+        def interrupted(*given: Any) -> float | None:
+            calls.append(1)
+            if len(calls) == number:
+                raise KeyboardInterrupt
+            return proven(*given)
+
+        calls.clear()
+        monkeypatch.setattr(design_bound, "proven_factor", interrupted)
+
+    at_call(2)
+    (first,) = excite.bound(load_design(folder), rounds=2).criteria
+    assert first.proven
+    at_call(1)
+    with pytest.raises(KeyboardInterrupt):
+        excite.bound(load_design(folder), rounds=2)
+
+
+def test_columns_that_few_coordinates_move_do_not_depend_on_the_others(one: excite.Design) -> None:
+    planes = design_bound.cutting_planes(formulate(one.robot, one.task), one)
+    few = planes.of_few(1, 1)
+    assert few.states.n == 1 < planes.states.n
+    S = planes.states.drawn(50, np.random.default_rng(0))
+    (own,) = np.flatnonzero(few.rows.motion.matrix[:, 0] @ planes.rows.motion.matrix)
+    Y, part = planes.rows(S), few.rows(S[:, [own, own + 2, own + 4]])
+    for column in np.moveaxis(part, 2, 0):
+        assert np.abs(Y - column[:, :, None]).max(axis=(0, 1)).min() < 1e-9
+
+
+@pytest.mark.slow
+def test_a_bound_of_seven_axes_is_proven_of_the_first_ones() -> None:
+    made = excite.design_trajectory(excite.Task("panda").changed(starts=1, executor="serial", floor="none"))
+    planes = design_bound.cutting_planes(formulate(made.robot, made.task), made)
+    few = planes.of_few(2, 1)
+    condition = BOUNDED["condition"]
+    certificate, largest = few.run(condition, 2, np.random.default_rng(0))
+    factor = proven_factor(certificate, largest, 0, lambda _: None)
+    assert factor is not None
+    assert 2.0 < condition.proven(certificate, factor) < made.condition_number
 
 
 def test_a_bound_is_read_again_for_the_same_problem_only(folder: Path) -> None:

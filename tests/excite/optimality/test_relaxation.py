@@ -117,7 +117,8 @@ def test_dense_sampling_finds_no_state_beyond_what_is_proven() -> None:
 def test_what_interpolation_between_corners_may_miss_is_added(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a form that is quadratic in the positions it is the difference in the middle of a cell."""
     added: list[np.ndarray] = []
-    certificates = SimpleNamespace(factor=lambda Q, D, fastest: float(added.append(Q) is not None))
+    serves = SimpleNamespace(serves=lambda M, _: np.ones(len(M), dtype=bool))
+    certificates = SimpleNamespace(rest=lambda M, _: added.append(-M) or serves)
     monkeypatch.setattr(proven_factor, "SumOfSquares", lambda *_: certificates)
     curvature, widths = np.random.default_rng(0).uniform(0.0, 2.0, (2, 3, 3)), np.array([0.3, 0.7])
     curvature, nothing = curvature + curvature.transpose(0, 2, 1), np.zeros((1, 3, 3))
@@ -126,7 +127,7 @@ def test_what_interpolation_between_corners_may_miss_is_added(monkeypatch: pytes
         curvature=lambda *_: (curvature, 0 * curvature), matrices=lambda *_: (nothing,) * 3, signs=None,
         functions=np.arange(3), states=states,
     )  # fmt: skip
-    proven_factor.of_pattern(pattern, (np.zeros((1, 2)), widths[None], np.ones((1, 3)), np.eye(2)), 1.0, 0)
+    proven_factor.of_pattern(pattern, (np.zeros((1, 2)), widths[None], np.ones((1, 3)), np.eye(2)), 1.0, 1.0, 0)
     corners = widths / 2 * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
     missed = np.mean([np.einsum("a,aij->ij", p**2 / 2, curvature) for p in corners], axis=0)  # zero in the middle
     np.testing.assert_allclose(added[0], np.diag(missed.sum(axis=1)))
@@ -255,3 +256,27 @@ def test_factor_bounds_what_is_sampled() -> None:
         sampled = (np.einsum("ni,ij,nj->n", m, Q, m) / np.einsum("ni,ij,nj->n", m, D, m)).max()
         factor = certificates.factor(Q, D, np.ones(2))
         assert sampled <= factor <= sampled + 0.5 * abs(sampled) + 0.05
+
+
+def test_a_certificate_serves_positive_matrices_only() -> None:
+    rng = np.random.default_rng(0)
+    signs, linked = np.array([1.0, -1.0]), np.array([1.5, np.inf])
+    certificates = SumOfSquares(signs, linked)
+    highest = np.array([0.8, 1.0])
+    v, a = signs * highest * rng.random((20000, 2)), rng.uniform(-1, 1, (20000, 2))
+    v, a = (x[a[:, 0] ** 2 <= 1.5 * (1 - v[:, 0] ** 2)] for x in (v, a))
+    m = monomials(v, a)
+    indefinite, served = rng.standard_normal((8, 8)), 0
+    M = indefinite + indefinite.T
+    lowest = np.einsum("ni,ij,nj->n", m, M, m).min()
+    M[0, 0] += 1.0 + abs(lowest) * 1.5
+    rest = certificates.rest(M, highest)
+    assert np.linalg.eigvalsh(M)[0] < 0.0  # not by itself
+    assert rest.serves(M[None], highest[None])[0]
+    assert not rest.serves(M[None], np.ones((1, 2)))[0]  # faster than it was made for
+    for size in np.linspace(0.0, 2.0, 40):
+        changed = M - size * np.outer(*[rng.standard_normal(8)] * 2)
+        if rest.serves(changed[None], highest[None])[0]:
+            served += 1
+            assert np.einsum("ni,ij,nj->n", m, changed, m).min() >= 0.0
+    assert 0 < served < 40
