@@ -202,19 +202,21 @@ def bound(
     with threadpool_limits(1):
         formulation = formulate(design.robot, design.task)
         planes = cutting_planes(formulation, design)
-        best, changes = dict[str, CriterionBound](), None
+        best, changes, said = dict[str, CriterionBound](), None, _assumptions(formulation, planes)
         try:
             for name in criteria:
                 for each in _improving(BOUNDED[name], planes, design, rounds, seed, progress):
                     if name not in best or (each.proven, each.value) > (best[name].proven, best[name].value):
                         progress(each.sentence)
                     best[name] = each
-            changes = sensitivity(design, progress) if what_ifs else None
         except KeyboardInterrupt:
             if not best:
                 raise
-    found = tuple(best.values())
-    problem, said = bounded_problem_sha256(design), _assumptions(formulation, planes)
+            said = (*said, "the work was interrupted: without that, the bound may be better")
+        else:
+            with suppress(KeyboardInterrupt):
+                changes = sensitivity(design, progress) if what_ifs else None
+    found, problem = tuple(best.values()), bounded_problem_sha256(design)
     return DesignBound(design.name, problem, found, said, design.coefficients_sha256, changes)
 
 
