@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 83_100,
+    "lines": 83_110,
     "lines of code": 51_360,
     "files": 379,
     "classes": 683,

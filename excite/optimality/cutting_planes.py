@@ -167,7 +167,7 @@ def relaxation(
     criterion: BoundedCriterion, F: Array, h: Array, conditions: MomentConditions, scale: float
 ) -> tuple[Array, tuple[Array, Array, float, Array]]:
     """Best measure on some states, and the multipliers of the dual point."""  # F (N, b, b); h (N, m); result (N,)
-    size = 1.0 + np.linalg.norm(F, axis=(1, 2)) / scale  # of a state; a weight times it is the programme's variable
+    size = criterion.sizes(F, scale)  # of a state; a weight times it is the programme's variable
     of_own, psd, exponential, total = criterion.part(F / size[:, None, None], scale)
     own, N, h = of_own.size, len(F), h / size[:, None]
     B = conditions.cone()
@@ -237,6 +237,10 @@ class BoundedCriterion(ABC):
     described: str
     of_columns: ClassVar[bool] = True  # that of some columns is at most that of all
     trivial: ClassVar[float] = 0.0  # below any value
+
+    def sizes(self, F: Array, scale: float) -> Array:
+        """Sizes of states, in which the solver has their weights, shape (N,)."""
+        return np.asarray(1.0 + np.linalg.norm(F, axis=(1, 2)) / scale)
 
     @abstractmethod
     def part(self, F: Array, scale: float) -> ConicPart:
@@ -315,6 +319,10 @@ class BoundedDeterminant(BoundedCriterion):
     name = "logdet"
     described = "volume of the confidence ellipsoid, det^(-1/2b)"
     of_columns = False
+
+    def sizes(self, F: Array, scale: float) -> Array:
+        """All alike: with others, the exponential cones end the solver's progress early."""
+        return np.ones(len(F))
 
     def part(self, F: Array, scale: float) -> ConicPart:
         """``[[sum w F, Z], [Z', diag(Z)]] >= 0`` with Z lower triangular, and ``log Z_ii >= t_i``."""
