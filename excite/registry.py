@@ -116,7 +116,10 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     # what shows a result, in the room above it
     "shown": {"table": "excite.views.view:table_of", "html": "excite.views.page_text:notebook_text"},
     # of a folder that a task names: a design, or a result of the room above
-    "reader": {"earlier": "excite.identification.result_json:earlier_information"},
+    "reader": {
+        "earlier": "excite.identification.result_json:earlier_information",
+        "servos": "excite.identification.servo_result:task_servos",
+    },
 }
 
 # what a part of a user's own is a subclass of

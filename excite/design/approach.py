@@ -16,7 +16,7 @@ from constraints.nonlinear import NonlinearConstraint
 from excite.storage.codec import record_of
 from excite.tasks.task import Task
 from excite.trajectories.detours import detour
-from excite.trajectories.sequence import APPROACH, EXCITE, RETURN, Motion, MotionSequence, Piece, Rest, whole_pose
+from excite.trajectories.sequence import APPROACH, RETURN, MotionSequence, Piece, Rest, whole_pose
 from excite.trajectories.transfer import BUILDING_UP, SPEEDING_UP, Transfer, check_pose, quickest_transfer
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
@@ -80,10 +80,10 @@ class ApproachAndReturn:
             for segment, transfer in self.transfers.items()
         }
 
-    def sequence(self, motion: Motion, steps: int) -> MotionSequence:
-        """The approach, a motion of every joint of so many sampling periods, and the return."""
+    def sequence(self, between: Sequence[Piece]) -> MotionSequence:
+        """The approach, motions of every joint, and the return."""
         before, after = self._pieces(APPROACH, -1), self._pieces(RETURN, 0)
-        return MotionSequence((*before, Piece(EXCITE, motion, steps), *reversed(after)))
+        return MotionSequence((*before, *between, *reversed(after)))
 
     def _pieces(self, segment: str, end: int) -> list[Piece]:
         """A transfer, if there is one, then rest at one of its ends."""

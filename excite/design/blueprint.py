@@ -22,6 +22,7 @@ from excite.design.stated_limits import StatedWorld, nonlinear_limits, stated_li
 from excite.information.goal import Goal
 from excite.information.matrix import Information
 from excite.information.target import IdentificationTarget, model_of
+from excite.information.tracking import LinearServos
 from excite.registry import instance, part
 from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.tasks.task import Task
@@ -68,12 +69,15 @@ class Blueprint:
         function = VectorisedFunction(symbols, soft.expression(*symbols)[:, self.index.tolist()])
         samples, grid = objective_instants(family.richness), grid_instants(family.richness)
         combination = soft.combination(task.trajectory.period, samples)
-        information = Information(function, family, combination, motion, self.noise)
+        servos, pose = task.objective.servos, motion.matrix @ self.centre + motion.offset
+        tracking = None if servos is None else LinearServos.of(servos, robot, pose, task.trajectory.period)
+        information = Information(function, family, combination, motion, self.noise, tracking)
         exact = model_of(robot, task).restricted(motion, equations)
 
         def rows(x: Array) -> Array:
             time = exact.times(task.trajectory.period, task.output.rate)
-            W = exact.assemble(information.trajectory(x).samples(time))[:, self.index]
+            told = information.trajectory(x).samples(time)
+            W = exact.assemble(told if tracking is None else tracking.samples(told))[:, self.index]
             return W.reshape(-1, self.noise.size, self.index.size) / self.noise[:, None]
 
         def exact_matrix(x: Array) -> Array:

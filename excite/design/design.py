@@ -34,7 +34,7 @@ from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
-from excite.trajectories.sequence import EXCITE, MotionSequence, Piece, WholeRobotMotion
+from excite.trajectories.sequence import EXCITE, Motion, MotionSequence, Piece, WholeRobotMotion, again
 from regressors.errors import InputError
 from regressors.models.base import Base
 from regressors.robot.robot import Robot
@@ -271,7 +271,7 @@ class Design(Shown):
     def run_information(self) -> RunInformation | None:
         """What one run brings towards the precision that the task asks for, where it asks for one."""
         objective = self.task.objective
-        if not isinstance(objective.precision, PrecisionTarget):
+        if not isinstance(objective.precision, PrecisionTarget) or self.task.model.channel == "command":
             return None
         model = self.target.model
         samples = self.trajectory.samples(model.times(self.trajectory.duration, self.task.output.rate))
@@ -281,8 +281,10 @@ class Design(Shown):
     @property
     def precision(self) -> PrecisionForecast | None:
         """Runs that meet the precision that the task asks for within its `max_time`, and their half-widths."""
-        run = self.run_information
-        return None if run is None else run.forecast(self.task.objective.max_time)
+        run, search = self.run_information, self.precision_search
+        if run is None:  # of servos, it is rehearsed
+            return None if search is None else search.forecast
+        return run.forecast(self.task.objective.max_time)
 
     @property
     def feasible(self) -> bool:
@@ -300,10 +302,16 @@ class Design(Shown):
         """The whole motion of every joint: the approach, the exciting motion, the return."""
         robot = self.task.limits.applied(self.robot)
         motion = WholeRobotMotion(self.trajectory, robot, self.moving.joint_names)
-        steps = round(self.trajectory.duration * self.task.output.rate)
-        if self.approach_and_return is None:
-            return MotionSequence((Piece(EXCITE, motion, steps),))
-        return self.approach_and_return.sequence(motion, steps)
+        played: list[Motion] = [motion]
+        if self.task.output.stops:
+            limits = [limit for limit in linear_limits(robot) if limit.derivative > 1]
+            played += again(
+                motion,
+                self.task.output.rate,
+                lambda samples: all((np.abs(g.values(samples)) <= g.upper).all() for g in limits),
+            )
+        pieces = tuple(Piece(EXCITE, each, round(each.duration * self.task.output.rate)) for each in played)
+        return MotionSequence(pieces) if self.approach_and_return is None else self.approach_and_return.sequence(pieces)
 
     @property
     def samples(self) -> Samples:

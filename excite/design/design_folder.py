@@ -89,7 +89,7 @@ def write_starts(design: Design, folder: Path) -> None:
 def write_design(design: Design, folder: Path, figures: Collection[str] | None = None) -> list[Path]:
     """Write a design's files, and replace an older design, all at once."""
     searched = (PRECISION, PRECISION_TABLE) if design.precision_search is not None else ()
-    names = [*data_files(design.task), *searched]
+    names = list(dict.fromkeys((*data_files(design.task), *searched)))
     older = _older_files(folder)
     run = None if (stated := design.provenance.get("run")) is None else str(stated)
     with replace_result(folder, KIND, run=run, older=older, folders=(STARTS,), figures=figures) as staged:

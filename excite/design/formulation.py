@@ -47,6 +47,7 @@ from excite.registry import built_in
 from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.stored_files import TaskMotion, UnopenedFile
 from excite.tasks.task import Task
+from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
 from regressors.numerical import numerical_work
 from regressors.readers.description import refuse_missing_ranges
@@ -88,12 +89,14 @@ LIKELY_CAUSE = (
 @numerical_work("the formulation of the design", LIKELY_CAUSE)
 def formulate(robot: Robot, task: Task) -> Formulation:
     """Build and check the design problem of a task."""
-    task = with_information_in_hand(robot, with_task_motion(with_initial_design(task)))
+    task = with_information_in_hand(robot, with_servos(with_task_motion(with_initial_design(task))))
     check_richness(task)
     if not task.trajectory.family().linear:
         check_solver(task, f"motions of the family {task.trajectory.name}")
     target = target_of(robot, task)
     design_prediction(target, task).check()
+    if task.objective.servos is not None and target.model.window is not None:
+        raise InputError("`servos`: the motion that they make is for models of single instants, without windows")
     motion = target.motion
     refuse_missing_ranges(target.robot, motion.matrix.any(axis=1))
     limits = linear_limits(target.robot)
@@ -204,6 +207,12 @@ def task_motion_of(design: Design) -> TaskMotion:
     motion = design.trajectory
     samples = motion.samples((np.arange(INSTANTS) + 0.5) * motion.duration / INSTANTS)
     return TaskMotion(design.name, design.moving.joint_names, samples.q, samples.dq, samples.ddq)
+
+
+def with_servos(task: Task) -> Task:
+    """The task with the values themselves of identified servos, so that a result can hold them."""
+    given = task.objective.servos
+    return task if given is None else task.changed(servos=built_in("reader", "servos")(given))
 
 
 def with_information_in_hand(robot: Robot, task: Task) -> Task:

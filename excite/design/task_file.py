@@ -17,7 +17,7 @@ from excite.tasks.model_options import options_of_model
 from excite.tasks.objective import Belief
 from excite.tasks.option import COUNTS, EXPECTED, MARGINS, MOUNTS, NONE, Kind, options_of
 from excite.tasks.precision_target import PrecisionTarget
-from excite.tasks.stored_files import TaskMotion, UnopenedFile
+from excite.tasks.stored_files import TaskMotion, TaskServos, UnopenedFile
 from excite.tasks.task import PARTS, Task
 from regressors.quantities import QUANTITIES
 from regressors.readers.documents import described, read_document, validate, within
@@ -29,7 +29,7 @@ _FORMERLY = {
     "velocity_scaling": 1.0,
 }  # what files of results without these options were made with
 _REMOVED = {("solver", "slsqp"): "ipopt"}  # parts that files of results may name, and what is taken instead
-_FILES = ("world", "friction_curves", "payload", "task_motion", "begin")  # options that may be names of files
+_FILES = ("world", "friction_curves", "payload", "task_motion", "servos", "begin")  # options that may be names of files
 _ENDS = ("base_link", "tip")  # of what moves, beside the options of the parts
 
 
@@ -155,6 +155,8 @@ def task_from_options(
         given["world"] = _world(given)
     if isinstance(given.get("task_motion"), Mapping):
         given["task_motion"] = TaskMotion.from_dict(given["task_motion"])
+    if isinstance(given.get("servos"), Mapping):
+        given["servos"] = TaskServos(**given["servos"])
     if "friction_curves" in given:
         given["friction_curves"] = _friction(given["friction_curves"])
     return Task(**given)
@@ -201,7 +203,7 @@ def _prior(value: Any) -> float | tuple[Belief, ...]:
 
 def _content(given: Any) -> Any:
     """Content of a world or of curves; the name of what is only named."""
-    if isinstance(given, World | TaskMotion):
+    if isinstance(given, World | TaskMotion | TaskServos):
         return given.to_dict()
     if isinstance(given, FrictionCurves):
         return friction_content(given)

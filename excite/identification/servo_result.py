@@ -12,6 +12,8 @@ import numpy as np
 from excite.logs.log import Log, LogReference
 from excite.storage.records import Shown, read_record, write_record
 from excite.storage.result_folder import check_not_taken, result_folder
+from excite.tasks.stored_files import TaskServos, UnopenedFile
+from regressors.errors import InputError
 from regressors.models.servo_response import QUANTITIES, RATIOS, SYMBOLS
 from regressors.robot.robot import Robot
 from regressors.samples import Array
@@ -205,3 +207,19 @@ def load_servos(path: str | Path) -> ServoResult:
     """Load a ``servos.json``, or that of a folder."""
     place = Path(path)
     return read_record(place / SERVOS if place.is_dir() else place, ServoResult, KIND)
+
+
+def task_servos(given: Any) -> TaskServos:
+    """What a task holds of identified servos, or of those of a folder."""
+    if isinstance(given, TaskServos):
+        return given
+    if isinstance(given, UnopenedFile):
+        raise given.missing()
+    result = load_servos(given) if isinstance(given, str | Path) else given
+    if not isinstance(result, ServoResult):
+        raise InputError(f"servos: expected identified servos, or their folder; given {type(given).__name__}")
+    values = tuple(tuple(map(float, each)) for each in result.values)
+    error = tuple(fit.position_error for fit in result.fits)
+    return TaskServos(
+        str(given) if isinstance(given, str | Path) else result.robot.name, result.robot.joint_names, values, error
+    )

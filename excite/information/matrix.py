@@ -9,6 +9,7 @@ from typing import ClassVar, TypeVar
 import numpy as np
 
 from excite.information.target import IdentificationTarget
+from excite.information.tracking import LinearServos
 from excite.storage.codec import OBJECT, Beside, named
 from excite.trajectories.family import Family, Trajectory
 from regressors.errors import InputError
@@ -41,11 +42,18 @@ class Information:
     """  # Y regressor of one instant, (r, b) of q, dq, ddq; noise (r,)
 
     def __init__(
-        self, Y: VectorisedFunction, family: Family, combination: Combination, motion: PartialMotion, noise: Array
+        self,
+        Y: VectorisedFunction,
+        family: Family,
+        combination: Combination,
+        motion: PartialMotion,
+        noise: Array,
+        tracking: LinearServos | None = None,
     ) -> None:
         self._function = Y
         self._family, self._motion = family, motion
-        self._joints = family.joints(combination.time, motion)
+        told = family.joints(combination.time, motion)
+        self._joints = told if tracking is None else tracking.motion(told, combination.time.size)
         self._difference, self._integral = combination.difference, combination.integral
         self._count = combination.difference.shape[0]
         self._equations = Y.shape[0] if self._integral is None else Y.shape[0] // 2

@@ -130,6 +130,8 @@ def minimised_text(task: Task) -> str:
         parts.append(f"parameters of interest {' and '.join(objective.interest)}, the others as nuisance")
     if objective.task_motion is not None:
         parts.append(f"torques of {objective.task_motion}")
+    if objective.servos is not None:
+        parts.append(f"along the motion that the servos {objective.servos} make")
     if _by_noise(task):
         parts.append("rows divided by their noise")
     if isinstance(objective.prior, int | float):

@@ -49,11 +49,11 @@ def read_source(
 
 
 def _of_design(design: Design, file: Path | None, *, approach_and_return: bool) -> MotionSource:
-    folder = design.folder
-    if file is None and approach_and_return and folder is not None and design.task.output.home is not None:
+    folder, more = design.folder, len(design.sequence.pieces) > 1
+    if file is None and approach_and_return and folder is not None and more:
         file = folder / TRAJECTORY
     if file is not None and file.parent == folder:
-        check_files(folder, OF_DESIGN, (DESIGN, file.name))  # the approach and return, or a rehearsal
+        check_files(folder, OF_DESIGN, (DESIGN, file.name))  # what is played beside the motion, or a rehearsal
     origin = {
         "folder": None if folder is None else folder.name,
         "sha256": None if folder is None else sha256_of(folder / DESIGN),

@@ -30,6 +30,7 @@ from excite.information.weighting import weighting_of
 from excite.optimality.sensitivity import best_of, loosened, reformulated, same_motion
 from excite.registry import name_of
 from excite.study.period_search import PeriodSearch, pareto_front, tried_period
+from excite.study.servo_precision import rehearsed
 from excite.tasks.installation import Installation
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.robot_of_task import one_model, robot_and_task
@@ -114,7 +115,14 @@ def design_for_precision(
 def search_for_precision(
     robot: Robot, task: Task, prepare: Prepare, solve: Solve, report: Callable[[str], None] = lambda _: None
 ) -> Design:
-    """Search for the period, then for the best motion at it; see `design_for_precision`."""
+    """Search for the period, then for the best motion at it; see `design_for_precision`.
+
+    Of servos, the motion is searched at the task's period, and its runs are rehearsed.
+    """
+    if task.model.channel == "command" and isinstance(task.objective.precision, PrecisionTarget):
+        formulation = formulate(robot, task)
+        design = solve(formulation, prepare(formulation, "servos"))
+        return design if design.interrupted else rehearsed(design, task.objective.precision, report)
     task = precise_task(task)
     weighting_of(target_of(robot, task), task)  # what no period can change is refused before any is tried
 
@@ -157,8 +165,8 @@ def precise_task(task: Task) -> Task:
         raise InputError("no precision is asked for; give `precision`, such as 0.05")
     if task.model.channel == "command":
         raise InputError(
-            "precision: no design predicts the intervals of servos, which follow from their simulated response; leave "
-            "`precision` out, and give `excite identify` more logs until the intervals are as narrow as you need"
+            "precision: the intervals of servos follow from their simulated response, not from what is in hand; "
+            "`design_for_precision` rehearses them"
         )
     asked = task.objective.precision
     along = isinstance(asked, PrecisionTarget) and asked.torques is not None

@@ -21,7 +21,7 @@ class MotionSettings:
         None, "file", "Play this file, laid out as trajectory.csv, instead of the design's motion.", metavar="FILE"
     )
     approach_and_return: bool = option(
-        True, "flag", "Also play the approach from home and the return, if the design has them."
+        True, "flag", "Also play the approach from home, the return, and slow parts and stops, if the design has them."
     )
     beyond_limits: bool = option(False, "flag", "Play a motion that breaks a limit, which is refused otherwise.")
     friction: str | None = essential(None, "file", "Friction curves.", metavar="FILE", unset="the robot's file")

@@ -81,6 +81,9 @@ class Objective:
     precision : float or PrecisionTarget, optional
         How precisely the parameters are to be known: a share of their described values, such as 0.05, or a target. The
         design states how many runs that takes, and `excite.design_for_precision` searches for the shortest experiment.
+    servos : str, ServoResult or TaskServos, optional
+        Identified servos, or their folder: the criterion is that of the motion which they make of the commands, by
+        gain and phase, see `excite.information.tracking`; and a `precision` of servos is predicted for these.
     max_time : float
         Robot time beyond which a precision counts as out of reach [s].
 
@@ -146,6 +149,13 @@ class Objective:
         "precision",
         "Half-width of the intervals, as a share; of each parameter, for which the shortest experiment is sought.",
         metavar="P%|FILE",
+        late=True,
+    )
+    servos: Any = option(
+        None,
+        "file",
+        "Identified servos: the criterion is that of the motion that they make of the commands; see below.",
+        metavar="DIR",
         late=True,
     )
     max_time: float = option(600.0, "number", "Robot time beyond which a precision is out of reach.", late=True)

@@ -119,6 +119,9 @@ class Output:
         Rest between approach, exciting motion and return [s].
     speed : tuple of float
         Fractions of full speed, in (0, 1], at which the motion is written as well.
+    stops : bool
+        The exciting motion is followed by itself, slowly and then with stops: along the same path, so that positions
+        and distances keep their limits, and no faster. For servos, whose friction, dead band and offset they show.
 
     Raises
     ------
@@ -136,6 +139,13 @@ class Output:
     settle: float = option(1.0, "number", "Rest before and after the exciting motion.")
     speed: tuple[float, ...] = option(
         (), "numbers", "Write slower rehearsals too: 0.1 for a tenth of speed.", metavar="V,..."
+    )
+    stops: bool = option(
+        False,
+        "flag",
+        "Play the motion again slowly, and with stops; by default for servos.",
+        flag="stops/no-stops",
+        late=True,
     )
 
     def __post_init__(self) -> None:

@@ -146,6 +146,46 @@ class TaskMotion:
             ) from error
 
 
+@checked
+@dataclass(frozen=True)
+class TaskServos:
+    """Identified servos of an arm.
+
+    Parameters
+    ----------
+    name : str
+        Of their folder.
+    joints : tuple of str
+    values : tuple of tuple of float
+        Of each joint, the quantities of `regressors.models.servo_response.QUANTITIES` [SI].
+    error : tuple of float
+        Root mean square of what they leave of the motion that they were identified from, of each joint [rad or m].
+
+    Raises
+    ------
+    InputError
+        Another number of values than of joints.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    values: tuple[tuple[float, ...], ...]
+    error: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if not len(self.joints) == len(self.values) == len(self.error):
+            raise InputError(f"servos {self.name}: expected values and an error for each of {len(self.joints)} joints")
+
+    def __str__(self) -> str:
+        """Its name."""
+        return self.name
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON; servos are made of these entries again."""
+        values = [list(each) for each in self.values]
+        return {"name": self.name, "joints": list(self.joints), "values": values, "error": list(self.error)}
+
+
 RESULT, DESIGN = "result", "design"
 
 

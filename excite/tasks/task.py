@@ -36,7 +36,7 @@ PLACE = {field.name: part for part, kind in PARTS.items() for field in dataclass
 # beforehand, which a condition number needs; inertia and delay show in quick reversals, but the speed that a servo has
 # without load is beyond what it reaches with one: see benchmarks/servo/designs.py
 OF_CHANNEL: Mapping[str, Mapping[str, Any]] = {
-    "command": {"criterion": "logdet", "harmonics": 15, "velocity_scaling": 0.4}
+    "command": {"criterion": "logdet", "harmonics": 15, "velocity_scaling": 0.4, "stops": True}
 }
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -68,6 +69,66 @@ class WholeRobotMotion:
         index = [self.robot.joint_names.index(name) for name in self.joints]
         rates[:, :, index] = [whole.dq, whole.ddq, whole.dddq]
         return Samples(time, whole_pose(self.robot, self.joints, whole.q), *rates)
+
+
+_PEAK = 1.875  # of the speed of ``10 u^3 - 15 u^4 + 6 u^5`` over its mean
+
+
+@dataclass(frozen=True, eq=False)
+class Retimed:
+    """A motion along its path with another timing: ``q(s(t))`` with ``0 <= s' <= 1``, at rest at both ends.
+
+    It moves for some time, holds, and so on; positions and distances are those of the motion, no velocity is higher.
+    """
+
+    motion: Motion
+    speed: float  # largest s'
+    move: float  # [s]
+    hold: float  # [s]
+    rate: float  # [Hz]
+
+    @property
+    def count(self) -> int:
+        """Number of moves."""
+        return int(np.ceil(self.motion.duration * _PEAK / (self.speed * self.move) - 1e-9))
+
+    @property
+    def duration(self) -> float:
+        """Duration, a whole number of samples [s]."""
+        return float(np.ceil(self.count * (self.move + self.hold) * self.rate - 1e-6)) / self.rate
+
+    def samples(self, time: Array) -> Samples:
+        """Motion at given instants [s]."""
+        number = np.minimum(np.floor(time / (self.move + self.hold)), self.count - 1)
+        u = np.minimum((time - number * (self.move + self.hold)) / self.move, 1.0)
+        part, rest = self.motion.duration / self.count, 1.0 - u
+        s = part * (number + u**3 * (10.0 - 15.0 * u + 6.0 * u**2))
+        first = (part / self.move * 30.0 * (u * rest) ** 2)[:, None]
+        second = (part / self.move**2 * 60.0 * u * rest * (1.0 - 2.0 * u))[:, None]
+        third = (part / self.move**3 * 60.0 * (1.0 - 6.0 * u * rest))[:, None] * (u < 1.0)[:, None]
+        along = self.motion.samples(s)
+        ddq = along.ddq * first**2 + along.dq * second
+        dddq = along.dddq * first**3 + 3.0 * along.ddq * first * second + along.dq * third
+        return Samples(time, along.q, along.dq * first, ddq, dddq)
+
+
+_SLOW = (0.75, 2.5)  # largest s', and how many times as long as the motion it lasts
+_MOVE, _HOLD = 0.8, 0.6  # [s]
+_GENTLER, _LEAST = 1.4, 0.05  # speed over the next one that is tried; the least
+_DENSE = 0.005  # between the instants at which limits are looked at [s]
+
+
+def again(motion: Motion, rate: float, kept: Callable[[Samples], bool]) -> tuple[Motion, ...]:
+    """The motion slowly, and with stops, which show what holds a joint; gentler until limits are kept."""
+    speed, longer = _SLOW
+    slow, stops = (speed, longer * motion.duration, 0.0), (1.0, _MOVE, _HOLD)
+    return tuple(_gentle(Retimed(motion, *each, rate), kept) for each in (slow, stops))
+
+
+def _gentle(motion: Retimed, kept: Callable[[Samples], bool]) -> Retimed:
+    while not kept(motion.samples(np.arange(0.0, motion.duration, _DENSE))) and motion.speed > _LEAST:
+        motion = replace(motion, speed=motion.speed / _GENTLER, move=motion.move * _GENTLER)
+    return motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,15 +213,15 @@ class MotionSequence:
         """
         count = self._count(wanted)
         at = np.arange(count + 1) * self.steps / count  # in sampling periods of full speed
-        times, begin = [], 0
+        times, begin, before = [], 0, APPROACH
         for piece in self.pieces:
             end = begin + piece.steps
-            first = np.searchsorted(at, begin, side="right" if piece.segment == RETURN else "left")
+            first = np.searchsorted(at, begin, side="left" if before == APPROACH else "right")
             last = np.searchsorted(at, end, side="left" if piece.segment == APPROACH else "right")
             local = (at[first:last] - begin) * (piece.motion.duration / piece.steps)
             local[at[first:last] == end] = piece.motion.duration
             times.append(local)
-            begin = end
+            begin, before = end, piece.segment
         motion, segments = self._evaluated(times)
         speed = self.steps / count
         slowed = [orders * speed**order for order, orders in enumerate(motion)]

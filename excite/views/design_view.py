@@ -168,6 +168,8 @@ def _precision(design: Design, forecast: PrecisionForecast) -> Iterator[str]:
     yield f"out of reach within {most:g} s: after {text}, {len(wide)} of {asked} intervals are too wide"
     if search is None or search.out_of_reach is None:
         yield f"worst parameter {_width(wide[0])}"
+        if len(wide) > 1:
+            yield f"too wide also: {', '.join(p.name for p in wide[1:])}"
     else:
         yield from _obstacles(search.out_of_reach)
 
