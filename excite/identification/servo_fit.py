@@ -359,6 +359,7 @@ def _noise_of(windows: Windows, m: int) -> Callable[[Array, Index], Array]:
 _WIDER = 3.5  # intervals, by what is wrong in all windows alike: from simulated servos, see benchmarks/servo
 _ALIKE = 0.05  # of the residuals, by which the model may be off everywhere
 _NO_SCALE = 1.0  # half of the interval of the logarithm of the stiffness, from which on only ratios are shown
+_LEAST_LEFT = 0.1  # to the other windows, of what one window determines
 _FLAT = 1e-12  # of the steepest direction, below which a direction counts as not shown at all
 
 
@@ -395,17 +396,21 @@ def _deviations(left: Array, J: Array, scale: float, T: Array) -> Array:
 
     Of ``H^-1 (sum_w g_w g_w') H^-1``, or of what residuals that are alike in no window and a model that is off
     everywhere by a small share of them, in the worst way, would make, ``s^2 (1 + N a^2) H^-1``, whichever is larger.
+    A window that determines much by itself leaves little: its g_w counts as ``(I - H_w H^-1)^-1 g_w`` [BM02].
     """
-    # left (w, T); J (w T, p)
+    # left (w, T); J (w T, p); BM02: R. Bell, D. McCaffrey, Survey Methodology 28 (2002) 169
     z = 1.0 + (left.ravel() / scale) ** 2
     influence, slope = left.ravel() / z, 1.0 / z
     size = np.sqrt((J**2).sum(axis=0))
     size[size == 0.0] = 1.0
     J, T = J / size, T / size
     value, vector = np.linalg.eigh(J.T @ (slope[:, None] * J))
-    inverse = (vector / np.maximum(value, _FLAT * max(1.0, value[-1]))) @ vector.T
-    g = (J * influence[:, None]).reshape(len(left), -1, J.shape[1]).sum(axis=1)
-    count, p = len(left), J.shape[1]
-    between = inverse @ (g.T @ g) @ inverse * count / max(1, count - p)
+    half = vector / np.sqrt(np.maximum(value, _FLAT * max(1.0, value[-1])))  # H^-1 is half half'
+    inverse = half @ half.T
+    g = (J * influence[:, None]).reshape(len(left), -1, J.shape[1]).sum(axis=1) @ half
+    A = (J @ half * np.sqrt(slope)[:, None]).reshape(len(left), -1, J.shape[1])
+    share, axes = np.linalg.eigh(A.swapaxes(1, 2) @ A)  # of what each window determines, (w, p) and (w, p, p)
+    kept = np.einsum("wij,wkj,wk->wi", axes / np.maximum(1.0 - share, _LEAST_LEFT)[:, None], axes, g) @ half.T
+    between = kept.T @ kept
     alike = (1.0 + left.size * _ALIKE**2) * np.mean(influence**2) * inverse
     return np.asarray(np.sqrt(np.maximum(*(((T @ each) * T).sum(axis=1) for each in (between, alike)))))

@@ -114,7 +114,7 @@ def _notes(result: ServoResult) -> tuple[str, ...]:
     notes = []
     if hardly:
         notes.append(
-            f"{listed_names(hardly)}: no quantity of the servo but ratios is known to half of its value; give logs in "
+            f"{listed_names(hardly)}: of the servo at most ratios are known to half of their value; give logs in "
             "which gravity loads the joint differently, of slow and fast motions"
         )
     if still:
