@@ -83,6 +83,11 @@ with probability 95 %, the half-width of every 99 % interval is at most that sha
   torques: {motion: task.csv, share: 0.05}   error of predicted torques along a motion, of its RMS torque per joint
   scales: {X2: 0.5}             value that stands for the described one; one about zero counts with its size
   --period and --harmonics state the highest frequency, which stays; --max-time is the most robot time [s]
+  of --model servo: parameters by symbol, {K: 0.2, D: 0.2, J: 0.4, d: 0.2}; runs of the motion are rehearsed
+
+\b
+Servos that were identified (--servos DIR): the criterion is that of the motion that they make of the commands, by gain
+and phase about the middle pose, without friction, gravity and torque limits; rehearsals of --precision are of them.
 
 \b
 Contents of --world FILE (YAML; lengths in m, frames of the links and of the base):
@@ -95,6 +100,7 @@ Contents of --world FILE (YAML; lengths in m, frames of the links and of the bas
 \b
 What is written to DIR:
   trajectory.csv   time [s], then position, velocity, acceleration of every joint [rad, rad/s, rad/s^2];
+                   with --stops the motion again, slowly and with stops;
                    with --home also approach and return, and a column segment: approach, excite, return
   trajectory-V.csv the same motion at part V of its speed (--speed), for rehearsals
   precision.json   with --precision: half-widths, periods tried, robot time against precision (precision.csv, a figure)
