@@ -133,8 +133,9 @@ def tables(studies: dict[str, Any], limits: list[dict[str, Any]], robots: dict[s
     for study in studies.values():
         values, names = study["values"], list(study["values"])
         reference = values["condition"]
+        least = {name: min(row[name] for row in values.values()) for name in names}
         rows = [
-            [goal, *(_bold(f"{row[other] / reference[other]:.2f}", goal == other) for other in names)]
+            [goal, *(_bold(f"{row[other] / reference[other]:.2f}", row[other] == least[other]) for other in names)]
             for goal, row in values.items()
         ]
         parts.append(f"{study['title']}\n\n{record.table(['designed for', *names], rows)}")
@@ -147,8 +148,8 @@ def tables(studies: dict[str, Any], limits: list[dict[str, Any]], robots: dict[s
     return "\n\n".join(parts)
 
 
-def _bold(text: str, own: bool) -> str:
-    return f"**{text}**" if own else text
+def _bold(text: str, lowest: bool) -> str:
+    return f"**{text}**" if lowest else text
 
 
 LIMITATIONS = (

@@ -120,6 +120,9 @@ def _literal(value: Any) -> Any:
     return "\n".join(map(printable, value.split("\n"))) if type(value) is str else value
 
 
+_MISSING = "missing"  # of a number
+
+
 def _cells(table: ViewTable) -> tuple[list[tuple[str, bool]], list[list[PageCell]]]:
     """Headings, with whether their columns hold numbers, and rows: all columns that say something."""
     shown = [k for k in range(len(table.columns)) if any(row[k] is not None for row in table.rows)]
@@ -127,7 +130,7 @@ def _cells(table: ViewTable) -> tuple[list[tuple[str, bool]], list[list[PageCell
         [_cell(table.columns[k], row[k], table.marked.get((j, k), "")) for k in shown]
         for j, row in enumerate(table.rows)
     ]
-    numeric = [any(exact for _, exact, _ in cells) for cells in zip(*rows, strict=True)]
+    numeric = [any(exact or state == _MISSING for _, exact, state in cells) for cells in zip(*rows, strict=True)]
     return [(table.columns[k].heading, each) for k, each in zip(shown, numeric, strict=True)], rows
 
 
@@ -139,7 +142,7 @@ def _cell(column: Column, value: Any, state: str) -> PageCell:
     if column.format is Format.KEPT:
         return "yes" if value else "NO", repr(float(value)), state or ("" if value else "bad")
     if value is None or not math.isfinite(value):
-        return column.missing or "\N{EN DASH}", "", state
+        return column.missing or "\N{EN DASH}", "", state or _MISSING
     number = f"{value:.{_DIGITS}g}".replace("-", "\N{MINUS SIGN}")
     return percent(value, 3) if column.format is Format.PERCENT else number, repr(float(value)), state
 

@@ -157,7 +157,9 @@ def servo_verification_view(verification: ServoVerification, name: str = "") -> 
         title=f"verification on {v.log.file}",
         verdict=v.verdict,
         holds=v.holds,
-        numbers=(("joints confirmed on another log", f"{sum(f.better for f in v.fits)} of {len(v.fits)}"),),
+        numbers=(
+            (f"joints confirmed on {PurePath(v.log.file).stem}", f"{sum(f.better for f in v.fits)} of {len(v.fits)}"),
+        ),
         summary=("errors are root mean squares of the motion that follows from the commands alone",),
         remarks=v.log.left_out,
         tables=(_errors(v.fits),),

@@ -30,7 +30,7 @@ def verification_view(verification: Verification, name: str = "") -> View:
         verdict=v.verdict.text,
         holds=v.holds,
         numbers=(
-            ("torques missed on another log", percent(v.relative_error, 3)),
+            (f"torques missed on {PurePath(log.file).stem}", percent(v.relative_error, 3)),
             ("joints confirmed", f"{len(v.verdict.confirmed)} of {len(v.torques)}"),
             ("largest drift when simulated", percent(max((m.relative for m in v.motions or ()), default=math.nan), 2)),
         ),
