@@ -8,6 +8,7 @@
 # whether to believe the result.
 
 # %%
+import casadi as ca
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -126,3 +127,64 @@ except excite.InputError as error:
 
 # %%
 excite.verify(result, unseen)
+
+# %% [markdown]
+# ## Parts of your own
+#
+# Model, criterion and limits are objects, so that yours stand where ours do. Here is drag in every joint, beside the
+# torques that the model has; the variance of that drag alone, whatever becomes of the other parameters; and a hose that
+# lets two joints drift apart by 0.6 rad at most.
+
+
+# %%
+class DragModel(excite.DifferentialModel):
+    """Torques, with drag."""
+
+    def __init__(self, robot, terms=None, *, sign_width=0.0):
+        super().__init__(robot, terms, sign_width=sign_width)
+        self.columns += tuple(excite.Column(f"D{j}", "Nm s^2/rad^2", "drag") for j in robot.joint_names)
+
+    def rows(self, q, dq, ddq):
+        """Of one instant, as CasADi expressions, shape (n, p)."""
+        return ca.horzcat(super().rows(q, dq, ddq), ca.diag(dq * ca.fabs(dq)))
+
+
+class VarianceOfDrag(excite.Criterion):
+    """Root of the summed variances of some columns."""
+
+    name, stages = "variance-of-drag", (1.0,)
+
+    def __init__(self, columns):
+        self.columns = columns  # of M = W'W / N
+
+    def value(self, M):
+        """The criterion itself."""
+        return float(np.sqrt(np.trace(np.linalg.inv(M)[np.ix_(self.columns, self.columns)])))
+
+    def smooth(self, M, sharpness):
+        """What is minimised, and its gradient."""
+        inverse, E = np.linalg.inv(M), np.eye(len(M))[:, self.columns]
+        trace = np.trace(E.T @ inverse @ E)
+        return np.log(trace), -inverse @ E @ E.T @ inverse / trace
+
+
+class Hose(excite.Limit):
+    """A bound on the difference of two joints."""
+
+    def imposed(self, robot, motion):
+        """Constraints of the coordinates that move."""
+        most, label = np.array([0.6]), ("joint q2 less joint q3",)
+        difference = excite.NonlinearConstraint(
+            robot.n, lambda q, dq, ddq: q[1] - q[2], -most, most, most, label, ("rad",)
+        )
+        return (difference.restricted(motion),)
+
+
+dragged, alone = DragModel(robot), excite.Search(starts=1, seed=0, executor="serial")
+plain = excite.design_trajectory(dragged, search=alone)
+drag = [k for k, each in enumerate(plain.predicted) if each.name.startswith("D")]
+own = excite.design_trajectory(dragged, criterion=VarianceOfDrag(drag), constraints=[Hose()], search=alone)
+for name, design in (("plain", plain), ("own", own)):
+    apart = abs(design.samples.q[:, 1] - design.samples.q[:, 2]).max()
+    deviations = " ".join(f"{design.predicted[k].name} {design.predicted[k].standard_deviation:.3f}" for k in drag)
+    print(f"{name:6} deviations {deviations}; joints 2 and 3 up to {apart:.2f} rad apart")
