@@ -2,8 +2,8 @@
 
 Intervals of servos follow from their simulated response, not from a matrix. So the runs are rehearsed: servos follow
 the commands, an error is added that is alike for some time, as what the model leaves of real motions is, and the servos
-are identified as from any log. Half-widths fall with the root of the number of runs, and the number that is chosen is
-rehearsed itself, up to three minutes of motion.
+are identified as from any log. Twice as many runs are tried until the intervals are narrow enough. They need not become
+so: intervals allow for a model that is off everywhere, which more runs of one motion do not tell from the servos.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from excite.information.precision_forecast import (
     PrecisionSearch,
     TriedPeriod,
 )
-from excite.logs.log import Log
+from excite.logs.log import Log, counted
 from excite.simulation.servo_motion import followed
 from excite.tasks.precision_target import PrecisionTarget
 from regressors.errors import InputError, UnknownName, listed_names
@@ -36,10 +36,9 @@ from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 _RATE = 50.0  # of the log [Hz]
-_FIRST, _LEAST, _LONGEST = 60.0, 30.0, 180.0  # of rehearsals [s]
+_LEAST, _LONGEST = 30.0, 300.0  # of rehearsals [s]
 _ERROR, _ALIKE = 2e-3, 0.1  # of servos of which nothing is known [rad or m], and how long errors are alike [s]
 _ROOM = 1.25  # half-widths of one log over those of another of the same motion, at most
-_TRIES = 3
 _ASKED = ("K", "D", "J", "Fc", "d", "L")  # what every servo has
 
 
@@ -48,34 +47,26 @@ def rehearsed(design: Design, asked: PrecisionTarget, report: Callable[[str], No
     _check(asked)
     servos, error, assumed = _servos(design)
     seconds, most = design.sequence.duration, design.task.objective.max_time
-    least, longest = math.ceil(_LEAST / seconds), max(1, math.floor(_LONGEST / seconds))
-    least, wanted = min(least, longest), max(least, math.floor(_FIRST / seconds))
     command = design.sequence.at(np.arange(round(seconds * _RATE)) / _RATE)[0].q
-    for _ in range(_TRIES):
-        runs = min(wanted, longest)
-        report(f"rehearsing {runs} runs of {seconds:.4g} s with simulated servos")
+    runs, course = math.ceil(_LEAST / seconds), []
+    while True:
+        report(f"rehearsing {counted(runs, 'run')} of {seconds:.4g} s with simulated servos")
         log = played(servos, np.tile(command, (runs, 1)), error, design.task.search.seed)
         result = identify_servos(servos.robot, log)
         parameters = tuple(_precisions(result, servos, asked))
-        # what is named but not shown by any number of runs stays too wide
-        worst = max((each.use for each in parameters if math.isfinite(each.use)), default=1.0)
-        wanted = max(least, math.ceil(runs * worst**2 - 1e-9))
-        if min(wanted, longest) == runs:
+        course.append((runs, max(each.use for each in parameters)))
+        if course[-1][1] <= 1.0 or 2 * runs * seconds > min(most, _LONGEST):
             break
-    count = max(1, min(wanted, math.floor(most / seconds)))
-    narrower = math.sqrt(runs / count)
-    parameters = tuple(replace(each, half_width=narrower * each.half_width) for each in parameters)
-    forecast = PrecisionForecast(count, seconds, asked.level, asked.probability, parameters)
-    counts = np.unique(np.geomspace(1, max(count, math.floor(most / seconds)), 40).round().astype(int)).tolist()
-    course = tuple((n, worst * math.sqrt(runs / n)) for n in counts)
+        runs *= 2
     period, richness = design.task.trajectory.period, design.task.trajectory.richness[1]
+    known = (period, richness, seconds, runs, runs * seconds, course[0][1])
     found = PrecisionSearch(
         asked=asked.to_dict(),
         noise=tuple(error.tolist()),
         max_time=most,
         period=period,
-        forecast=forecast,
-        trials=(TriedPeriod(period, richness, seconds, wanted, wanted * seconds, worst * math.sqrt(runs), course),),
+        forecast=PrecisionForecast(runs, seconds, asked.level, asked.probability, parameters),
+        trials=(TriedPeriod(*known, tuple(course)),),
         front=tuple(FrontPoint(period, n, n * seconds, use) for n, use in course),
     )
     return replace(design, precision_search=found, notes=(*design.notes, assumed, *_not_counted(result)))

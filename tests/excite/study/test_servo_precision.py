@@ -53,16 +53,22 @@ def identified(half: float, **infinite: tuple[int, ...]) -> Any:
     return identify
 
 
-def test_the_number_of_runs_follows_from_the_intervals(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_runs_are_doubled_until_the_intervals_are_narrow_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     stand_in(monkeypatch, identified(0.1))
     design = rehearsed(designed(servos=known(), stops=False), PrecisionTarget(0.08))
-    found = design.precision
+    found, search = design.precision, design.precision_search
     assert found is not None
     least = 60.0 * (1.25 * 0.1 / 0.08) ** 2  # seconds of motion
-    assert found.runs == pytest.approx(least / 5.0, abs=1.01)
+    assert found.robot_seconds == 5.0 * found.runs == 240.0
+    assert least / 2 < 120.0 < least < found.robot_seconds
     assert found.met
-    assert 0.97 <= found.worst.use <= 1.0
-    assert found.robot_seconds == pytest.approx(5.0 * found.runs)
+    assert found.worst.use == pytest.approx(math.sqrt(least / found.robot_seconds), rel=0.01)
+    assert search is not None
+    assert [runs for runs, _ in search.trials[0].course] == [6, 12, 24, 48]
+    wider = rehearsed(designed(servos=known(), stops=False), PrecisionTarget(0.04)).precision
+    assert wider is not None
+    assert not wider.met
+    assert wider.runs == found.runs
 
 
 def test_ratios_count_where_no_mass_shows_the_scale_and_limits_that_are_not_reached_do_not(
