@@ -3,8 +3,8 @@
 ``python benchmarks/servo/precision.py [--seeds 300-319] [--logs FOLDER]``: six servos of random parameters, as in
 ``coverage.py``. The runs that a design states are played, the servos identified from that one log, and their intervals
 compared with what was allowed: after a first log of random motion (``servos``), and of usual servos of the stated
-torques and speeds. FOLDER holds logs of a real SO-101, as for ``real_arm.py``: rehearsals of their commands are compared
-with them.
+torques and speeds. FOLDER holds logs of a real SO-101, as for ``real_arm.py``: rehearsals of their commands are
+compared with them.
 """
 
 from __future__ import annotations
@@ -124,8 +124,8 @@ def main() -> None:
             print(*rows_of(runs), sep="\n", flush=True)
     text = (
         "Asked for: stiffness within 10 %, damping 15 %, inertia 60 %, delay 80 %, of four joints that gravity or fast "
-        "motion loads. Kept is a promise where every interval is as narrow as allowed; a share of the value that the promise "
-        f"was made with:\n\n{record.table(head, rows_of(runs))}"
+        "motion loads. Kept is a promise where every interval is as narrow as allowed, a share of the value that the "
+        f"promise was made with:\n\n{record.table(head, rows_of(runs))}"
     )
     if given.logs is not None:
         sys.argv[-1] = "FOLDER"  # in the command that the results state
