@@ -1,8 +1,8 @@
 """Kernels that evaluate a model's regressor and its reverse derivative: what making each takes, and what calling it.
 
-All run the same instructions, those of the CasADi expression: CasADi's own machine, NumPy arrays, LLVM (what this
-project uses), numba, and JAX. Each is measured in a process of its own with one thread. Numba is not a dependency;
-install it into a folder, and have that on PYTHONPATH.
+All run the same instructions, those of the CasADi expression: CasADi's own machine (what this project falls back on),
+LLVM (what it uses), numba, and JAX. Each is measured in a process of its own with one thread. Numba is not a
+dependency; install it into a folder, and have that on PYTHONPATH.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import statistics
 import sys
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -29,7 +30,7 @@ from regressors.samples import Array
 
 Kernel = Callable[[Sequence[Array]], Array]
 ROBOTS = {"irp6": "IRp-6, 3 axes, with friction", "P1": "Panda, 7 axes"}
-KERNELS = ("casadi", "numpy", "llvm", "numba", "jax")
+KERNELS = ("casadi", "llvm", "numba", "jax")
 COLUMNS = {"irp6": 13, "P1": 43}
 INSTANTS, CALLS = 100, 300
 SEARCH = 12 * 250  # calls of either function in a search of 12 starts
@@ -74,13 +75,8 @@ def python_lines(function: ca.Function) -> list[str]:
 
 
 def with_casadi(function: ca.Function) -> Kernel:
-    """CasADi's own machine, an instant after the other."""
-    return lambda inputs: np.asarray(function(*map(ca.DM, inputs)))
-
-
-def with_numpy(function: ca.Function) -> Kernel:
-    """The fallback of this project."""
-    return vectorised._array_program(function)
+    """CasADi's own machine: the fallback of this project."""
+    return partial(vectorised._by_casadi, function)
 
 
 def with_llvm(function: ca.Function) -> Kernel:
@@ -147,13 +143,13 @@ def measured(robot: str, kernel: str) -> dict[str, float] | None:
     found = {"instructions": sum(function.n_instructions() for function in both), "make": 0.0, "call": 0.0}
     for function in both:
         inputs = [rng.normal(size=(function.numel_in(k), INSTANTS)) for k in range(function.n_in())]
-        exact = with_casadi(function)(inputs).reshape(function.numel_out(0), INSTANTS, order="F")
+        exact = with_casadi(function)(inputs)
         began = time.process_time()
         try:
             made = making(function)
         except ImportError:
             return None
-        values = made(inputs).reshape(exact.shape, order="F" if kernel == "casadi" else "C")
+        values = made(inputs)
         found["make"] += time.process_time() - began
         np.testing.assert_allclose(values, exact, rtol=1e-9, atol=1e-9 * np.abs(exact).max())
         found["call"] += cost(lambda made=made, inputs=inputs: made(inputs))

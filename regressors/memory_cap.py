@@ -1,4 +1,4 @@
-"""The caps on the memory of a command, and on the numbers in its largest table."""
+"""The cap on the memory of one piece of work."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from regressors.input_files import in_bytes
 
 MEMORY_CAP = 4.0  # GB
 CAP_VARIABLE = "EXCITE_MEMORY_CAP"
-BYTES_PER_VALUE = 40.0  # 10^8 values at the default cap
+FLOAT = 8  # bytes of a number
 
 
 def memory_cap() -> float:
@@ -29,16 +29,11 @@ def memory_cap() -> float:
     return 1e9 * cap
 
 
-def value_cap() -> float:
-    """Numbers that the largest table of a piece of work may have, 10^8 by default; it rises with `memory_cap`."""
-    return memory_cap() / BYTES_PER_VALUE
-
-
-def check_memory(source: str, size: float, what: str, remedy: str) -> None:
-    """Refuse to read what would take more memory than it may."""
+def check_memory(work: str, size: float, what: str, remedy: str) -> None:
+    """Refuse work that would take more memory than it may, by about how many bytes it holds at the same time."""
     cap = memory_cap()
     if size > cap:
         raise TooLargeError(
-            f"{source}: it would take about {in_bytes(size)} of memory, more than the cap of {in_bytes(cap)}: {what}; "
+            f"{work} would take about {in_bytes(size)} of memory, more than the cap of {in_bytes(cap)}: {what}; "
             f"{remedy}, or raise the cap with {CAP_VARIABLE} [GB]"
         )

@@ -1,8 +1,8 @@
-"""Serialisable description of a design problem, from which another process builds it; memory and time that it takes.
+"""Serialisable description of a design problem, from which another process builds it; its memory and time.
 
 What grows is the motion at the instants of its files, in equations and as samples; the basis of the family at the
-instants where limits are imposed, and the Hessian of the search; and what is kept of every start. The time of a start
-is that of its steps, which grows with the coefficients, and of the factors of its Hessian, with their third power.
+instants where limits are imposed, and the Hessian of the search. The time of a start is that of its steps, which grows
+with the coefficients, and of the factors of its Hessian, with their third power.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from excite.information.matrix import Information
 from excite.information.target import IdentificationTarget, model_of
 from excite.information.tracking import LinearServos
 from excite.registry import instance, part
-from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.tasks.task import Task
+from regressors.memory_cap import FLOAT, check_memory
 from regressors.models.partial import PartialMotion
 from regressors.robot.archive import robot_from_description
 from regressors.robot.symbolic.vectorised import VectorisedFunction
@@ -132,7 +132,6 @@ _OF_ANY, _SAMPLES = 2.0, 24.0  # numbers of each sample, and of each of its join
 _BASIS = 5.0  # derivatives of the basis, and what is computed with it
 _HESSIAN = 4.0  # matrices of the size of the Hessian
 TYPICAL_STARTS = 60  # starts of a search that adapts their number
-_START = 100.0  # bytes of a start: all but the best are on the disk only
 _STEPS, _FACTORS = 1e-2, 6e-7  # seconds of a start for each coefficient, and for its third power
 
 
@@ -140,31 +139,32 @@ def check_richness(task: Task) -> None:
     """Refuse a family whose basis alone is too large, before it is built."""
     option, value = task.trajectory.richness
     if isinstance(task.trajectory.kind, type):  # no family has fewer functions or instants
-        least = _basis(value, grid_instants(value // 2), 1, option, value)
-        WorkPrediction("the design", (least,)).check()
+        held = FLOAT * _BASIS * grid_instants(value // 2) * value
+        check_memory("the design", held, f"a basis of {value} functions", f"lower `{option}`")
 
 
-def design_prediction(target: IdentificationTarget, task: Task) -> WorkPrediction:
-    """Memory and time of the design of a task; the factors are measured, without limits of torques or distances."""
-    family, processes = task.trajectory.family(), 1
-    if task.search.executor == "process":  # the problem is in this process too
-        processes += workers_of(task, task.search.first)
-    option, value = task.trajectory.richness
-    coordinates = len(target.motion.labels)
-    size = int(np.size(family.resting(np.zeros(coordinates))))
-    instants = grid_instants(family.richness) + objective_instants(family.richness)
-    hessian = processes * FLOAT * _HESSIAN * size**2
-    starts = TYPICAL_STARTS if task.search.adaptive else task.search.first
-    return WorkPrediction(
-        "the design",
-        (
-            _motion(target, task),
-            _basis(size // coordinates, instants, processes, option, value),
-            MemoryPart("rows of the Hessian of the search", size, size, hessian, option, value, 2.0),
-            MemoryPart("starts", starts, 1, starts * _START, "starts", starts),
-        ),
-        starts * (_STEPS * size + _FACTORS * float(size) ** 3),
-    )
+def check_size(target: IdentificationTarget, task: Task) -> None:
+    """Refuse a design that takes more memory than it may; the factors are measured, without nonlinear limits."""
+    model, output, size = target.model, task.output, _coefficients(target, task)
+    short = model.window is not None and model.window.kind == "short"
+    rate = max(output.rate, 2.0 / model.window.length) if short and model.window is not None else output.rate
+    rest = 2.0 * output.settle if output.home is not None else 0.0
+    equations = task.trajectory.period * rate
+    samples = (task.trajectory.period + rest) / min(output.speed, default=1.0) * output.rate
+    held = _EQUATIONS * equations * len(model.row_labels) * len(model.columns)
+    held += samples * (_OF_ANY + _SAMPLES * target.robot.n)
+    remedy = "lower `rate`, `period` or `settle`, or raise `speed`" + ", or `window_length`" * short
+    check_memory("the design", FLOAT * held, f"{max(equations, samples):.3g} instants", remedy)
+    richness = task.trajectory.family().richness
+    instants = grid_instants(richness) + objective_instants(richness)
+    basis = _BASIS * instants * size / len(target.motion.labels)
+    processes = 1 + (task.search.executor == "process") * workers_of(task, task.search.first)
+    remedy = f"lower `{task.trajectory.richness[0]}`"
+    check_memory("the design", processes * FLOAT * (basis + _HESSIAN * size**2), f"{size} coefficients", remedy)
+
+
+def _coefficients(target: IdentificationTarget, task: Task) -> int:
+    return int(np.size(task.trajectory.family().resting(np.zeros(len(target.motion.labels)))))
 
 
 def workers_of(task: Task, starts: int) -> int:
@@ -174,33 +174,5 @@ def workers_of(task: Task, starts: int) -> int:
 
 def search_seconds(target: IdentificationTarget, task: Task, starts: int) -> float:
     """Time that so many starts of the task take, in the processes that it has [s]; right within a factor of five."""
-    seconds = design_prediction(target, task).seconds
-    every = TYPICAL_STARTS if task.search.adaptive else task.search.first
-    return (seconds or 0.0) / every * starts / max(workers_of(task, starts), 1)
-
-
-def _basis(size: int, instants: int, processes: int, option: str, value: int) -> MemoryPart:
-    """Basis of a family at the instants of a search, in each process, by the option that makes it large."""
-    held = processes * FLOAT * _BASIS * instants * size
-    return MemoryPart("instants of the search", instants, size, held, option, value, 2.0)
-
-
-def _motion(target: IdentificationTarget, task: Task) -> MemoryPart:
-    """The motion at the rate of its files, at rest for as long as asked for, and its equations."""
-    model, period, output = target.model, task.trajectory.period, task.output
-    window = model.window if model.window is not None and model.window.kind == "short" else None
-    rate = output.rate if window is None else max(output.rate, 2.0 / window.length)
-    rest = 2.0 * output.settle if output.home is not None else 0.0
-    slowest = min(output.speed, default=1.0)
-    equations = _EQUATIONS * period * rate * len(model.row_labels) * len(model.columns)
-    played = (period + rest) / slowest * output.rate
-    samples = played * (_OF_ANY + _SAMPLES * target.robot.n)
-    larger = {"rate": output.rate / 100.0, "period": period / 10.0, "settle": rest / 2.0, "speed": 1.0 / slowest}
-    given = {"rate": output.rate, "period": period, "settle": output.settle, "speed": slowest}
-    if window is not None and rate > output.rate and equations > samples:
-        name, value, power = "window_length", window.length, -1.0
-    else:
-        name = max(larger, key=lambda option: larger[option])
-        value, power = given[name], -1.0 if name == "speed" else 1.0
-    rows = max(played, period * rate)
-    return MemoryPart("instants", rows, len(model.columns), FLOAT * (equations + samples), name, value, power)
+    size = float(_coefficients(target, task))
+    return starts * (_STEPS * size + _FACTORS * size**3) / max(workers_of(task, starts), 1)

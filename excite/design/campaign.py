@@ -12,12 +12,12 @@ from typing import Any
 
 from excite.information.target import Identifiability, model_of, partial_motions
 from excite.registry import name_of
-from excite.storage.work_prediction import BASE, FLOAT, MemoryPart, WorkPrediction, announce
+from excite.storage.work_prediction import announce
 from excite.tasks.robot_of_task import moving_robot, one_model, robot_and_task
 from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError
-from regressors.memory_cap import memory_cap, value_cap
+from regressors.memory_cap import FLOAT, check_memory
 from regressors.models.base import base_parameters, enough_states, random_states
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, drive_names
@@ -92,8 +92,9 @@ def plan_campaign(
         raise InputError(f"`at_once` must be from 1 to the {drives} drives, given {at_once}")
     whole = model_of(moving, task)
     columns = len(whole.columns)
-    campaign_prediction(drives, at_once, columns).check()
-    selections = selections_of(drives, at_once)
+    selections = float(sum(comb(drives, k) for k in range(1, at_once + 1)))  # each has a triangular factor
+    held = f"{selections:.3g} selections of drives"
+    check_memory("the campaign", FLOAT * selections * columns**2, held, "lower `at_once`")
     announce("the campaign", campaign_seconds(selections, columns, len(whole.row_labels)), _SHORTER)
     identifiability = Identifiability(whole)
     base = base_parameters(whole, rounding=0.0)  # as `Identifiability` counts
@@ -147,21 +148,6 @@ def _steps(
         base = base_parameters(part, states=states, rounding=0.0)
         steps.append(Step(names, base.rank, base.expressions, fresh))
     return tuple(steps)
-
-
-def campaign_prediction(drives: int, at_once: int, columns: int) -> WorkPrediction:
-    """Memory of a triangular factor of every selection of drives."""
-    factor, selections = FLOAT * columns**2, selections_of(drives, at_once)
-    most = min((memory_cap() - BASE) / factor, value_cap() / columns**2)  # selections
-    fits = next((k for k in range(at_once - 1, 0, -1) if selections_of(drives, k) <= most), None)
-    remedy = "a lower `at_once` is needed" if fits is None else f"`at_once={fits}` would do"
-    part = MemoryPart("rows of selections of drives", selections * columns, columns, factor * selections, remedy=remedy)
-    return WorkPrediction("the campaign", (part,))
-
-
-def selections_of(drives: int, at_once: int) -> float:
-    """Number of selections of drives, at most so many at a time."""
-    return float(sum(comb(drives, k) for k in range(1, at_once + 1)))
 
 
 _NUMBER = 1.1e-6  # seconds of a triangular factor for each pair of columns and each equation

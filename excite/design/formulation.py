@@ -13,7 +13,7 @@ from constraints.diagnosis import ContradictionError, interior_pose, smallest_re
 from constraints.linear import LinearConstraint, linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import check_home
-from excite.design.blueprint import Blueprint, check_richness, design_prediction, restricted_limits
+from excite.design.blueprint import Blueprint, check_richness, check_size, restricted_limits
 from excite.design.design import Design
 from excite.design.initial_guesses import initial_motion, with_initial_design
 from excite.design.problem import Problem
@@ -94,7 +94,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     if not task.trajectory.family().linear:
         check_solver(task, f"motions of the family {task.trajectory.name}")
     target = target_of(robot, task)
-    design_prediction(target, task).check()
+    check_size(target, task)
     if task.objective.servos is not None and target.model.window is not None:
         raise InputError("`servos`: the motion that they make is for models of single instants, without windows")
     motion = target.motion

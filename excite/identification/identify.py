@@ -31,13 +31,14 @@ from excite.identification.streamed_rows import HELD
 from excite.information.target import friction_of_moving
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
-from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
+from excite.storage.work_prediction import announce
 from excite.tasks.friction_file import read_friction
 from excite.tasks.installation import Installation
 from excite.tasks.robot_of_task import moving_robot, robot_and_task
 from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import ExciteError, InputError
+from regressors.memory_cap import FLOAT, check_memory
 from regressors.models.model import RegressorModel
 from regressors.numerical import numerical_work
 from regressors.quantities import check
@@ -150,7 +151,7 @@ def identify(
     recipe.chosen_estimator().check(commanded)
     calibrate = check_given(loaded, known_mass, gains)
     read = read_logs(logs, robot, mapping, tuple(drop), progress, recipe.row_numbers)
-    rows_prediction("the identification", read).check()
+    check_rows("the identification", read)
     if each and len(read) < 2:
         raise InputError(
             "`each` compares the estimates of several logs, but one log is given; give more, or leave it out"
@@ -326,15 +327,12 @@ _OF_ANY, _OF_JOINT = 20.0, 13.0  # numbers of each row, and of each of its joint
 _COPIES = 6.0  # of the regressor that is held, and of parts of it; beyond `HELD` it is computed when it is asked for
 
 
-def rows_prediction(work: str, logs: Sequence[Log]) -> WorkPrediction:
-    """Memory of work with the rows of some logs; the factors are measured."""
+def check_rows(work: str, logs: Sequence[Log]) -> None:
+    """Refuse work with the rows of some logs that takes more memory than it may; the factors are measured."""
     rows, joints = sum(log.count for log in logs), max(len(log.joints) for log in logs)
-    numbers = _OF_ANY + _OF_JOINT * joints
     equations = min(_COPIES * HELD, FLOAT * rows * 10.0 * joints**2)
-    held = FLOAT * rows * numbers + equations
-    return WorkPrediction(
-        work, (MemoryPart("rows", rows, 1 + 3 * joints, held, remedy="choose fewer rows with `rows`"),)
-    )
+    held = FLOAT * rows * (_OF_ANY + _OF_JOINT * joints) + equations
+    check_memory(work, held, f"{rows} rows", "choose fewer rows with `rows`")
 
 
 _CHOICES = 0.015  # seconds of choosing settings on the instants of a trial, for each joint to the third power

@@ -7,10 +7,10 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 from excite.registry import COVARIANCES, REPEATABLE, SIGNALS, OwnPart, built_in, instance, name_of
-from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.tasks.option import check_choices, essential, option
 from regressors.arguments import checked
 from regressors.errors import InputError
+from regressors.memory_cap import FLOAT, check_memory
 from regressors.quantities import check, check_options, shown, whole_number_of
 
 if TYPE_CHECKING:
@@ -240,7 +240,7 @@ class Recipe:
         check("repeat", count)
         if count < 2:
             raise InputError(f"repeat must be 2 or more, or 0 for none, given {count}")
-        repetition_prediction(count).check()
+        check_estimates(count)  # of as few parameters as there may be
         if self.estimator not in REPEATABLE:
             raise InputError(
                 f"repetitions are possible with the estimators {', '.join(REPEATABLE)}, not with {self.estimator}"
@@ -299,12 +299,7 @@ def not_repeated() -> InputError:
     )
 
 
-_FEWEST = 10  # parameters, as long as it is not known how many there are
-
-
-def repetition_prediction(count: int, parameters: int = _FEWEST, option: str = "repeat") -> WorkPrediction:
-    """Memory of the estimates of repetitions, each with its covariance."""
-    numbers = parameters * (parameters + 3)
-    return WorkPrediction(
-        "the repetition", (MemoryPart("repetitions", count, numbers, FLOAT * count * numbers, option, count),)
-    )
+def check_estimates(count: int, parameters: int = 10) -> None:
+    """Refuse estimates of repetitions, each with its covariance, that take more memory than they may."""
+    size = FLOAT * count * parameters * (parameters + 3)
+    check_memory("the repetition", size, f"{count:.3g} repetitions", "lower `repeat`")

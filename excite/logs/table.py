@@ -13,8 +13,8 @@ from excite.logs.event import DROPPED, GARBAGE, ranges_of, row_ranges
 from excite.logs.layout import Layout, cells, is_number
 from excite.logs.log import Removed, counted
 from excite.logs.text import Lines, Text
-from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from regressors.errors import InputError, cut, shortened
+from regressors.memory_cap import FLOAT, check_memory
 from regressors.samples import Array, Index
 
 _AT_ONCE = 50_000  # rows
@@ -24,13 +24,6 @@ _COPIES, _PER_LINE = 2.0, 4.0  # numbers of each cell, and of each line
 def table_of(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None = None) -> Table:
     """Numbers in the rows of a text."""
     return TextTable(text, layout, drop, only, "nan" in drop).measured()
-
-
-def rows_in_memory(source: str, layout: Layout, rows: int) -> WorkPrediction:
-    """Memory of the numbers of the rows; beside them only where lines begin is held."""
-    columns, remedy = len(layout.used), "choose fewer rows with `rows`"
-    held = FLOAT * rows * (_COPIES * columns + _PER_LINE)
-    return WorkPrediction(f"reading {source}", (MemoryPart("rows", rows, columns, held, remedy=remedy),))
 
 
 class Table:
@@ -82,7 +75,8 @@ class Table:
         """Refuse fewer rows than a log has, and more than memory holds."""
         if count < 2:
             raise InputError(f"{self.source} holds {'one row' if count else 'no rows'}; a log has two or more")
-        rows_in_memory(self.source, self.layout, count).check()
+        size = FLOAT * count * (_COPIES * len(self.layout.used) + _PER_LINE)
+        check_memory(f"reading {self.source}", size, f"{count} rows", "choose fewer rows with `rows`")
 
     def finite(self) -> NDArray[np.bool_]:
         """Which rows hold finite numbers only; others are refused unless they are to be dropped."""

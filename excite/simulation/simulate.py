@@ -19,7 +19,7 @@ from excite.simulation.servo_motion import simulate_servos
 from excite.simulation.settings import AUTO, SimulationSettings, impacts_on, one_each
 from excite.simulation.simulation import Simulation, simulation_outcome, torque_uses, true_parameters
 from excite.simulation.simulation_files import read_source
-from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
+from excite.storage.work_prediction import announce
 from excite.tasks.friction_file import read_friction
 from excite.tasks.payload import Payload, read_load
 from excite.tasks.reference import GivenTorque, MotionSource, Reference, Repeated, check_played
@@ -27,6 +27,7 @@ from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError
+from regressors.memory_cap import FLOAT, check_memory
 from regressors.models.servo_response import Servos
 from regressors.numerical import numerical_work
 from regressors.robot.friction.curves import FrictionCurves
@@ -154,9 +155,8 @@ def simulate_motion(
     lead = _lead(motion, settings)
     wait = lead / settings.rate
     reference = Repeated(motion, settings.periods, wait)
-    predicted = simulation_prediction(settings, reference.duration, moving.n, wrench=load is not None)
-    predicted.check()
-    announce("the simulation", predicted.seconds or 0.0)
+    check_size(settings, reference.duration, moving.n, wrench=load is not None)
+    announce("the simulation", _SECONDS * reference.duration * settings.rate * moving.n)
     plant, notes = plant_of(moving, friction)
     notes = (*temperature_notes, *notes)
     if ramps is not None and settings.periods > 1:
@@ -253,12 +253,9 @@ _OF_WRENCH = 60.0  # of each sample of the force/torque sensor
 _SECONDS = 2e-5  # of each sample and joint
 
 
-def simulation_prediction(settings: SimulationSettings, duration: float, n: int, *, wrench: bool) -> WorkPrediction:
-    """Memory of a simulation; the factors are measured."""
-    samples, numbers = duration * settings.rate, _OF_ANY + _OF_JOINT * n
-    option, value = ("periods", settings.periods) if settings.periods > settings.rate / 2e3 else ("rate", settings.rate)
-    parts = [MemoryPart("samples", samples, 1 + 3 * n, FLOAT * samples * numbers, option, value)]
-    if wrench:
-        rate, more = settings.wrench_rate, duration * settings.wrench_rate
-        parts.append(MemoryPart("samples of the wrench", more, 7 + n, FLOAT * _OF_WRENCH * more, "wrench_rate", rate))
-    return WorkPrediction("the simulation", parts, _SECONDS * samples * n)
+def check_size(settings: SimulationSettings, duration: float, n: int, *, wrench: bool) -> None:
+    """Refuse a simulation that takes more memory than it may; the factors are measured."""
+    samples, of_wrench = duration * settings.rate, wrench * duration * settings.wrench_rate
+    held = samples * (_OF_ANY + _OF_JOINT * n) + _OF_WRENCH * of_wrench
+    remedy = "lower `rate` or `periods`" + ", or `wrench_rate`" * wrench
+    check_memory("the simulation", FLOAT * held, f"{max(samples, of_wrench):.3g} samples", remedy)

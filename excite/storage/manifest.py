@@ -7,11 +7,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-from collections.abc import Collection, Generator, Iterable, Mapping
-from contextlib import closing
-from dataclasses import asdict, dataclass, field, replace
-from itertools import islice
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,9 +38,7 @@ class Entry:
     """One result of a folder."""
 
     run: str  # unique number of the run that wrote it
-    files: dict[str, FileHash] = field(default_factory=dict)  # by name; ``starts/...`` for files in a folder
-    # by name, where a folder has too many files to list each
-    folders: dict[str, FolderHash] = field(default_factory=dict)
+    files: dict[str, FileHash]  # by name
     figures: tuple[str, ...] | None = None  # formats of the figures that were to be drawn
 
     def without(self, names: Collection[str]) -> Entry:
@@ -82,13 +77,12 @@ def _content(folder: Path) -> dict[str, Any] | None:
 
 
 def _entry(content: Mapping[str, Any], path: Path) -> Entry:
-    listed, folders, figures = content["files"], content.get("folders", {}), content.get("figures")
-    for part in (*(part for name in listed for part in name.split("/")), *folders):
+    listed, figures = content["files"], content.get("figures")
+    for part in (part for name in listed for part in name.split("/")):
         plain_name(part, path)
     return Entry(
         str(content["run"]),
         {name: FileHash(str(of["sha256"]), int(of["size"])) for name, of in listed.items()},
-        {name: FolderHash(int(of["count"]), str(of["sum"])) for name, of in folders.items()},
         None if figures is None else tuple(map(str, figures)),
     )
 
@@ -97,9 +91,8 @@ def write_manifest(path: Path, manifest: Mapping[str, Entry]) -> None:
     """Write a manifest."""
     results = {kind: asdict(entry) for kind, entry in manifest.items()}
     for content in results.values():
-        for name in ("folders", "figures"):
-            if content[name] in ({}, None):
-                del content[name]
+        if content["figures"] is None:
+            del content["figures"]
     write_json(path, {"schema": SCHEMA, "results": results})
 
 
@@ -121,40 +114,6 @@ def check_files(folder: Path, kind: str, names: Iterable[str]) -> None:
             f"{folder}: {which} {has} been changed since {since} was written, or {comes} from another "
             f"run; write the result again, or remove {folder / MANIFEST} to use the files as they are"
         )
-
-
-@dataclass(frozen=True)
-class FolderHash:
-    """Names and contents of the files of a folder, without hidden ones."""
-
-    count: int  # number of files
-    # sum of the SHA-256 of each file's entry modulo 2^256, in hexadecimal digits; the entry is the name in UTF-8, a
-    # zero byte, and the SHA-256 of the content
-    sum: str
-
-    @classmethod
-    def of(cls, folder: Path) -> FolderHash:
-        """Hash of a folder, one file in memory at a time."""
-        count = total = 0
-        for path in visible_files(folder):
-            content = bytes.fromhex(FileHash.of(path).sha256)
-            count += 1
-            total += int.from_bytes(hashlib.sha256(os.fsencode(path.name) + b"\0" + content).digest(), "big")
-        return cls(count, f"{total % 2**256:064x}")
-
-
-def visible_files(folder: Path) -> Generator[Path, None, None]:
-    """Files of a folder, in any order, without hidden ones."""
-    with os.scandir(folder) as entries:
-        for entry in entries:
-            if not entry.name.startswith(".") and entry.is_file():
-                yield Path(entry.path)
-
-
-def holds_more_than(count: int, folder: Path) -> bool:
-    """True if a folder holds more files than a number; no more of them are looked at."""
-    with closing(visible_files(folder)) as files:
-        return next(islice(files, count, None), None) is not None
 
 
 HASH = "sha256"

@@ -177,20 +177,6 @@ def write_curves(path: Path, arrays: Mapping[str, Any]) -> None:
         np.savez_compressed(stream, allow_pickle=False, **arrays)
 
 
-_OLDEST = (1980, 1, 1, 0, 0, 0)  # of every member, so that the same arrays give the same bytes
-
-
-def zipped_arrays(arrays: Mapping[str, Any]) -> bytes:
-    """Content of an ``.npz``, uncompressed, the same for the same arrays."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
-        for name, values in arrays.items():
-            member = io.BytesIO()
-            np.lib.format.write_array(member, np.asarray(values), allow_pickle=False)
-            archive.writestr(zipfile.ZipInfo(f"{name}.npy", _OLDEST), member.getvalue())
-    return stream.getvalue()
-
-
 def read_curves(path: Path) -> Arrays:
     """Arrays of a file."""
     try:

@@ -16,16 +16,12 @@ from excite.storage.commit import Read, clear, commit, locked, read_settled, set
 from excite.storage.manifest import (
     Entry,
     FileHash,
-    FolderHash,
-    holds_more_than,
     is_foreign,
     read_manifest,
     write_manifest,
 )
 from regressors.errors import InputError, TakenError
 from regressors.quantities import shown
-
-LISTED = 1000  # files of a folder that a manifest lists; more have one hash
 
 
 @contextmanager
@@ -83,7 +79,7 @@ def replace_result(
         others = {name for other, entry in manifest.items() if other != kind for name in entry.files}
         remove = {name for name in old if "/" not in name} - {*files, *others, MANIFEST}
         formats = None if figures is None else tuple(figures)
-        entry = _with_folders(Entry(run or uuid4().hex, files, figures=formats), folder, folders)
+        entry = Entry(run or uuid4().hex, files, formats)
         _write(staged, folder, {**{of: each.without(files) for of, each in manifest.items()}, kind: entry})
         new = [name for name in folders if (folder / NEXT / name).exists()]
         commit(at, last=MANIFEST, remove=remove, folders=new)
@@ -112,22 +108,6 @@ def _hashes(folder: Path) -> dict[str, FileHash]:
     """Files of a folder by name; hidden ones are about to be written, and not complete."""
     with writing(folder):
         return {path.name: FileHash.of(path) for path in sorted(folder.glob("[!.]*"))}
-
-
-def _with_folders(entry: Entry, folder: Path, names: Collection[str]) -> Entry:
-    """The entry with the files of the folders that belong to a result, by ``FOLDER/NAME``, or with one hash of many."""
-    files, folders = dict(entry.files), {}
-    for name in names:
-        new = folder / NEXT / name
-        place = new if new.exists() else folder / name
-        with writing(folder):
-            if not place.exists():
-                continue
-            if holds_more_than(LISTED, place):
-                folders[name] = FolderHash.of(place)
-            else:
-                files |= {f"{name}/{file}": each for file, each in _hashes(place).items()}
-    return changed(entry, files=files, folders=folders)
 
 
 def check_not_taken(folder: Path, mark: str, what: str, names: Collection[str] = (), *, replace: bool) -> None:

@@ -18,7 +18,6 @@ import numpy as np
 
 from excite.storage.codec import Arrays, content_of, record_of
 from excite.storage.migrations import is_of_kind, migrated, schema_of
-from excite.storage.records import zipped_arrays
 from excite.storage.result_folder import write_file
 from regressors.arguments import checked
 from regressors.errors import InputError
@@ -173,7 +172,8 @@ class PosteriorSamples:
         facts = {"schema": schema_of(KIND), **content}
         if suffix == NPZ:
             names = {name: content[name] for name in _NAMES}
-            return zipped_arrays({**names, "facts": json.dumps(facts), **arrays})
+            np.savez(file := io.BytesIO(), allow_pickle=False, facts=json.dumps(facts), **names, **arrays)
+            return file.getvalue()
         del facts["values"]
         facts["base_matrix"] = self.base_matrix.tolist()
         stream = io.StringIO()

@@ -9,7 +9,7 @@ import time
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
@@ -27,17 +27,17 @@ from excite.identification.equations import predicted_rows
 from excite.identification.estimator import CONFIDENCE
 from excite.identification.identification import Identification
 from excite.identification.preparation import chosen_method
-from excite.identification.recipe import not_repeated, repetition_prediction
+from excite.identification.recipe import check_estimates, not_repeated
 from excite.logs.signals.filters import decimation
 from excite.logs.signals.method import delayed, resample
 from excite.logs.signals.periods import mean_rate
 from excite.storage.atomic import replacing
-from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
+from excite.storage.work_prediction import announce
 from excite.study.experiment import Chain, Experiment, Noise
 from excite.study.moments import BLOCK, entries_of_equations, has_gpu
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened
-from regressors.memory_cap import memory_cap
+from regressors.memory_cap import FLOAT, check_memory, memory_cap
 from regressors.numerical import numerical_work
 from regressors.quantities import check
 from regressors.samples import Array
@@ -149,15 +149,17 @@ def executor_of_repetitions(
     given: str | UnitExecutor, workers: int | None, experiment: Experiment, count: int
 ) -> UnitExecutor:
     """What runs the repetitions of an experiment; memory is checked for the processes that it has here."""
-    executor = unit_executor(given, workers)
-    experiment_prediction(experiment).check()
+    executor, size = unit_executor(given, workers), bytes_of_process(experiment)
     if given == "process" and isinstance(executor, InProcesses):
-        fitting = int(memory_cap() / experiment_prediction(experiment).bytes) - 1  # beside this process
+        fitting = int(memory_cap() / size) - 1  # beside this process
         most = fitting if workers is None else executor.count
         executor = InProcesses(max(1, min(executor.count, most, count)))
         if executor.count == 1 or has_gpu() or repetition_seconds(experiment, count) < SHORT:
-            return InThisProcess()
-    experiment_prediction(experiment, processes_here(executor)).check()
+            executor = InThisProcess()
+    processes, rows = processes_here(executor), f"a log of {experiment.samples.time.size} rows"
+    what = f"{rows} in {processes} worker processes" if processes else rows
+    remedy = "repeat a shorter stretch of the log (`rows`)" + ", or lower `workers`" * bool(processes)
+    check_memory("the repetition of the experiment", (1 + processes) * size, what, remedy)
     return executor
 
 
@@ -203,7 +205,7 @@ def repeat_experiment(
     if count < FEWEST:
         raise InputError(f"repetitions: expected {FEWEST} or more, given {count}")
     units = executor_of_repetitions(executor, workers, experiment, count)
-    repetition_prediction(count, experiment.base.rank).check()
+    check_estimates(count, experiment.base.rank)
     announce("the repetitions", repetition_seconds(experiment, count) / max(1, processes_here(units)), _ENDED)
     common = SeededExperiment(experiment, seed, versions_of(units))
     # a process that limits its threads could not be forked
@@ -380,57 +382,23 @@ class Repetitions:
 
 
 _OF_CHANNEL = 12  # numbers of each instant for each joint, and for each torque or component of the wrench
-_COPIES = 4  # of the columns of windows
-_FILTERED = 6  # copies of the columns of one equation in the low-pass
-_PROGRAMS = 1.2e8  # bytes of compiled models and of libraries that other work does not load
-_SHORTER = "repeat a shorter stretch of the log (`rows`)"
-_PLAIN = ", or leave out `low_pass`"
+_COPIES = 6  # of the columns of the equations
+_PROGRAMS = 2.6e8  # bytes of a process with compiled models
 
 
-def experiment_prediction(experiment: Experiment, processes: int = 0) -> WorkPrediction:
-    """Largest memory that the repetitions of an experiment hold at once; it does not grow with their number.
+def bytes_of_process(experiment: Experiment) -> float:
+    """About what the repetitions of an experiment hold at once in a process; it does not grow with their number.
 
-    Columns of single instants are computed in blocks; those of windows and those that are filtered, at once. Where only
-    torques are noisy, and for instruments, the columns are held. From once to twice what was measured with 20,000 to
-    1,000,000 rows.
+    Columns of single instants are computed in blocks; those of windows, those that are filtered, and those that are the
+    same in all repetitions or are instruments, at once.
     """
-    model, N = experiment.model, experiment.samples.time.size
+    model, N, estimator = experiment.model, experiment.samples.time.size, experiment.estimator
+    whole = model.window or experiment.low_pass or experiment.every > 1
+    whole = whole or not experiment.noise.moves or estimator == "instrumental"
     channels = model.robot.n + (6 if model.channel == "wrench" else model.robot.n)
-    remedy = _SHORTER + _PLAIN * (experiment.low_pass is not None)
-    entries = entries_of_equations(model, experiment.base.index)
-    at_once, held = _at_once(experiment, entries), _held(experiment, entries)
+    columns = (N if whole else min(N, BLOCK)) * sum(entries_of_equations(model, experiment.base.index))
     table = 0 if experiment.method is None else experiment.method.table_width
-    own = WorkPrediction(
-        "the repetition of the experiment",
-        (
-            MemoryPart("programs", 1, 1, _PROGRAMS, remedy=remedy),
-            MemoryPart("instants", N, channels, FLOAT * _OF_CHANNEL * N * channels, remedy=remedy),
-            MemoryPart("instants", N, table, float(FLOAT * N * table), remedy="state fewer `harmonics`"),
-            MemoryPart("rows of equations at once", N, at_once / N, FLOAT * at_once, remedy=remedy),
-            MemoryPart("rows of equations", N, held / N, FLOAT * held, remedy=remedy),
-        ),
-    )
-    if not processes:
-        return own
-    part, what = own.largest, f"{own.largest.what} in each of {processes} worker processes"
-    of_workers = MemoryPart(what, part.rows, part.columns, processes * own.bytes, "workers", processes)
-    return replace(own, parts=(*own.parts, of_workers))
-
-
-def _at_once(experiment: Experiment, entries: list[int]) -> float:
-    """Numbers in the rows of equations that are computed at the same time, and in what they are made of."""
-    model, N = experiment.model, experiment.samples.time.size
-    if model.window is not None:  # states and densities of all instants, and their integrals
-        return float(N * _COPIES * sum(entries))
-    if experiment.low_pass is None and experiment.every == 1:
-        return float(min(N, BLOCK) * _COPIES * sum(entries))
-    return float(N * (sum(entries) + _FILTERED * max(entries)))  # all equations, and one that is filtered
-
-
-def _held(experiment: Experiment, entries: list[int]) -> float:
-    """Numbers in the columns that stay the same in every repetition, and while they are put together once more."""
-    held = np.count_nonzero([not experiment.noise.moves, experiment.estimator == "instrumental"])
-    return float(experiment.samples.time.size * sum(entries) * (held + 1 if held else 0))
+    return _PROGRAMS + FLOAT * (N * (_OF_CHANNEL * channels + table) + _COPIES * columns)
 
 
 _EACH = 2e-3  # seconds of a repetition, however short

@@ -26,13 +26,14 @@ from excite.simulation.sensors import joint_log
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate
 from excite.simulation.simulation import Simulation
-from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction, announce
+from excite.storage.work_prediction import announce
 from excite.study.repetitions import LIKELY_CAUSE, check_enough
 from excite.study.time_study import TimeCourse, TimeStudy
 from excite.tasks.further_settings import StudySettings
 from excite.trajectories.family import Trajectory
 from regressors.arguments import checked
 from regressors.errors import InputError
+from regressors.memory_cap import FLOAT, check_memory
 from regressors.numerical import numerical_work
 from regressors.quantities import check
 from regressors.samples import Array, Index
@@ -118,7 +119,8 @@ def study_over_time(
         )
     if points < 2:
         raise InputError(f"points must be 2 or more, given {points}")
-    study_prediction(points, repeats).check()
+    estimates = points * (1 + repeats)
+    check_memory("the study", FLOAT * _COPIES * estimates, f"{estimates:.3g} estimates", "lower `points` or `repeats`")
     options = {"estimator": "weighted", "choose": _CHOSEN, **options}
     played = [load_design(one) if isinstance(one, str | Path) else one for one in designs]
     first = played[0] if played else None
@@ -182,17 +184,7 @@ def _with_usual_noise(run: Simulation) -> tuple[SimulationSettings, tuple[str, .
     return replace(run.settings, torque_noise=tuple(noise.tolist())), (note,)
 
 
-_PARAMETERS = 10  # parameters: how many there are is not known yet
-_COPIES = 6.0
-
-
-def study_prediction(points: int, repeats: int) -> WorkPrediction:
-    """Memory of a study."""
-    option, value = ("points", points) if points >= repeats else ("repeats", repeats)
-    rows = points * (1 + repeats)
-    return WorkPrediction(
-        "the study", (MemoryPart("estimates", rows, _PARAMETERS, FLOAT * _COPIES * _PARAMETERS * rows, option, value),)
-    )
+_COPIES = 60.0  # numbers of an estimate, of which there are some copies
 
 
 _SIMULATED = 2e-5  # seconds of each sample and joint of a simulation

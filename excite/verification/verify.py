@@ -12,7 +12,7 @@ import numpy as np
 from excite.identification.choices.cutoff_and_rows import HIGHEST
 from excite.identification.doubts import answers
 from excite.identification.identification import Identification, stated_covariance
-from excite.identification.identify import rows_prediction
+from excite.identification.identify import check_rows
 from excite.identification.large_residual import with_external_forces
 from excite.identification.log_faults import load_that_explains
 from excite.identification.prediction import (
@@ -111,7 +111,7 @@ def verify(
     log = log_of(log, result.robot, mapping, tuple(drop), recipe.row_numbers)
     slower = recipe.cutoff is not None and recipe.cutoff > HIGHEST * log.rate
     recipe = replace(recipe, cutoff=HIGHEST * log.rate) if slower else recipe
-    rows_prediction("the verification", [log]).check()
+    check_rows("the verification", [log])
     if log.sha256 in result.training and not training_too:
         raise InputError(
             f"{log.source} is a log that the result was identified from: it cannot show whether the result holds "

@@ -207,16 +207,14 @@ def drawn(figures: Sequence[Drawing], prefix: str) -> tuple[tuple[PageFigure, ..
     return tuple(made), tuple(left_out)
 
 
-def pictures(folder: Path, kind: str, titles: Mapping[str, str]) -> tuple[tuple[PageFigure, ...], tuple[str, ...]]:
-    """Figures that a result was written with, as PNG or else SVG, of its run; what a page says where there are none."""
+def pictures(folder: Path, kind: str, titles: Mapping[str, str]) -> tuple[PageFigure, ...]:
+    """Figures that a result was written with and that are not drawn from it, as PNG or else SVG, of its run."""
     entry = read_manifest(folder).get(kind)
     if entry is None:
-        return (), ()
+        return ()
     shown = {name: file for name in titles if (file := _picture(folder, entry, name)) is not None}
     check_files(folder, kind, [*(name for name in entry.files if name.endswith(".json")), *shown.values()])
-    figures = tuple(PageFigure(titles[name], picture=_address(folder / file)) for name, file in shown.items())
-    none = f"figures of the logs are left out: {folder} has none as PNG or SVG; `figures='png'` writes them"
-    return figures, () if figures else (none,)
+    return tuple(PageFigure(titles[name], picture=_address(folder / file)) for name, file in shown.items())
 
 
 def _picture(folder: Path, entry: Entry, name: str) -> str | None:

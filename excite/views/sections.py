@@ -30,11 +30,11 @@ from excite.views.design_view import design_view
 from excite.views.experiment_views import study_view
 from excite.views.friction_views import friction_fit_view, friction_plan_view
 from excite.views.identification_view import TITLES, identification_view
-from excite.views.page_text import PageFigure, PageSection, drawn, pictures
+from excite.views.page_text import PageSection, drawn, pictures
 from excite.views.player_data import player_motion
 from excite.views.player_log import Appearance, LoggedMotion, looked_at, motion_of_plan, played, source_of
 from excite.views.subjects import Filed, Subject
-from excite.views.verification_view import TITLES as OF_VERIFICATION, verification_view
+from excite.views.verification_view import verification_view
 from excite.views.view import View, view_of
 from regressors.errors import ExciteError
 
@@ -105,10 +105,14 @@ def comparison_section(designs: Sequence[Design]) -> PageSection:
 
 
 def _of_identification(result: Identification, prefix: str, looks: Appearance, path: Path | None) -> PageSection:
-    from_folder, notes = _pictures(result)
-    section = _drawn(identification_view(result), prefix, *commands_of(result), missing=notes)
-    section = replace(section, figures=(*section.figures, *from_folder))
-    if not result.curves.time.size:
+    known = result.curves.time.size > 0
+    gone = f"figures of the logs and the motion are left out: {result.folder} holds no {CURVES}"
+    missing = _thinned(result.curves.step) if known else (gone,)
+    section = _drawn(identification_view(result), prefix, *commands_of(result), missing=missing)
+    if result.folder is not None:
+        repeated = pictures(result.folder, KIND, {"repetitions.png": TITLES["repetitions"]})
+        section = replace(section, figures=(*section.figures, *repeated))
+    if not known:
         return section
     motion, unseen = played(_logged(result), result.robot, result.task, looks)
     return replace(section, motion=motion, missing=(*section.missing, *unseen))
@@ -120,22 +124,6 @@ def _logged(result: Identification) -> LoggedMotion:
     of_equation = (c.equation == j for j in range(len(result.equations)))
     rows = tuple((c.log[own], c.time[own], c.measured[own], c.predicted[own]) for own in of_equation)
     return LoggedMotion(c.joints, result.log_names, c.motion_time, c.motion_log, c.motion_q, result.equations, rows)
-
-
-def _pictures(result: Identification) -> tuple[tuple[PageFigure, ...], tuple[str, ...]]:
-    """Figures that the folder has in place of those that cannot be drawn, and what is said about them."""
-    if result.folder is None:
-        return (), ()
-    if result.curves.time.size:
-        repeated, _ = pictures(result.folder, KIND, {"repetitions.png": TITLES["repetitions"]})
-        return repeated, _thinned(result.curves.step)
-    titles = {f"{name}.png": title for name, title in TITLES.items() if name != "parameters"}
-    gone = (
-        f"figures of the logs are the pictures in the folder, and the motion does not play: there is no {CURVES}, "
-        "which is written since this version"
-    )
-    figures, none = pictures(result.folder, KIND, titles)
-    return figures, (gone, *none)
 
 
 def _thinned(step: int) -> tuple[str, ...]:
@@ -188,6 +176,9 @@ def _text(value: Any) -> str:
     return ",".join(map(_text, value)) if isinstance(value, list | tuple) else str(value)
 
 
+_GONE = "figures and the motion are left out: the file of curves, or the result that was verified, is not in the folder"
+
+
 def _of_verification(v: Verification, prefix: str, looks: Appearance, path: Path | None) -> PageSection:
     view = verification_view(v)
     if len(v.time) and v.robot is not None:
@@ -197,16 +188,8 @@ def _of_verification(v: Verification, prefix: str, looks: Appearance, path: Path
         logged = LoggedMotion(v.motion.joints, (v.log.file,), at, _first(at), v.motion.q, v.equations, rows)
         motion, unseen = played(logged, v.robot, Task(StoredRobot(v.robot.name, v.robot)), looks)
         section = replace(section, motion=motion, missing=(*section.missing, *unseen))
-    elif path is None:
-        section = PageSection(view)
     else:
-        titles = {f"{path.stem}_{ending}.png": title for ending, title in OF_VERIFICATION.items()}
-        gone = (
-            "figures are the pictures in the folder, and the motion does not play: the file of curves, or the result "
-            "that was verified, is not there"
-        )
-        figures, none = pictures(path.parent, path.stem, titles)
-        section = PageSection(view, figures, (gone, *none))
+        section = PageSection(view, missing=(_GONE,) * (path is not None))
     if path is None:
         return section
     again = shlex.join(["excite", "verify", str(path.parent), v.log.file])

@@ -16,7 +16,6 @@ _DRAWN = (
     Drawing("Simulated and measured motion", "motion", "verification_plots.simulated_motion_figure"),
     Drawing("What the errors are made of", "parts", "verification_plots.error_parts_figure"),
 )
-TITLES = {each.ending: each.title for each in _DRAWN}
 
 
 def verification_view(verification: Verification, name: str = "") -> View:

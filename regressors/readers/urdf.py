@@ -207,6 +207,11 @@ def _answer(order: str, path: Path) -> dict[str, str]:
         answer: dict[str, str] = json.loads(done.stdout)
     except ValueError as error:
         said = done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:] or ["no reason is given"]
+        if said[0].startswith(("ImportError", "ModuleNotFoundError")):
+            raise InputError(
+                f"{path.name}: macros are expanded by xacro and simpleeval, of which one is not installed; pip install "
+                "'excite-trajectories[xacro]'"
+            ) from error
         raise InputError(
             f"{path.name}: the process that expands it ended with status {done.returncode}: {said[0]}"
         ) from error

@@ -22,6 +22,9 @@ from typing import Any
 from xml.dom import minidom
 from xml.parsers import expat
 
+import xacro
+import xacro.substitution_args
+
 from regressors import input_files
 from regressors.errors import InputError
 from regressors.readers.xacro_expressions import LARGEST, Refused, evaluate, known_names
@@ -148,8 +151,8 @@ def package_roots() -> list[Path]:
 class _Expansion:
     """xacro, with its expressions, files and environment replaced."""
 
-    def __init__(self, xacro: Any, files: _Files) -> None:
-        self.xacro, self.files, self.calls = xacro, files, 0
+    def __init__(self, files: _Files) -> None:
+        self.files, self.calls = files, 0
         self.environment = set(os.environ)
         of_args = xacro.substitution_args
         own = {"load_yaml": xacro.load_yaml, "abs_filename": xacro.abs_filename_spec}
@@ -177,13 +180,13 @@ class _Expansion:
 
     @property
     def _arguments(self) -> dict[str, str]:
-        return self.xacro.substitution_args_context["arg"]  # type: ignore[no-any-return]
+        return xacro.substitution_args_context["arg"]  # type: ignore[no-any-return]
 
     def _argument(self, name: str) -> str:
         try:
             return self._arguments[name]
         except KeyError:
-            raise self.xacro.substitution_args.ArgException(name) from None
+            raise xacro.substitution_args.ArgException(name) from None
 
     @staticmethod
     def _fatal(*words: Any) -> None:
@@ -196,7 +199,7 @@ class _Expansion:
 
     def _eval(self, text: str, context: dict[str, Any]) -> str:
         """Value of ``$(eval ...)``, which sees the arguments by their names."""
-        convert = self.xacro.substitution_args.convert_value
+        convert = xacro.substitution_args.convert_value
 
         def optional(name: str, default: str = "") -> str:
             return self._variable(name, default)
@@ -211,22 +214,22 @@ class _Expansion:
         try:
             return self.files.document(name)
         except OSError as error:
-            if len(self.xacro.filestack) == 1:
+            if len(xacro.filestack) == 1:
                 raise
-            self.xacro.filestack.pop()
-            raise self.xacro.XacroException(f"{error.strerror}: {error.filename}", exc=error) from error
+            xacro.filestack.pop()
+            raise xacro.XacroException(f"{error.strerror}: {error.filename}", exc=error) from error
 
     def _macro(self, node: Any, *others: Any) -> Any:
         """A macro where there is one, up to a number of them and a depth."""
         if node.tagName.startswith("xacro:"):
             self.calls += 1
-            self._check_depth(len(self.xacro.macrostack), f"<{node.tagName}>")
+            self._check_depth(len(xacro.macrostack), f"<{node.tagName}>")
             if self.calls > CALLS:
                 raise Refused(f"{self._file}: expanding <{node.tagName}> goes beyond {CALLS} calls of macros")
         return self._expand(node, *others)
 
     def _include(self, node: Any, *others: Any) -> None:
-        self._check_depth(len(self.xacro.filestack), node.getAttribute("filename"))
+        self._check_depth(len(xacro.filestack), node.getAttribute("filename"))
         self._included(node, *others)
 
     def _check_depth(self, depth: int, what: str) -> None:
@@ -235,11 +238,11 @@ class _Expansion:
 
     @property
     def _file(self) -> str:
-        return Path(self.xacro.filestack[-1]).name
+        return Path(xacro.filestack[-1]).name
 
     def _text(self, text: str, symbols: Any) -> Any:
         """Value of a text: that of an expression alone, otherwise all its parts as one text."""
-        lexer = self.xacro.QuickLexer(self.xacro.LEXER)
+        lexer = xacro.QuickLexer(xacro.LEXER)
         lexer.lex(text)
         results: list[Any] = []
         while lexer.peek():
@@ -260,24 +263,24 @@ class _Expansion:
             text = self._text(raw[2:-1], symbols)
             if expression:
                 return evaluate(str(text), symbols)
-            return self.xacro.eval_extension(f"$({text})")
+            return xacro.eval_extension(f"$({text})")
         except _Placed:
             raise
         except Refused as error:
             raise _Placed(f"{self.files.place(raw)}: {error}") from error
         except MemoryError as error:
             raise _Placed(f"{self.files.place(raw)}: {raw[:60]!r} takes more memory than it may") from error
-        except self.xacro.XacroException as error:
+        except xacro.XacroException as error:
             inner = error.exc
             if isinstance(inner, Refused):
                 raise _Placed(f"{self.files.place(raw)}: {inner}") from error
             if expression or inner is None or "Undefined" in str(error):
                 raise
-            raise self.xacro.XacroException(exc=inner, suffix=self._suffix(raw)) from error
+            raise xacro.XacroException(exc=inner, suffix=self._suffix(raw)) from error
         except RecursionError:
             raise
         except Exception as error:  # an expression raises what it likes
-            raise self.xacro.XacroException(exc=error, suffix=self._suffix(raw)) from error
+            raise xacro.XacroException(exc=error, suffix=self._suffix(raw)) from error
 
     def _suffix(self, raw: str) -> str:
         return f"when evaluating expression {raw[:200]!r} ({self.files.place(raw)})"
@@ -290,16 +293,10 @@ class _Placed(Refused):
 def _expanded(order: dict[str, Any]) -> dict[str, str]:
     """Answer to an order: the expanded text, or the sentence that says why there is none."""
     path = Path(os.path.abspath(order["path"]))
-    try:
-        import xacro
-        import xacro.substitution_args
-    except ImportError:
-        extra = "pip install 'excite-trajectories[xacro]'"
-        return {"error": f"{path.name}: macros are expanded by xacro, which is not installed; {extra}"}
     files = _Files(path)
     memory = f"expanding it takes more than {input_files.in_bytes(order['memory'])}, the most that it may"
     try:
-        _Expansion(xacro, files)
+        _Expansion(files)
         _close(files)
         with redirect_stderr(io.StringIO()):
             document = xacro.process_file(str(path), mappings=order["arguments"], verbosity=0)

@@ -1,8 +1,9 @@
-"""Expressions of xacro, ``${...}`` and ``$(eval ...)``: parsed, checked, and evaluated without `eval`.
+"""Expressions of xacro, ``${...}`` and ``$(eval ...)``: parsed, checked, and evaluated by simpleeval, without `eval`.
 
 Allowed are arithmetic, comparisons, boolean and conditional expressions, literals, lists, subscripts, dotted names of
 YAML and of the namespaces, and calls of what is listed here. What a value is cannot lead out of it: no attribute of a
-Python object is ever looked up.
+Python object is ever looked up. Of simpleeval only the walk through the parts of an expression is used: which parts
+there may be, what a dotted name is, what may be called and how large a value may be is decided here.
 """
 
 from __future__ import annotations
@@ -14,41 +15,17 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from simpleeval import DEFAULT_OPERATORS, EvalWithCompoundTypes, NameNotDefined
+
 LONGEST = 10_000  # characters of an expression
 LARGEST = 10**6  # characters of a text, entries of a list
 BITS = 10_000  # of a whole number
 _WIDE = re.compile(r"%[^a-zA-Z%]*(\d{4}|\*)")  # a field of a format that makes a long text of a short one
 
-_BINARY: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.FloorDiv: operator.floordiv,
-    ast.Mod: operator.mod,
-    ast.Pow: operator.pow,
-}
-_UNARY: Mapping[type[ast.unaryop], Callable[[Any], Any]] = {
-    ast.UAdd: operator.pos,
-    ast.USub: operator.neg,
-    ast.Not: operator.not_,
-}
-_COMPARED: Mapping[type[ast.cmpop], Callable[[Any, Any], bool]] = {
-    ast.Eq: operator.eq,
-    ast.NotEq: operator.ne,
-    ast.Lt: operator.lt,
-    ast.LtE: operator.le,
-    ast.Gt: operator.gt,
-    ast.GtE: operator.ge,
-    ast.Is: operator.is_,
-    ast.IsNot: operator.is_not,
-    ast.In: lambda a, b: a in b,
-    ast.NotIn: lambda a, b: a not in b,
-}
 _NODES = (
     ast.Expression, ast.Constant, ast.Name, ast.Load, ast.List, ast.Tuple, ast.Dict, ast.BinOp, ast.UnaryOp, ast.BoolOp,
-    ast.And, ast.Or, ast.Compare, ast.IfExp, ast.Subscript, ast.Slice, ast.Attribute, ast.Call, ast.keyword,
-    *_BINARY, *_UNARY, *_COMPARED,
+    ast.And, ast.Or, ast.Compare, ast.IfExp, ast.Subscript, ast.Slice, ast.Attribute, ast.Call, ast.keyword, ast.cmpop,
+    ast.Add, ast.Sub, ast.Mult, ast.Div, ast.FloorDiv, ast.Mod, ast.Pow, ast.UAdd, ast.USub, ast.Not,
 )  # fmt: skip
 _NODE_NAMES = {
     ast.Lambda: "a lambda",
@@ -85,7 +62,10 @@ def evaluate(text: str, names: Mapping[str, Any]) -> Any:
     tree = ast.parse(text, mode="eval")
     for node in ast.walk(tree):
         _check(node)
-    return _value(tree.body, names)
+    try:
+        return _Evaluator(names).eval(text, tree.body)
+    except NameNotDefined as error:
+        raise NameError(f"name {error.name!r} is not defined") from None
 
 
 def _check(node: ast.AST) -> None:
@@ -100,97 +80,60 @@ def _check(node: ast.AST) -> None:
         raise Refused("'**' before a dictionary is not allowed in an expression")
 
 
-def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
-    """Value of a node that was checked."""
+class _Evaluator(EvalWithCompoundTypes):  # type: ignore[misc]
+    """Value of a checked expression, none of whose parts grows without bounds."""
 
-    def of(each: ast.AST | None) -> Any:
-        return None if each is None else _value(each, names)
+    def __init__(self, names: Mapping[str, Any]) -> None:
+        super().__init__(operators=_OPERATORS, names=names)
+        self.functions: dict[str, Any] = {}
+        self.nodes |= {ast.Attribute: self._dotted, ast.Call: self._called}
 
-    match node:
-        case ast.Constant():
-            return node.value
-        case ast.Name():
-            try:
-                return names[node.id]
-            except KeyError:
-                raise NameError(f"name {node.id!r} is not defined") from None
-        case ast.List() | ast.Tuple():
-            return (list if isinstance(node, ast.List) else tuple)(map(of, node.elts))
-        case ast.Dict():
-            return dict(zip(map(of, node.keys), map(of, node.values), strict=True))
-        case ast.UnaryOp():
-            return _UNARY[type(node.op)](of(node.operand))
-        case ast.BinOp():
-            return _combined(node.op, of(node.left), of(node.right))
-        case ast.BoolOp():
-            result: Any = None
-            for each in node.values:
-                result = of(each)
-                if bool(result) is isinstance(node.op, ast.Or):
-                    break
-            return result
-        case ast.Compare():
-            return _compared(node, of)
-        case ast.IfExp():
-            return of(node.body) if of(node.test) else of(node.orelse)
-        case ast.Slice():
-            return slice(of(node.lower), of(node.upper), of(node.step))
-        case ast.Subscript():
-            return of(node.value)[of(node.slice)]
-        case ast.Attribute():
-            return _member(of(node.value), node.attr)
-        case ast.Call():
-            given = {str(each.arg): of(each.value) for each in node.keywords}
-            return _bounded(_callee(node.func, of)(*map(of, node.args), **given))
-    raise Refused(f"{type(node).__name__} is not allowed in an expression")
+    def _eval(self, node: ast.AST) -> Any:
+        return _bounded(super()._eval(node))
 
+    def _check_disallowed_items(self, item: Any) -> None:
+        """Nothing: a value that is not a `Function` is never called, and lists within each other take long to walk."""
 
-def _compared(node: ast.Compare, of: Callable[[ast.AST], Any]) -> bool:
-    left = of(node.left)
-    for sign, each in zip(node.ops, node.comparators, strict=True):
-        right = of(each)
-        if not _COMPARED[type(sign)](left, right):
-            return False
-        left = right
-    return True
-
-
-def _member(value: Any, name: str) -> Any:
-    """What a dotted name stands for: an entry of a namespace, or of a dictionary that was read from YAML."""
-    if not (isinstance(value, dict) and type(value) is not dict):
-        raise Refused(f"the attribute {name!r} of a {type(value).__name__} is not allowed in an expression")
-    try:
-        return value[name]
-    except KeyError:
-        raise NameError(f"name {name!r} is not defined") from None
-
-
-def _callee(node: ast.expr, of: Callable[[ast.AST], Any]) -> Callable[..., Any]:
-    if isinstance(node, ast.Attribute):
-        value = of(node.value)
+    def _dotted(self, node: ast.Attribute) -> Any:
+        """What a dotted name stands for: a method, or an entry of a namespace or of what was read from YAML."""
+        value, name = self._eval(node.value), node.attr
         for kind, methods in _METHODS.items():
-            if isinstance(value, kind) and node.attr in methods and not isinstance(value, Names):
-                return getattr(kind, node.attr).__get__(value)  # type: ignore[no-any-return]
-        function = _member(value, node.attr)
-    else:
-        function = of(node)
-    if not isinstance(function, Function):
-        raise Refused(f"calling {ast.unparse(node)} is not allowed in an expression")
-    return function.call
+            if isinstance(value, kind) and name in methods and not isinstance(value, Names):
+                return Function(getattr(kind, name).__get__(value))
+        if not isinstance(value, dict) or type(value) is dict:
+            raise Refused(f"the attribute {name!r} of a {type(value).__name__} is not allowed in an expression")
+        try:
+            return value[name]
+        except KeyError:
+            raise NameError(f"name {name!r} is not defined") from None
+
+    def _called(self, node: ast.Call) -> Any:
+        function = self._eval(node.func)
+        if not isinstance(function, Function):
+            raise Refused(f"calling {ast.unparse(node.func)} is not allowed in an expression")
+        return function.call(*map(self._eval, node.args), **dict(map(self._eval, node.keywords)))
 
 
-def _combined(sign: ast.operator, a: Any, b: Any) -> Any:
-    """Value of an operation whose size is looked at before it is worked out."""
-    whole = isinstance(a, int) and isinstance(b, int)
-    if isinstance(sign, ast.Pow) and whole and a.bit_length() * b > BITS:
+def _power(a: Any, b: Any) -> Any:
+    if isinstance(a, int) and isinstance(b, int) and a.bit_length() * b > BITS:
         raise Refused(f"a whole number of more than {BITS} binary digits is too large")
-    if isinstance(sign, ast.Mult):
-        for many, text in ((a, b), (b, a)):
-            if isinstance(many, int) and hasattr(text, "__len__") and many * len(text) > LARGEST:
-                raise Refused(f"a value repeated {many:.3g} times is too large")
-    if isinstance(sign, ast.Mod) and isinstance(a, str | bytes) and _WIDE.search(str(a)):
+    return a**b
+
+
+def _product(a: Any, b: Any) -> Any:
+    for many, text in ((a, b), (b, a)):
+        if isinstance(many, int) and hasattr(text, "__len__") and many * len(text) > LARGEST:
+            raise Refused(f"a value repeated {many:.3g} times is too large")
+    return a * b
+
+
+def _remainder(a: Any, b: Any) -> Any:
+    if isinstance(a, str | bytes) and _WIDE.search(str(a)):
         raise Refused("a format with such a width is not allowed in an expression")
-    return _bounded(_BINARY[type(sign)](a, b))
+    return a % b
+
+
+_OPERATORS = {**DEFAULT_OPERATORS, ast.Add: operator.add, ast.Mult: _product, ast.Pow: _power, ast.Mod: _remainder}
 
 
 def _bounded(value: Any) -> Any:

@@ -30,7 +30,7 @@ from excite.design.friction_runs.friction_plan import (
 )
 from excite.design.friction_runs.pose import CollisionChecks, Place, PlaceSearch, gravity_of
 from excite.design.friction_runs.runs import Part, Runs, certificates, pace_of, torque_uses
-from excite.design.friction_runs.schedule import Schedule, plan_prediction, scheduled_runs, torque_ramps, turning_drives
+from excite.design.friction_runs.schedule import Schedule, check_size, scheduled_runs, torque_ramps, turning_drives
 from excite.design.stated_limits import gravest_first, stated_world
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.robot_of_task import robot_and_task
@@ -116,7 +116,7 @@ def plan_friction(
         raise InputError("`balanced` states that gravity cancels about the pose, but no pose is given; give `pose` too")
     about = None if pose is None else _checked_pose(pose, robot, kept)
     motions = _motions(robot, joints, drives)
-    plan_prediction(robot, schedule, len(motions)).check()
+    check_size(robot, schedule)
     for motion in motions:
         refuse_missing_ranges(robot, motion.matrix.any(axis=1))
     largest = _largest_torques(torque_ramp, [motion.labels[0] for motion in motions])

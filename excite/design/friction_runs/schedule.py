@@ -18,10 +18,10 @@ import numpy as np
 
 from excite.design.friction_runs.runs import LEAST_RUN, REST, Pace, Runs
 from excite.storage.codec import Beside
-from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.tasks.option import essential, option
 from regressors.arguments import checked
 from regressors.errors import InputError
+from regressors.memory_cap import FLOAT, check_memory
 from regressors.quantities import check_options
 from regressors.robot.robot import Robot, transmission_of
 from regressors.samples import Array, Samples
@@ -192,32 +192,17 @@ def _there_and_back(runs: Runs, schedule: Schedule, label: str) -> None:
 
 
 _OF_ANY, _OF_JOINT = 10.0, 7.0  # numbers of each sample, and of each of its joints
-_RUN = 6000.0  # bytes of a run, there or back
 _RAMPS = 0.5  # seconds of speeding up and braking in a run
 
 
-def plan_prediction(robot: Robot, schedule: Schedule, coordinates: int) -> WorkPrediction:
-    """Memory of the runs of all coordinates and of the samples of one; the factors are measured."""
-    window = math.sqrt(schedule.shortest * min(schedule.longest, 10.0 * schedule.shortest))
-    run = window + _RAMPS
-    runs = 2.0 * schedule.repeats * len(schedule.percent)
-    tests = 2.0 * schedule.breakaways
-    seconds = {
-        "warm_up": schedule.warm_up,
-        "repeats": runs * (run + schedule.pause) + runs / 2.0 * run,
-        "creeping": tests * schedule.creeping,
-        "pause": (runs + tests) * schedule.pause,
-        "ramping": tests * schedule.ramping,
-    }
-    samples = schedule.rate * sum(seconds.values())
-    numbers = _OF_ANY + _OF_JOINT * robot.n
-    option = max(seconds, key=lambda name: seconds[name])
-    if schedule.rate / 500.0 > seconds[option] / 100.0:
-        option = "rate"
-    count = schedule.warm_up / run + 1.5 * runs + tests
-    held = FLOAT * samples * numbers + coordinates * count * _RUN
-    part = MemoryPart("samples", samples, 1 + 3 * robot.n, held, option, getattr(schedule, option))
-    return WorkPrediction("the plan", (part,))
+def check_size(robot: Robot, schedule: Schedule) -> None:
+    """Refuse a plan whose samples take more memory than they may; the factors are measured."""
+    run = math.sqrt(schedule.shortest * min(schedule.longest, 10.0 * schedule.shortest)) + _RAMPS
+    runs, tests = 2.0 * schedule.repeats * len(schedule.percent), 2.0 * schedule.breakaways
+    of_tests = tests * (schedule.creeping + schedule.pause + schedule.ramping)
+    samples = schedule.rate * (schedule.warm_up + runs * (1.5 * run + schedule.pause) + of_tests)
+    remedy = "lower `rate`, `warm_up`, `repeats`, `pause`, `creeping` or `ramping`"
+    check_memory("the plan", FLOAT * samples * (_OF_ANY + _OF_JOINT * robot.n), f"{samples:.3g} samples", remedy)
 
 
 STICTION = ".stiction"  # of the file with the ramps

@@ -36,7 +36,6 @@ from excite.export.models.identified_model import (
 )
 from excite.export.models.robot_yaml import robot_text
 from excite.export.models.servo_model import FRICTION, ServoRobot
-from excite.storage.records import zipped_arrays
 from regressors.errors import InputError, listed_names
 from regressors.models.reduction import inertial_columns
 from regressors.models.servo_response import STRIBECK_SPEED
@@ -217,7 +216,8 @@ class NpzFormat(ModelFormat):
 
     def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:
         """See `excite.export.models.export_model.ModelFormat.text`."""
-        return ModelText(zipped_arrays(arrays(model, comment)))
+        np.savez(stream := io.BytesIO(), allow_pickle=False, **arrays(model, comment))
+        return ModelText(stream.getvalue())
 
 
 def arrays(model: IdentifiedModel, comment: tuple[str, ...]) -> dict[str, Any]:

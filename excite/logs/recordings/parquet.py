@@ -33,7 +33,7 @@ from excite.logs.recordings.recording import (
 )
 from regressors.errors import InputError, cut, listed_names
 from regressors.input_files import LOG, opened, read_text
-from regressors.memory_cap import value_cap
+from regressors.memory_cap import FLOAT, memory_cap
 
 _MAGIC, _ENCRYPTED = b"PAR1", b"PARE"
 _INFO = "meta/info.json"
@@ -92,7 +92,7 @@ class _Table:
                 kind.value_type, "integer", "floating", "boolean"
             ):
                 self.left_out[name] = cut(str(kind))
-            elif (count := _values_of(table, name)) > value_cap():  # few bytes may stand for many equal ones
+            elif FLOAT * (count := _values_of(table, name)) > memory_cap():  # few bytes may stand for many equal ones
                 self.left_out[name] = f"{count:.3g} values"
             elif (length := self._length(table, name)) and length <= LARGEST_ARRAY:
                 yield _Column(name, self._names(name, length), _unit(entry.metadata), lists=True)

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.logs.text import log_opened
-from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from regressors.errors import ExciteError, InputError, cut, listed_names, one_line
+from regressors.memory_cap import FLOAT, check_memory
 
 HEAD = 4096  # bytes by which a file is recognised
 LARGEST_ARRAY = 100  # elements of one row; what has more, such as an image, is no measurement of joints
@@ -138,9 +138,8 @@ class RecordingFormat:
 
 def check_table(source: Path, rows: float, columns: float, copies: float = _COPIES) -> None:
     """Refuse a table that takes more memory than it may; ``copies`` of each number are held at the same time."""
-    held = FLOAT * copies * rows * columns
-    part = MemoryPart("rows", rows, columns, held, remedy="cut the recording, or map fewer columns")
-    WorkPrediction(f"reading {source}", (part,)).check()
+    what, remedy = f"{rows:.3g} rows of {columns:.3g} numbers", "cut the recording, or map fewer columns"
+    check_memory(f"reading {source}", FLOAT * copies * rows * columns, what, remedy)
 
 
 def check_wanted(source: Path, wanted: Wanted, streams: Mapping[str, Collection[str]]) -> None:

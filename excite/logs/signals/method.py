@@ -14,8 +14,8 @@ import scipy
 from excite.logs.event import LONGEST, Gap, gaps
 from excite.logs.log import Log, channels_of, held_values
 from excite.registry import SIGNALS, built_in
-from excite.storage.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from regressors.errors import InputError, check_names
+from regressors.memory_cap import FLOAT, check_memory
 from regressors.samples import Array, Samples
 
 
@@ -165,9 +165,8 @@ def _check_memory(log: Log, instants: float) -> None:
     """Refuse many instants, which time stamps in another unit, or a few close together, make of a log."""
     columns = 1 + sum(x.shape[1] for x in channels_of(log).values())
     remedy = f"check the unit of the time stamps, which last {log.duration:.3g} s, or choose fewer rows with `rows`"
-    held = FLOAT * _COPIES * instants * columns
-    part = MemoryPart("instants", instants, columns, held, remedy=remedy)
-    WorkPrediction(f"{log.source}: resampling", (part,)).check()
+    size = FLOAT * _COPIES * instants * columns
+    check_memory(f"{log.source}: resampling", size, f"{instants:.3g} instants", remedy)
 
 
 def _own_rate(log: Log) -> float:

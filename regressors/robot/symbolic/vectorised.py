@@ -1,16 +1,15 @@
 """CasADi expressions evaluated for many instants at once.
 
 The instructions of a CasADi function run as machine code (`regressors.robot.symbolic.machine_code`). Where LLVM is
-missing, they run on NumPy arrays that hold one number per instant, which is as fast as CasADi's own machine or
-faster. Both round alike, bit for bit: a search is steered by its last digits.
+missing, or has no counterpart of one of them, CasADi's own machine runs them, which is much slower. Both round alike,
+bit for bit: a search is steered by its last digits.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import cached_property
+from functools import cached_property, partial
 from importlib import import_module
 
 import casadi as ca
@@ -24,80 +23,38 @@ _CHUNK = 4096
 SparseRow = tuple[Index, Array]  # columns of a row, and its entries in them at every sample, (k,) and (k, N)
 
 
-def _of_c(function: Callable[..., float], counterpart: np.ufunc) -> Callable[..., object]:
-    """A function of the C library for arrays, as machine code calls it: NumPy's own rounds in another manner.
-
-    What Python's `math` raises an error for, such as an overflow, is NumPy's.
-    """
-    each = np.frompyfunc(function, counterpart.nin, 1)
-
-    def values(*arguments: Array) -> Array:
-        *inputs, out = arguments
-        try:
-            out[...] = each(*inputs)
-        except (OverflowError, ValueError):
-            counterpart(*inputs, out)
-        return out
-
-    return values
-
-
-_FUNCTIONS = {
-    ca.OP_ADD: np.add,
-    ca.OP_SUB: np.subtract,
-    ca.OP_MUL: np.multiply,
-    ca.OP_DIV: np.divide,
-    ca.OP_POW: _of_c(math.pow, np.power),
-    ca.OP_FMIN: lambda a, b, out: np.minimum(a, b, out=out),  # by name: NumPy takes two positional ones only
-    ca.OP_FMAX: lambda a, b, out: np.maximum(a, b, out=out),
-    ca.OP_NEG: np.negative,
-    ca.OP_SQ: np.square,
-    ca.OP_SIN: _of_c(math.sin, np.sin),
-    ca.OP_COS: _of_c(math.cos, np.cos),
-    ca.OP_SQRT: np.sqrt,
-    ca.OP_TANH: _of_c(math.tanh, np.tanh),
-    ca.OP_EXP: _of_c(math.exp, np.exp),
-    ca.OP_SIGN: np.sign,
-    ca.OP_FABS: np.fabs,
-    ca.OP_INV: np.reciprocal,
-}
-
-
-def _check(function: ca.Function) -> None:
-    """Refuse an instruction that has no NumPy counterpart (`ValueError`) and infinite constants (`NumericalError`)."""
-    known = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_TWICE, *_FUNCTIONS}
-    kinds = [function.instruction_id(k) for k in range(function.n_instructions())]
-    for op in set(kinds) - known:
-        raise ValueError(f"CasADi instruction {op} has no NumPy counterpart here")
-    if not all(np.isfinite(function.instruction_constant(k)) for k, op in enumerate(kinds) if op == ca.OP_CONST):
+def _check_constants(function: ca.Function) -> None:
+    """Refuse infinite constants (`NumericalError`)."""
+    constants = (k for k in range(function.n_instructions()) if function.instruction_id(k) == ca.OP_CONST)
+    if not all(np.isfinite(function.instruction_constant(k)) for k in constants):
         raise NumericalError("a constant of the model is not finite; check the lengths, masses and limits of the robot")
-
-
-def _source(function: ca.Function) -> str:
-    """Python text of a function's instructions, one line each, every result written into its own buffer."""
-    lines = [f"def run(inputs, out, b, f):\n    ({','.join(f'x{i}' for i in range(function.n_in()))},) = inputs"]
-    lines += [f"    f{op} = f[{op}]" for op in _FUNCTIONS]
-    for k in range(function.n_instructions()):
-        op, o, i = function.instruction_id(k), function.instruction_output(k), function.instruction_input(k)
-        if op == ca.OP_INPUT:
-            lines.append(f"    w{o[0]} = x{i[0]}[{i[1]}]")
-        elif op == ca.OP_OUTPUT:
-            lines.append(f"    out[{o[1]}] = w{i[0]}")
-        elif op == ca.OP_CONST:
-            lines.append(f"    w{o[0]} = {function.instruction_constant(k)!r}")
-        else:
-            name, operands = (ca.OP_ADD, [*i, *i]) if op == ca.OP_TWICE else (op, i)
-            lines.append(f"    w{o[0]} = f{name}({''.join(f'w{k}, ' for k in operands)}b[{o[0]}])")
-    return "\n".join(lines)
 
 
 def _program(function: ca.Function) -> Callable[[Sequence[Array]], Array]:
     """Values, shape (numbers of the result, instants), from the inputs at as many instants."""
-    _check(function)
+    _check_constants(function)
     try:
         return MachineCode(function)
     except NotCompiledError:
-        return _array_program(function)
+        return partial(_by_casadi, function)
+
+
+_AT_ONCE = 64  # instants of one call
+
+
+def _by_casadi(function: ca.Function, inputs: Sequence[Array]) -> Array:
+    """The same values by CasADi's own machine."""
+    instants = inputs[0].shape[1]
+    more = -instants % _AT_ONCE
+    given = [np.ascontiguousarray(np.pad(x, ((0, 0), (0, more))).T, dtype=float) for x in inputs]
+    values = np.empty((instants + more, function.numel_out(0)))
+    buffers, evaluate = function.map(_AT_ONCE).buffer()  # CasADi keeps the map
+    for first in range(0, instants if values.size else 0, _AT_ONCE):
+        for k, x in enumerate(given):
+            buffers.set_arg(k, x[first : first + _AT_ONCE].data)
+        buffers.set_res(0, values[first : first + _AT_ONCE].data)
+        evaluate()
+    return np.ascontiguousarray(values[:instants].T)
 
 
 def evaluation() -> str:
@@ -106,7 +63,7 @@ def evaluation() -> str:
     try:
         MachineCode(ca.Function("probe", [x], [x * x]))
     except NotCompiledError as error:
-        return f"expressions interpreted by NumPy {np.__version__}: llvmlite is missing or does not work ({error})"
+        return f"expressions interpreted by CasADi {ca.__version__}: llvmlite is missing or does not work ({error})"
     return f"expressions compiled by llvmlite {import_module('llvmlite').__version__}"
 
 
@@ -114,24 +71,6 @@ def interpreted_note() -> tuple[str, ...]:
     """What the user should know where expressions are not compiled; empty where they are."""
     said = evaluation()
     return () if "compiled" in said else (f"{said}; the numbers are the same, but take longer",)
-
-
-def _array_program(function: ca.Function) -> Callable[[Sequence[Array]], Array]:
-    """Instructions on NumPy arrays, with the buffers for one number of instants."""
-    scope: dict[str, Callable[..., None]] = {}
-    exec(compile(_source(function), f"<vectorised {function.name()}>", "exec"), scope)
-    buffers: list[Array] = []
-
-    def program(inputs: Sequence[Array]) -> Array:
-        instants = inputs[0].shape[1]
-        if not buffers or buffers[0].size != instants:
-            buffers[:] = np.empty((function.sz_w(), instants))
-        out = np.empty((function.numel_out(0), instants))
-        with np.errstate(all="ignore"):
-            scope["run"](inputs, out, buffers, _FUNCTIONS)
-        return out
-
-    return program
 
 
 _TO_COMPILE = 3000  # steps that take longer than the translation
@@ -153,7 +92,7 @@ def in_turn(step: ca.Function, count: int) -> Callable[[Array, Array], Array]:
     return lambda state, inputs: np.array(chained.mapaccum(inputs.shape[1] // width)(state, inputs)[1])
 
 
-_FEW, _AT_ONCE = 10_000, 64  # instants that take CasADi's machine less time than the translation; those of one call
+_FEW = 10_000  # instants that take CasADi's machine less time than the translation
 
 
 class VectorisedFunction:
@@ -169,7 +108,7 @@ class VectorisedFunction:
         self._sizes = [x.numel() for x in inputs]
         self._values = ca.vertcat(*expression.nonzeros())
         self._function = ca.Function("forward", self._inputs, [self._values])
-        _check(self._function)
+        _check_constants(self._function)
         self._reverse: Callable[[Sequence[Array]], Array] | None = None
         self._seldom = 0  # instants that were asked of `seldom`
 
@@ -194,20 +133,8 @@ class VectorisedFunction:
     def seldom(self, *inputs: Array) -> Array:
         """The same nonzeros; the first by CasADi's own machine, which is slower, but needs no translation."""
         # inputs (n_k, instants)
-        instants = inputs[0].shape[1]
-        self._seldom += instants
-        if self._seldom > _FEW or not instants * len(self.row):
-            return self(*inputs)
-        more = -instants % _AT_ONCE
-        given = [np.ascontiguousarray(np.pad(x, ((0, 0), (0, more))).T) for x in inputs]
-        values = np.empty((instants + more, len(self.row)))
-        buffers, evaluate = self._function.map(_AT_ONCE).buffer()  # CasADi keeps the map
-        for first in range(0, instants, _AT_ONCE):
-            for k, x in enumerate(given):
-                buffers.set_arg(k, x[first : first + _AT_ONCE].data)
-            buffers.set_res(0, values[first : first + _AT_ONCE].data)
-            evaluate()
-        return np.ascontiguousarray(values[:instants].T)
+        self._seldom += inputs[0].shape[1]
+        return self(*inputs) if self._seldom > _FEW else _by_casadi(self._function, inputs)
 
     def pullback(self, inputs: Sequence[Array], seeds: Array) -> tuple[Array, ...]:
         """Gradient of ``sum(seeds * values)`` with respect to the inputs, by one reverse sweep."""

@@ -100,7 +100,7 @@ def test_the_task_in_a_design_gives_the_design_again(first: tuple[Path, str], he
 
 @pytest.mark.slow
 def test_json_on_stdout_and_progress_on_stderr(here: Here) -> None:
-    ended = here.run("design", "irp6", *QUICK, "--out", "o", "--format", "json")
+    ended = here.run("design", "irp6", *QUICK, "--out", "o", "--json")
     assert ended.returncode == 0
     notes, rest = [], []
     for line in ended.stderr.splitlines():

@@ -103,7 +103,7 @@ def test_simulated_logs_show_the_truth_as_text_and_as_json(here: Here) -> None:
     truth = {**standard_values(built_in("irp6")), "F1c": 27.5}
     write_sidecar(here.cwd / "run.csv", built_in("irp6"), truth=truth)
     assert "truth" in here.run("identify", "irp6", "run.csv", "-v", "--out", "out").stdout
-    ended = here.run("identify", "irp6", "run.csv", "--out", "out", "--force", "--format", "json")
+    ended = here.run("identify", "irp6", "run.csv", "--out", "out", "--force", "--json")
     printed, content = json.loads(ended.stdout), json.loads((here.cwd / "out" / "result.json").read_text())
     assert content["reference"] == "truth"
     assert {p["name"]: p["reference"] for p in content["parameters"]}["F1c"] == 27.5

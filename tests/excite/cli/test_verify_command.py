@@ -128,7 +128,7 @@ def test_every_log_counts(here: Here) -> None:
     assert log.effort is not None
     object.__setattr__(log, "effort", 1.5 * log.effort)
     write_log(log, here.cwd / "sub" / "again.csv")
-    ended = here.run("verify", "result", "again.csv", "sub/again.csv", "--format", "json", "--out", "judged/both")
+    ended = here.run("verify", "result", "again.csv", "sub/again.csv", "--json", "--out", "judged/both")
     assert ended.returncode == 1
     assert [content["holds"] for content in json.loads(ended.stdout)] == [True, False]
     names = {f"verification-again{x}" for x in (".json", "_curves.npz", "-2.json", "-2_curves.npz")} | {"manifest.json"}

@@ -272,7 +272,7 @@ def test_the_command_writes_curves_that_read_back(here: Here) -> None:
     write_friction(read_friction(folder / "friction.yaml"), here.cwd / "again.yaml")
     assert (here.cwd / "again.yaml").read_bytes() == (folder / "friction.yaml").read_bytes()
     assert "--force" in here.refused(*fit, "fit")
-    asked = here.run(*fit, "table", "--drives", "2", "--model", "table", "--format", "json")
+    asked = here.run(*fit, "table", "--drives", "2", "--model", "table", "--json")
     assert json.loads(asked.stdout)["characteristics"][0]["fit"] is None
     arguments = ("identify", "irp6", "run.csv", "--drives", "2", "--rows", "all", "--out", "res")
     ended = here.run(*arguments, "--friction-curves", "fit/friction.yaml")

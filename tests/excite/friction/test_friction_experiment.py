@@ -24,7 +24,7 @@ TRUTH = Stribeck(Side(11.0, 26.0, 16.8, 0.12, 1.0), Side(7.0, 26.0, 10.6, 0.12, 
 PLAN = ("--speeds", "5,12,25,50,90", "--longest", "0.5", "--warm-up", "0", "--breakaways", "1")
 SLOW = ("--creeping", "3", "--ramping", "2", "--torque-ramp", "30")
 MEASURED = ("--rate", "400", "--encoder", "4000", "--torque-noise", "0.3", "--friction", "truth.yaml")
-FIT = ("--model", "stribeck", "--exponent", "1", "--gravity", "none", "--plan", "plan", "--format", "json")
+FIT = ("--model", "stribeck", "--exponent", "1", "--gravity", "none", "--plan", "plan", "--json")
 
 
 @pytest.mark.slow

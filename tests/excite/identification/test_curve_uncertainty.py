@@ -197,7 +197,7 @@ def test_it_is_added_to_a_covariance_of_correlated_residuals() -> None:
 def test_a_fit_s_file_widens_the_intervals_of_what_is_identified_with_it(here: Here) -> None:
     tmp_path = here.cwd
     write_log(friction_run(), tmp_path / "run.csv")
-    fitted = here.run("friction", "fit", "irp6", "run.csv", "--out", "fit", "--format", "json")
+    fitted = here.run("friction", "fit", "irp6", "run.csv", "--out", "fit", "--json")
     (drive,) = json.loads(fitted.stdout)["characteristics"]
     text = (tmp_path / "fit" / "friction.yaml").read_text()
     known = friction_of(text, "fit").uncertainty["z2"]

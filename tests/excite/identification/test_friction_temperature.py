@@ -219,13 +219,13 @@ def test_the_commands_from_fit_to_verification(logs: list[Log], warm_log: Log, h
     assert curve.forward.coulomb == pytest.approx(-0.5, abs=0.02)
     errors = []
     for more in (("warm.csv",), ("bare.csv", "--temperature", "40")):
-        ended = here.run(*IDENTIFY, "--friction-curves", "fit/friction.yaml", "--format", "json", *more)
+        ended = here.run(*IDENTIFY, "--friction-curves", "fit/friction.yaml", "--json", *more)
         assert ended.returncode == 0, ended.stderr
         content = json.loads((here.cwd / "res" / "result.json").read_text())
         assert content["recipe"]["temperature"] == ([40.0] if more[1:] else None)
         errors.append(content["prediction_error"])
     assert errors[1] == errors[0] < 0.1
-    verify = ("verify", "res", "--training-too", "--out", "told", "--format", "json")
+    verify = ("verify", "res", "--training-too", "--out", "told", "--json")
     (told,) = json.loads(here.run(*verify, "run2.csv").stdout)
     assert "friction of z2 is taken at 45 deg C" in told["remarks"]
     assert told["motions"][1]["relative"] < 0.05

@@ -25,7 +25,7 @@ from excite.identification.procedure import log_of
 from excite.storage import commit as committing
 from excite.storage.atomic import MANIFEST, Destination, shown, write_json
 from excite.storage.commit import locked, read_settled, settle, write_holder
-from excite.storage.manifest import Entry, FileHash, check_files, read_manifest
+from excite.storage.manifest import FileHash, check_files, read_manifest
 from excite.storage.result_folder import amend_result, replace_result, result_folder
 from excite.tasks.task import Task
 from regressors.errors import InputError, NumericalError, TakenError
@@ -111,35 +111,13 @@ def test_each_result_owns_its_files(tmp_path: Path) -> None:
     assert files_below(tmp_path) == {"a.json", "c.json", "mine", MANIFEST}
 
 
-def test_many_files_of_a_folder_have_one_hash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("excite.storage.result_folder.LISTED", 3)
-    starts = tmp_path / "starts"
-    starts.mkdir()
-
-    def entry_of(contents: dict[str, str]) -> Entry:
-        for name in files_below(starts):
-            (starts / name).unlink()
-        for name, content in contents.items():
-            (starts / name).write_text(content)
-        with result_folder(tmp_path), replace_result(tmp_path, "x", folders=("starts",)) as staged:
-            write_json(staged / "a.json", 1)
-        return read_manifest(tmp_path)["x"]
-
-    three = {"1.json": "1", "2.json": "2", "3.json": "3", ".hidden": ""}
-    listed = entry_of(three)
-    assert set(listed.files) == {"a.json", "starts/1.json", "starts/2.json", "starts/3.json"}
-    assert listed.folders == {}
-    assert "folders" not in (tmp_path / MANIFEST).read_text()
-    four = {**three, "4.json": "4"}
-    many = entry_of(four)
-    assert set(many.files) == {"a.json"}
-    assert many.folders["starts"].count == 4
-    assert entry_of(dict(reversed(four.items()))).folders == many.folders
-    for other in ({**four, "4.json": "5"}, {**three, "5.json": "4"}, {**four, "1.json": "2", "2.json": "1"}):
-        assert entry_of(other).folders != many.folders
-    with result_folder(tmp_path), amend_result(tmp_path, "x") as staged:
-        (staged / "x.png").write_bytes(b"x")
-    assert read_manifest(tmp_path)["x"].folders != {}
+def test_folders_of_a_result_are_not_listed(tmp_path: Path) -> None:
+    (tmp_path / "starts").mkdir()
+    (tmp_path / "starts" / "1.json").write_text("1")
+    with result_folder(tmp_path), replace_result(tmp_path, "x", folders=("starts",)) as staged:
+        write_json(staged / "a.json", 1)
+    assert set(read_manifest(tmp_path)["x"].files) == {"a.json"}
+    assert files_below(tmp_path / "starts") == {"1.json"}
 
 
 def test_an_error_leaves_the_old_result(tmp_path: Path) -> None:
@@ -165,8 +143,7 @@ DAMAGED = (
     '{"schema": "excite.manifest/1", "results": []}',
     OF_X % '{"../a": {"sha256": "", "size": 1}}',
     OF_X % '{"a": {"sha256": ""}}',
-    OF_X % '{}, "folders": {"a": {"sum": ""}}',
-    OF_X % '{}, "folders": []',
+    OF_X % '{}, "figures": 1',
 )
 
 

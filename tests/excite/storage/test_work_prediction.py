@@ -1,4 +1,4 @@
-"""Predictions of memory and time: the cap, the value that fits, and long work that is announced."""
+"""Work that is too large is refused, and long work is announced."""
 
 from __future__ import annotations
 
@@ -16,70 +16,40 @@ from commands import Here
 from played import noisy, played, three_joints
 
 import excite
-from excite.design.blueprint import check_richness, design_prediction, search_seconds
-from excite.design.campaign import campaign_prediction, campaign_seconds, plan_campaign
-from excite.design.friction_runs.schedule import Schedule, plan_prediction
-from excite.identification.identify import identification_seconds, rows_prediction
-from excite.identification.recipe import repetition_prediction
+from excite.design import blueprint
+from excite.design.blueprint import search_seconds
+from excite.design.campaign import campaign_seconds, plan_campaign
+from excite.design.friction_runs import schedule
+from excite.design.friction_runs.schedule import Schedule
+from excite.identification.identify import check_rows, identification_seconds
+from excite.identification.recipe import check_estimates
 from excite.information.target import target_of
 from excite.logs.log import Log
 from excite.logs.log_reading import write_log
+from excite.simulation import simulate
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulate import simulation_prediction
 from excite.storage import work_prediction as long_work
-from excite.storage.work_prediction import BASE, LONG, MemoryPart, WorkPrediction, announce, in_time
+from excite.storage.work_prediction import LONG, announce, in_time
 from excite.study.repetitions import repetition_seconds, repetitions
 from excite.study.study_over_time import study_over_time, study_seconds
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.task import Task
 from excite.verification.verify import verification_seconds
 from regressors.errors import InputError, TooLargeError
-from regressors.memory_cap import memory_cap, value_cap
+from regressors.memory_cap import check_memory, memory_cap
 from regressors.readers.library import built_in, built_in_names
 
-# Predictions of memory: the cap, what is said beyond it, and the value that fits.
-
-
-def of_rate(rate: float, power: float = 1.0) -> WorkPrediction:
-    part = MemoryPart("samples", 1e6 * rate**power, 2, 1e8 * rate**power, "rate", rate, power)
-    return WorkPrediction("the work", (part,), seconds=7200.0)
-
-
-@pytest.mark.parametrize(("rate", "power", "fits"), [(100.0, 1.0, "38"), (100.0, 2.0, "6.2"), (100, 1.0, "38")])
-def test_what_does_not_fit_is_refused_with_a_value_that_does(rate: float, power: float, fits: str) -> None:
-    message = rf"^the work .* of memory and 2 h, more than the cap of 4 GB: .*`rate=100`.*`rate={fits}` would do"
-    with pytest.raises(TooLargeError, match=message):
-        of_rate(rate, power).check()
-    of_rate(float(fits), power).check()
-
-
-def test_a_smaller_value_may_be_what_is_too_large() -> None:
-    part = MemoryPart("windows", 1e9, 10, 1e11, "window_length", 1e-6, -1.0)
-    with pytest.raises(TooLargeError, match=r"`window_length=0\.0001` would do"):
-        WorkPrediction("the work", (part,)).check()
-
-
-@pytest.mark.parametrize(("repeats", "columns", "fits"), [(2_000_001, 50, "2000000"), (9_000_000, 60, "1600000")])
-def test_a_table_of_more_than_1e8_numbers_is_refused(repeats: int, columns: int, fits: str) -> None:
-    def of(repeats: int) -> WorkPrediction:
-        part = MemoryPart("repetitions", repeats, columns, float(repeats * columns), "repeats", repeats)
-        return WorkPrediction("the work", (MemoryPart("a", 1, 1, 1e9), part))
-
-    with pytest.raises(TooLargeError, match=rf"numbers in one table, more than the cap of 1e\+08: .*`repeats={fits}`"):
-        of(repeats).check()
-    of(int(fits)).check()
-
-
-def test_the_rest_may_leave_no_value() -> None:
-    parts = (MemoryPart("a", 1, 1, 6e9, "rate", 5.0), MemoryPart("b", 1, 1, 5e9, "starts", 7))
-    with pytest.raises(TooLargeError, match="a lower `rate` is needed"):
-        WorkPrediction("the work", parts).check()
+# Memory: the cap, and what is refused beyond it.
 
 
 def test_the_cap_is_raised_by_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(
+        TooLargeError, match=r"^the work would take about 5 GB of memory, more than the cap of 4 GB: 7 a"
+    ):
+        check_memory("the work", 5e9, "7 arms", "take fewer")
     monkeypatch.setenv("EXCITE_MEMORY_CAP", "12")
-    assert (memory_cap(), value_cap()) == (12e9, 3e8)
-    of_rate(100.0).check()
+    assert memory_cap() == 12e9
+    check_memory("the work", 5e9, "7 arms", "take fewer")
     monkeypatch.setenv("EXCITE_MEMORY_CAP", "")
     assert memory_cap() == 4e9
 
@@ -94,12 +64,12 @@ def test_a_cap_that_is_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("name", built_in_names())
-def test_the_defaults_of_every_robot_are_small(name: str) -> None:
-    task = Task(name, workers=8)
-    assert design_prediction(target_of(installed_robot(task), task), task).bytes < 2 * BASE
-    robot = built_in(name)
-    assert plan_prediction(robot, Schedule(), robot.n).bytes < 3 * BASE
-    assert simulation_prediction(SimulationSettings(), 10.0, robot.n, wrench=True).bytes < 2 * BASE
+def test_the_defaults_of_every_robot_are_small(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.3")
+    task, robot = Task(name, workers=8), built_in(name)
+    blueprint.check_size(target_of(installed_robot(task), task), task)
+    schedule.check_size(robot, Schedule())
+    simulate.check_size(SimulationSettings(), 10.0, robot.n, wrench=True)
 
 
 @pytest.mark.slow
@@ -114,22 +84,22 @@ def test_the_defaults_of_every_robot_are_small(name: str) -> None:
 )
 def test_what_makes_a_design_large_is_named(options: dict[str, object], option: str) -> None:
     task = Task("irp6", **options)
-    with pytest.raises(TooLargeError, match=rf"^the design would take about .*`{option}=.* would do, or raise"):
+    with pytest.raises(TooLargeError, match=rf"^the design would take about .*`{option}`.*, or raise the cap"):
         check_and_predict(task)
 
 
 def check_and_predict(task: Task) -> None:
-    check_richness(task)
-    design_prediction(target_of(installed_robot(task), task), task).check()
+    blueprint.check_richness(task)
+    blueprint.check_size(target_of(installed_robot(task), task), task)
 
 
 @pytest.mark.parametrize(("executor", "workers", "together"), [("serial", None, 1), ("process", 4, 4)])
 def test_the_time_of_a_search_is_that_of_the_starts_that_are_left(executor: str, workers: int, together: int) -> None:
     task = Task("irp6", starts=100, executor=executor, workers=workers)
     target = target_of(installed_robot(task), task)
-    predicted = design_prediction(target, task)
-    assert predicted.seconds is not None
-    assert search_seconds(target, task, 40) == pytest.approx(0.4 * predicted.seconds / together)
+    alone = replace(task, search=replace(task.search, executor="serial"))
+    assert search_seconds(target, task, 40) == pytest.approx(search_seconds(target, alone, 40) / together)
+    assert search_seconds(target, task, 40) == pytest.approx(2.0 * search_seconds(target, task, 20))
     assert search_seconds(target, task, 0) == 0.0
 
 
@@ -143,29 +113,31 @@ def test_the_time_of_a_start_is_near_the_measured_one(name: str, harmonics: int,
 
 def test_what_makes_plans_simulations_and_repetitions_large_is_named() -> None:
     for option in ("warm_up", "repeats", "creeping", "pause", "ramping"):
-        schedule = Schedule(**{option: 10**5 if option == "repeats" else 1e5})
-        with pytest.raises(TooLargeError, match=rf"^the plan would .*`{option}=100000`.*`{option}=\d+` would"):
-            plan_prediction(built_in("irp6"), schedule, 5).check()
+        long = Schedule(**{option: 10**5 if option == "repeats" else 1e5})
+        with pytest.raises(TooLargeError, match=rf"^the plan would .*`{option}`"):
+            schedule.check_size(built_in("irp6"), long)
     for settings, option in ((SimulationSettings(rate=1e7), "rate"), (SimulationSettings(periods=10_000), "periods")):
-        with pytest.raises(TooLargeError, match=rf"^the simulation would take about .*`{option}=\d+` would do"):
-            simulation_prediction(settings, 10.0 * settings.periods, 6, wrench=False).check()
+        with pytest.raises(TooLargeError, match=rf"^the simulation would take about .*`{option}`"):
+            simulate.check_size(settings, 10.0 * settings.periods, 6, wrench=False)
     for count in (10**8, 10**24, 10**300):
-        with pytest.raises(TooLargeError, match=r"^the repetition would .*`repeat=\d+` would do"):
-            repetition_prediction(count).check()
+        with pytest.raises(TooLargeError, match=r"^the repetition would .*lower `repeat`"):
+            check_estimates(count)
 
 
-def test_campaigns_of_many_drives_are_bounded() -> None:
-    campaign_prediction(7, 7, 84).check()
-    with pytest.raises(TooLargeError, match=r"^the campaign would take about .*`at_once=1` would do"):
-        campaign_prediction(60, 30, 700).check()
+def test_campaigns_of_many_drives_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("EXCITE_MEMORY_CAP", "5e-6")
+    with pytest.raises(TooLargeError, match=r"^the campaign would take about .*lower `at_once`"):
+        plan_campaign("irp6", 3)
 
 
-def test_two_million_rows_of_six_joints_are_not_refused() -> None:
+def test_two_million_rows_of_six_joints_are_not_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     columns = np.zeros((2_000, 6))
     log = Log("long", "", tuple("abcdef"), np.arange(2_000.0), columns, effort=columns)
-    rows = rows_prediction("the identification", [log] * 1_000)
-    rows.check()
-    assert 1.7e9 < rows.bytes < 2.4e9  # it takes 1.7 GB
+    monkeypatch.setenv("EXCITE_MEMORY_CAP", "2.4")  # it takes 1.7 GB
+    check_rows("the identification", [log] * 1_000)
+    monkeypatch.setenv("EXCITE_MEMORY_CAP", "1.6")
+    with pytest.raises(TooLargeError, match="choose fewer rows with `rows`"):
+        check_rows("the identification", [log] * 1_000)
 
 
 # Long work is announced once, before it starts; the command line prints the sentence, and nothing is refused.

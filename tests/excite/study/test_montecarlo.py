@@ -24,7 +24,7 @@ from excite.logs.signals.filters import Differences, SavitzkyGolay, kept_rows, l
 from excite.logs.signals.series import FourierFit, SmoothingSpline
 from excite.study import experiment as chain_file, moments
 from excite.study.experiment import Experiment, Noise, drawn
-from excite.study.repetitions import Repetitions, experiment_prediction, repeat_experiment
+from excite.study.repetitions import Repetitions, executor_of_repetitions, repeat_experiment
 from regressors.errors import InputError, TooLargeError
 from regressors.models.base import base_parameters
 from regressors.models.differential import DifferentialModel
@@ -289,10 +289,10 @@ def test_memory_is_planned_before_anything_is_computed(
     long = copy.copy(e)  # without the checks of a motion
     object.__setattr__(long, "samples", Samples(np.broadcast_to(0.0, instants), still, still, still, still))
     if not refused:
-        experiment_prediction(long).check()
-        monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.15")  # little more than the programs themselves
+        executor_of_repetitions("serial", None, long, 1000)
+        monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.3")  # little more than the programs themselves
         with pytest.raises(TooLargeError):
-            experiment_prediction(long).check()
+            executor_of_repetitions("serial", None, long, 1000)
         return
     tracemalloc.start()
     with pytest.raises(

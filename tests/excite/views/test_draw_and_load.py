@@ -127,7 +127,7 @@ def test_what_is_none_of_them_is_refused(tmp_path: Path) -> None:
             excite.load(tmp_path / name)
 
 
-# Figures of results in folders: drawn from their curves, as those of new results; pictures where there are none.
+# Figures of results in folders: drawn from their curves, as those of new results; none where there are no curves.
 
 
 LOOKS = Appearance()
@@ -184,7 +184,7 @@ def test_player_shows_the_measured_motion_and_torques() -> None:
         np.testing.assert_allclose(motion["values"][frame][column], part.measured[k, 1], rtol=1e-3)
 
 
-def test_an_older_folder_shows_its_pictures_and_says_so(folder: Path, tmp_path: Path) -> None:
+def test_a_folder_without_curves_says_so(folder: Path, tmp_path: Path) -> None:
     for path in folder.iterdir():
         if path.suffix == ".json":
             (tmp_path / path.name).write_bytes(path.read_bytes())
@@ -193,6 +193,7 @@ def test_an_older_folder_shows_its_pictures_and_says_so(folder: Path, tmp_path: 
     assert CURVES in text
     parsed = ParsedPage(report_text(tmp_path))
     said = "".join(parsed.of("main")[0].text)
-    assert f"there is no {CURVES}" in said
+    assert f"holds no {CURVES}" in said
+    assert "the file of curves" in said
     assert len(parsed.of("svg")) == 1  # the parameters
     assert not any("data-motion" in each.attributes for each in parsed.elements)

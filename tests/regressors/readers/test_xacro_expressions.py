@@ -6,6 +6,7 @@ import contextlib
 import html
 import io
 import json
+import os
 import re
 import socket
 import subprocess
@@ -450,8 +451,11 @@ def test_broken_files_are_refused_in_one_line(text: str, message: str, tmp_path:
     assert message in refusal(load_robot, package(tmp_path, text, "a.xacro"))
 
 
-def test_missing_xacro_is_told_with_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "xacro.py").write_text("raise ImportError", encoding="utf-8")
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    with pytest.raises(InputError, match=r"not installed; pip install 'excite-trajectories\[xacro\]'"):
+@pytest.mark.parametrize("package_name", ["xacro", "simpleeval"])
+def test_missing_packages_are_told_with_their_extra(
+    package_name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / f"{package_name}.py").write_text("raise ImportError", encoding="utf-8")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    with pytest.raises(InputError, match=r"one is not installed; pip install 'excite-trajectories\[xacro\]'"):
         load_robot(package(tmp_path))

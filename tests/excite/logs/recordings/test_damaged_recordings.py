@@ -270,7 +270,7 @@ def test_one_line(tmp_path: Path, build: Callable[[], bytes], message: str) -> N
 
 
 def test_a_variable_that_unpacks_to_more_than_may_be_held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.145")
+    monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.005")
     (tmp_path / "bad.mat").write_bytes(huge_mat())
     with pytest.raises(InputError, match=r"reading .* would take"):
         read_all(tmp_path / "bad.mat")
@@ -327,7 +327,7 @@ def test_streams_and_columns_that_are_not_there_are_answered_with_those_that_are
 
 def test_few_bytes_that_stand_for_many_values_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_parquet(tmp_path / "log", {"t": np.arange(2.0), "q.state": [[1.0, 2.0], [0.0] * 10**6]})
-    monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.02")
+    monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.005")
     form = format_of(tmp_path / "log")
     contents = form.contents(tmp_path / "log")
     assert contents.columns == ("t",)
