@@ -58,7 +58,7 @@ HEAD = """# Options of a task
 
 Each option is a field of one of the seven parts of `excite.Task`, an option of `excite design`, and a key of a task
 file. Those of other commands follow: fields of the settings, or arguments, that the Python functions take.
-`excite COMMAND --help-all` lists every option of a command.
+`excite COMMAND --help-all` lists every option of a command, and each can be given as `--set NAME=VALUE` too.
 Limits of joints stand below `limits` in a task file. Where a name is expected, `module:Name` names a part of your own.
 """
 

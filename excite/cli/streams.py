@@ -10,7 +10,7 @@ import shutil
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any, TextIO
@@ -107,10 +107,10 @@ def verbosity() -> Verbosity:
 
 def _choose(ctx: click.Context, param: click.Parameter, value: Any) -> None:
     """Note one option; a group's counts for its commands too."""
-    if not value:
+    if value in (False, None, "text"):
         return
     chosen = verbosity()
-    setattr(chosen, str(param.name), True)
+    setattr(chosen, "as_json" if param.name == "form" else str(param.name), True)
     if chosen.quiet and chosen.verbose:
         raise click.UsageError("--quiet and --verbose exclude each other", ctx)
     if chosen.quiet:
@@ -129,9 +129,12 @@ def loudness_options() -> list[click.Option]:
     ]
 
 
-def json_option() -> click.Option:
-    """``--json``."""
-    return _flag(["--json", "as_json"], "Print the summary as one JSON document.")
+def form_options(taken: Iterable[str]) -> list[click.Option]:
+    """``--json``, and its older spelling ``--format json`` where that name is free."""
+    kinds = click.Choice(["text", "json"])
+    older = click.Option(["--format", "form"], type=kinds, hidden=True, expose_value=False, callback=_choose)
+    json = _flag(["--json", "as_json"], "Print the summary as one JSON document.")
+    return [json] if "--format" in taken else [json, older]
 
 
 SECONDS = 1.5

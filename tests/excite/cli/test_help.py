@@ -1,4 +1,4 @@
-"""Help of each command in groups, and completion by the shell."""
+"""Help of each command in groups, every option by --set too, and completion by the shell."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
@@ -19,7 +20,7 @@ from excite.registry import BUILT_IN
 from excite.tasks.task import PLACE
 from regressors.readers.library import built_in_names
 
-# Options of each command: in groups of `--help-all`, the essential ones in `--help`.
+# Options of each command: in groups of `--help-all`, the essential ones in `--help`, each by `--set` too.
 
 
 PARTS = {
@@ -60,6 +61,8 @@ def test_every_option_is_below_one_heading(name: str) -> None:
     assert set(stated) <= {param.name for param in command.params}
     assert len(stated) == len(set(stated))
     assert {"-q", "--quiet", "-v", "--verbose", "--json"} <= {option for p in command.params for option in p.opts}
+    hidden = [param for param in command.params if "--format" in param.opts and getattr(param, "hidden", False)]
+    assert len(hidden) == (name != "export")  # whose --format is that of the file
 
 
 @pytest.mark.parametrize("columns", [80, 100, 200])
@@ -74,7 +77,7 @@ def test_the_help_fits_a_screen(name: str, columns: int) -> None:
     command = COMMANDS[name]
     visible = command.visible_options(click.Context(command, **command.context_settings))
     assert sorted(options) == sorted(each.opts[0] for each in visible if not isinstance(each, FurtherOption))
-    assert lines[-1] == f"All {len(visible)} options: cli {name} --help-all"
+    assert lines[-1] == f"All {len(visible)} options: cli {name} --help-all; set any by --set NAME=VALUE"
 
 
 def test_options_of_a_design_are_grouped_by_the_parts_of_a_task() -> None:
@@ -84,6 +87,62 @@ def test_options_of_a_design_are_grouped_by_the_parts_of_a_task() -> None:
     for param in COMMANDS["design"].params:
         if param.name in PLACE and param.name not in ("rate", "world") and not getattr(param, "hidden", False):
             assert param.opts[0] in found[PARTS[PLACE[str(param.name)]]]
+
+
+def given(words: str, name: str = "design") -> dict[str, Any]:
+    """Parameters of a command line that is read, not run."""
+    command = COMMANDS[name]
+    params: dict[str, Any] = command.make_context("excite", words.split()).params
+    return params
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_option_can_be_set_by_its_name_and_its_key(name: str) -> None:
+    command = COMMANDS[name]
+    ctx = click.Context(command, **command.context_settings)
+    left_out = ("set_options", "help_all", command.get_help_option(ctx).name)  # type: ignore[union-attr]
+    for option in command.visible_options(ctx):
+        if option.name in left_out:
+            continue
+        for key in {option.opts[-1].removeprefix("--"), option.opts[-1].removeprefix("--").replace("-", "_")}:
+            (word,) = command._set_words(ctx, ["--set", f"{key}=true"])
+            assert word == option.opts[-1] + ("" if option.is_flag else "=true")
+
+
+def test_what_is_set_is_what_is_typed() -> None:
+    typed = given("irp6 --out d --period 8 --velocity-limit 2,1 --no-friction --drives 1,2 --via 0,1 --via 1,0")
+    settings = ("period=8", "velocity=2,1", "friction=false", "drives=1,2", "via=0,1", "via=1,0")
+    assert given(f"irp6 --out d {' '.join(f'--set {each}' for each in settings)}") == typed
+    assert given("irp6 --set out=d --set velocity-limit=2,1 --set period=8 --no-friction --set no-friction=yes "
+                 "--drives 1,2 --via 0,1 --via 1,0") == typed  # fmt: skip
+    assert given("irp6 --out d --period 8 --set period=8.0")["period"] == 8.0
+    assert given("irp6 --out d --constraint torque --set constraint=torque")["constraints"] == ("torque",)
+
+
+UNSET = {
+    "--set perod=8": "--set: no option named 'perod'; did you mean period",
+    "--set period": "--set: expected NAME=VALUE, given 'period'",
+    "--set period=8 --period 9": "--period is given twice, with different values; give one",
+    "--set period=8 --set period=9": "--period is given twice, with different values; give one",
+    "--set friction=false --friction": "--friction is given twice, with different values; give one",
+    "--set xacro=false": "--set: xacro can only be switched on; leave it out",
+    "--set torque-margin=7": "Invalid value for '--torque-margin': must be a number from 0 to 0.999, given 7",
+    "--set weighted=perhaps": "Invalid value for '--weighted': 'perhaps' is not a valid boolean",
+}
+
+
+def test_what_cannot_be_set_is_an_error_of_one_line() -> None:
+    for words, message in UNSET.items():
+        with pytest.raises(click.UsageError) as caught:
+            given(f"irp6 --out d {words}")
+        assert caught.value.format_message().startswith(message)
+        assert "\n" not in caught.value.format_message()
+
+
+def test_help_wins_over_wrong_settings() -> None:
+    for word in ("--help", "--help-all", "-h"):
+        ended = CliRunner().invoke(cli, ["design", "--set", "perod=8", word])
+        assert (ended.exit_code, ended.output[:6]) == (0, "Usage:")
 
 
 def test_every_command_is_below_one_heading_in_their_order() -> None:

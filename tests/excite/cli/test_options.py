@@ -249,7 +249,7 @@ def test_parameters_of_which_nothing_is_asked_are_named(
     assert ("nothing is asked of F1c, F2c, F3c and 1 more: their size is not described" in printed) == said
 
 
-# --quiet, --verbose and --json mean the same before and after every command.
+# --quiet, --verbose, --json and the older --format json mean the same before and after every command.
 
 
 VERDICT = "2 motions of at most 2 drives identify all 13 parameters of irp6 (energy model).\n"
@@ -264,7 +264,7 @@ def test_quiet_verbose_and_json_mean_the_same_before_and_after_a_command(here: H
         assert shown.startswith(VERDICT)
         assert "What each selection of drives identifies" in shown
         assert f"excite {version('excite-trajectories')}, Python 3." in shown.splitlines()[-1]
-    for words in ("plan irp6 --json", "-q plan irp6 --json", "-v plan irp6 --json"):
+    for words in ("plan irp6 --json", "plan irp6 --format json", "-q plan irp6 --json", "-v plan irp6 --json"):
         content = json.loads(here.run(*words.split()).stdout)
         assert (content["verdict"], content["rank"]) == (VERDICT.strip(), 13)
 
