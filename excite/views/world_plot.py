@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 from matplotlib.ticker import FuncFormatter, NullLocator, SymmetricalLogLocator
-from scipy.spatial import ConvexHull
 
 from constraints.certificate import LimitUse
 from constraints.clearance import link_poses
@@ -133,7 +132,7 @@ def _legend(others: bool) -> list[Artist]:
 
 _VIEWS = ((0, 1), (0, 2), (1, 2))
 _AXES = "xyz"
-_ROUND = 24  # corners of a circle
+_ROUND, _DIRECTIONS = 24, 3600  # corners of a circle; directions in which an outline is farthest
 _POSES = 6
 _MARGIN = 0.05  # of the view
 _HUGE = 3.0  # bodies and planes that would make the view so many times larger are cut
@@ -244,8 +243,9 @@ def _outline(shape: Capsule | Box, view: tuple[int, int]) -> Array:
         angle = np.linspace(0.0, 2 * np.pi, _ROUND, endpoint=False)
         circle = shape.radius * np.column_stack([np.cos(angle), np.sin(angle)])
         points = np.vstack([circle + np.array(end)[list(view)] for end in (shape.start, shape.end)])
-    hull = ConvexHull(points, qhull_options="QJ")  # rounds flat boxes up
-    return np.asarray(points[hull.vertices])
+    angle = np.linspace(0.0, 2 * np.pi, _DIRECTIONS, endpoint=False)
+    farthest = (points @ np.array([np.cos(angle), np.sin(angle)])).argmax(axis=0)
+    return np.asarray(points[farthest[farthest != np.roll(farthest, 1)]])
 
 
 def _draw_obstacle(ax: Axes, shape: Shape, view: tuple[int, int], far: float) -> None:
