@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from regressors.errors import InputError
 from regressors.models.base import Base
-from regressors.models.differential import RIGID, inertial_regressor
+from regressors.models.differential import RIGID, inertial_torque
 from regressors.models.drives import drive_motions, rotor_torque
 from regressors.models.energy import body_energy
 from regressors.models.model import RegressorModel
@@ -48,11 +49,17 @@ class Plant:
 
     def torque(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         """Joint torques of the motion without friction, shape (n, 1) [Nm or N]."""
-        tau = ca.mtimes(inertial_regressor(self.robot, q, dq, ddq), sparse(self.theta))
+        return self._torque(q, dq, ddq)
+
+    @cached_property
+    def _torque(self) -> ca.Function:
+        """The same, of which expressions are made many times."""
+        q, dq, ddq = motion = [ca.SX.sym(name, self.robot.n) for name in ("q", "dq", "ddq")]
+        tau = inertial_torque(self.robot, self.theta.reshape(-1, PARAMETERS_PER_LINK), q, dq, ddq)
         drives = [drive for drive in drive_motions(self.robot, q, dq, ddq) if drive.has_rotor]
         for drive, inertia in zip(drives, self.rotors, strict=True):
             tau += drive.row.T * rotor_torque(drive) * float(inertia)
-        return ca.densify(tau)
+        return ca.Function("torque", motion, [ca.densify(tau)])
 
     def carried_torque(self, dq: ca.SX, tau: ca.SX, direction: ca.SX) -> ca.SX:
         """Joint torques minus friction, shape (n, 1) [Nm or N]."""
