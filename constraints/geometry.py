@@ -234,10 +234,8 @@ def _outermost(points: Array) -> Array:
 def _radius(ends: Array, points: Array) -> float:
     a, line = ends[:3], ends[3:] - ends[:3]
     square = float(line @ line)
-    away = points - a
-    if square > 0:
-        away = away - np.minimum(np.maximum(away @ line / square, 0.0), 1.0)[:, None] * line
-    return math.sqrt((away * away).sum(axis=1).max())
+    t = np.minimum(np.maximum((points - a) @ line / square, 0.0), 1.0) if square > 0 else np.zeros(len(points))
+    return math.sqrt(((points - a - t[:, None] * line) ** 2).sum(axis=1).max())
 
 
 def _volume(ends: Array, points: Array) -> float:

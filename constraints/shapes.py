@@ -43,9 +43,8 @@ def urdf_shape(
         for element in link.below("collision"):
             try:
                 shape, place = placed_shape(element)
-                if (alike := f"{shape.tag} {shape.attributes}") not in around:
-                    around[alike] = _around(shape, path)
-                parts.append(Part(carrier, around[alike].moved(pose @ place)))
+                capsule = around[alike] = around.get(alike := f"{shape.tag} {shape.attributes}") or _around(shape, path)
+                parts.append(Part(carrier, capsule.moved(pose @ place)))
             except MeshError as error:
                 left_out.append((carrier, f"{path.name}: link {name!r}, <collision>: {error}"))
             except (InputError, KeyError, ValueError) as error:

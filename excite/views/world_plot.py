@@ -132,7 +132,8 @@ def _legend(others: bool) -> list[Artist]:
 
 _VIEWS = ((0, 1), (0, 2), (1, 2))
 _AXES = "xyz"
-_ROUND, _DIRECTIONS = 24, 3600  # corners of a circle; directions in which an outline is farthest
+_ANGLES = np.linspace(0.0, 2 * np.pi, 3600, endpoint=False)  # of directions in which an outline is farthest
+_AROUND, _ROUND = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)]), 24  # corners of a circle
 _POSES = 6
 _MARGIN = 0.05  # of the view
 _HUGE = 3.0  # bodies and planes that would make the view so many times larger are cut
@@ -240,11 +241,9 @@ def _outline(shape: Capsule | Box, view: tuple[int, int]) -> Array:
     if isinstance(shape, Box):
         points = (_CORNERS * shape.size @ shape.rotation.T + shape.centre)[:, view]
     else:
-        angle = np.linspace(0.0, 2 * np.pi, _ROUND, endpoint=False)
-        circle = shape.radius * np.column_stack([np.cos(angle), np.sin(angle)])
+        circle = shape.radius * _AROUND[:: len(_AROUND) // _ROUND]
         points = np.vstack([circle + np.array(end)[list(view)] for end in (shape.start, shape.end)])
-    angle = np.linspace(0.0, 2 * np.pi, _DIRECTIONS, endpoint=False)
-    farthest = (points @ np.array([np.cos(angle), np.sin(angle)])).argmax(axis=0)
+    farthest = (points @ _AROUND.T).argmax(axis=0)
     return np.asarray(points[farthest[farthest != np.roll(farthest, 1)]])
 
 

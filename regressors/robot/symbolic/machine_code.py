@@ -193,13 +193,13 @@ def _operation(k: int, op: int, of: list[str], lanes: int) -> Iterator[str]:
 
 def _by_instant(k: int, name: str, of: list[str], lanes: int) -> Iterator[str]:
     """Calls for the first lanes; the last of them is for the lanes behind it too."""
-    arguments = ", ".join(f"double %e{k}.{{0}}.{place}" for place in range(len(of)))
-    for lane in range(lanes):
-        for place, vector in enumerate(of):
-            yield f"  %e{k}.{lane}.{place} = extractelement {_V} {vector}, i32 {lane}"
-        yield f"  %f{k}.{lane} = call double @{name}({arguments.format(lane)})"
     result = "undef"
     for lane in range(LANES):
+        for place, vector in enumerate(of if lane < lanes else ()):
+            yield f"  %e{k}.{lane}.{place} = extractelement {_V} {vector}, i32 {lane}"
+        if lane < lanes:
+            arguments = ", ".join(f"double %e{k}.{lane}.{place}" for place in range(len(of)))
+            yield f"  %f{k}.{lane} = call double @{name}({arguments})"
         filled = f"%v{k}.{lane}" if lane < LANES - 1 else f"%v{k}"
         yield f"  {filled} = insertelement {_V} {result}, double %f{k}.{min(lane, lanes - 1)}, i32 {lane}"
         result = filled
