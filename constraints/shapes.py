@@ -43,8 +43,9 @@ def urdf_shape(
         for element in link.below("collision"):
             try:
                 shape, place = placed_shape(element)
-                capsule = around[alike] = around.get(alike := f"{shape.tag} {shape.attributes}") or _around(shape, path)
-                parts.append(Part(carrier, capsule.moved(pose @ place)))
+                alike = f"{shape.tag} {shape.attributes}"
+                around[alike] = around.get(alike) or _around(shape, path)
+                parts.append(Part(carrier, around[alike].moved(pose @ place)))
             except MeshError as error:
                 left_out.append((carrier, f"{path.name}: link {name!r}, <collision>: {error}"))
             except (InputError, KeyError, ValueError) as error:
