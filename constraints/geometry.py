@@ -5,6 +5,7 @@ Lengths in m, angles in rad. A sphere is a capsule of length zero.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -233,11 +234,11 @@ def _outermost(points: Array) -> Array:
 def _radius(ends: Array, points: Array) -> float:
     a, line = ends[:3], ends[3:] - ends[:3]
     square = float(line @ line)
-    t = np.clip((points - a) @ line / square, 0.0, 1.0) if square > 0 else np.zeros(len(points))
-    return float(np.linalg.norm(points - a - t[:, None] * line, axis=1).max())
+    t = np.minimum(np.maximum((points - a) @ line / square, 0.0), 1.0) if square > 0 else np.zeros(len(points))
+    return math.sqrt(((points - a - t[:, None] * line) ** 2).sum(axis=1).max())
 
 
 def _volume(ends: Array, points: Array) -> float:
     """Volume of the capsule about a line, in units of pi m^3."""
     r = _radius(ends, points)
-    return float(r**2 * np.linalg.norm(ends[3:] - ends[:3]) + 4 / 3 * r**3)
+    return r**2 * math.dist(ends[:3], ends[3:]) + 4 / 3 * r**3

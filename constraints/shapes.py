@@ -37,12 +37,15 @@ def urdf_shape(
     its flat ends. Links above the base, or below it on other branches, count as part of the base.
     """
     parts, left_out = [], []
+    around: dict[str, Capsule] = {}  # many links have the same shape
     for carrier, link, pose in carried_links(path, robot, base, snap_angles=snap_angles, content=content):
         name = link.attributes["name"]
         for element in link.below("collision"):
             try:
                 shape, place = placed_shape(element)
-                parts.append(Part(carrier, _around(shape, path).moved(pose @ place)))
+                alike = f"{shape.tag} {shape.attributes}"
+                around[alike] = around.get(alike) or _around(shape, path)
+                parts.append(Part(carrier, around[alike].moved(pose @ place)))
             except MeshError as error:
                 left_out.append((carrier, f"{path.name}: link {name!r}, <collision>: {error}"))
             except (InputError, KeyError, ValueError) as error:

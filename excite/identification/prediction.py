@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.special
+import scipy
 from numpy.typing import NDArray
 
 from excite.identification.equations import drive_directions, measured_rows, predicted_rows

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from excite.design.design import Design
 from excite.design.design_folder import DESIGN

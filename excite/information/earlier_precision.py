@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from excite.information.matrix import noise_per_row
 from excite.information.target import IdentificationTarget

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from excite.logs.log import LogReference
 from excite.payload.held_body import UPPER, Frame, HeldBody, is_possible, nearest_possible, spread_of
@@ -117,7 +117,7 @@ def _fields(names: str, values: Array | tuple[float, ...], digits: int) -> str:
 
 def quaternion_of(rotation: Array) -> Array:
     """Unit quaternion of a rotation, scalar first and not negative, shape (4,)."""  # rotation (3, 3)
-    q = Rotation.from_matrix(rotation).as_quat(scalar_first=True)
+    q = scipy.spatial.transform.Rotation.from_matrix(rotation).as_quat(scalar_first=True)
     return np.asarray(q if q[np.flatnonzero(np.abs(q) > 1e-12)[0]] > 0 else -q)
 
 

@@ -288,11 +288,8 @@ def _check_progress(part: Array, start: float, rate: float) -> None:
 def _course(robot: ControlledRobot, table: Array, rate: float, impacts: Impacts | None) -> SimulatedRun:
     n, count = robot.plant.robot.n, table.shape[0]
     q, dq, energies, effort, command, ddq, _ = np.split(table, np.cumsum([n, n, 2, n, n, n]), axis=1)
-    symbols = [ca.SX.sym(name, n) for name in ("q", "dq", "ddq")]
-    energy = ca.Function("energy", symbols[:2], [robot.plant.energy(*symbols[:2])])
-    rigid = ca.Function("torque", symbols, [robot.plant.torque(*symbols)])
-    stored = np.array(energy.map(count)(q.T, dq.T)).reshape(-1)
+    stored = np.array(robot.plant.energy.map(count)(q.T, dq.T)).reshape(-1)
     samples = Samples(np.arange(count) / rate, q, dq, ddq, np.full_like(q, np.nan))
     acting = effort if impacts is None else effort + impacts(samples.time)
-    friction = acting - np.array(rigid.map(count)(q.T, dq.T, ddq.T)).T
+    friction = acting - np.array(robot.plant.torque.map(count)(q.T, dq.T, ddq.T)).T
     return SimulatedRun(samples, effort, command, friction, energies[:, 0], energies[:, 1], stored)

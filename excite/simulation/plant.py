@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from regressors.errors import InputError
 from regressors.models.base import Base
-from regressors.models.differential import RIGID, inertial_regressor
+from regressors.models.differential import RIGID, inertial_torque
 from regressors.models.drives import drive_motions, rotor_torque
 from regressors.models.energy import body_energy
 from regressors.models.model import RegressorModel
@@ -46,13 +47,15 @@ class Plant:
     rotors: Array  # (r,) inertia of the rotor of every moving drive [kg m^2]
     friction: FrictionCurves
 
-    def torque(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
-        """Joint torques of the motion without friction, shape (n, 1) [Nm or N]."""
-        tau = ca.mtimes(inertial_regressor(self.robot, q, dq, ddq), sparse(self.theta))
+    @cached_property
+    def torque(self) -> ca.Function:
+        """Joint torques of (q, dq, ddq) without friction, shape (n, 1) [Nm or N]."""
+        q, dq, ddq = motion = [ca.SX.sym(name, self.robot.n) for name in ("q", "dq", "ddq")]
+        tau = inertial_torque(self.robot, self.theta.reshape(-1, PARAMETERS_PER_LINK), q, dq, ddq)
         drives = [drive for drive in drive_motions(self.robot, q, dq, ddq) if drive.has_rotor]
         for drive, inertia in zip(drives, self.rotors, strict=True):
             tau += drive.row.T * rotor_torque(drive) * float(inertia)
-        return ca.densify(tau)
+        return ca.Function("torque", motion, [ca.densify(tau)])
 
     def carried_torque(self, dq: ca.SX, tau: ca.SX, direction: ca.SX) -> ca.SX:
         """Joint torques minus friction, shape (n, 1) [Nm or N]."""
@@ -69,15 +72,16 @@ class Plant:
         bias = self.torque(q, dq, ca.SX.zeros(self.robot.n, 1))
         return solved(self.mass_matrix(q), self.carried_torque(dq, tau, direction) - bias)
 
-    def energy(self, q: ca.SX, dq: ca.SX) -> ca.SX:
-        """Kinetic and potential energy of bodies and rotors, scalar [J] [KD96] eq. (4), (5)."""
+    @cached_property
+    def energy(self) -> ca.Function:
+        """Kinetic and potential energy of bodies and rotors, of (q, dq), scalar [J] [KD96] eq. (4), (5)."""
+        q, dq = state = [ca.SX.sym(name, self.robot.n) for name in ("q", "dq")]
         still, gravity = ca.SX.zeros(self.robot.n, 1), ca.SX(ca.DM(self.robot.gravity))
         rows = ca.horzcat(*(body_energy(body, gravity) for body in bodies(self.robot, q, dq, still)))
         total = ca.mtimes(rows, sparse(self.theta))
         drives = [drive for drive in drive_motions(self.robot, q, dq, still) if drive.has_rotor]
-        for drive, inertia in zip(drives, self.rotors, strict=True):
-            total += float(inertia) * (drive.ratio * drive.dz) ** 2 / 2
-        return total
+        total += sum(float(I) * (drive.ratio * drive.dz) ** 2 / 2 for drive, I in zip(drives, self.rotors, strict=True))
+        return ca.Function("energy", state, [total])
 
     def with_errors(self, relative: float, rng: np.random.Generator) -> Plant:
         """A copy with random errors, as the model of a controller.

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 import scipy
 
@@ -129,11 +128,8 @@ def _run(servos: Servos, plant: Plant, told: Samples, start: Array) -> Simulated
     dq = np.gradient(q, step, axis=0)
     ddq = np.gradient(dq, step, axis=0)
     q, dq, ddq = (each[:, index] for each in (q, dq, ddq))
-    symbols = [ca.SX.sym(name, plant.robot.n) for name in ("q", "dq", "ddq")]
-    energy = ca.Function("energy", symbols[:2], [plant.energy(*symbols[:2])])
-    torque = ca.Function("torque", symbols, [plant.torque(*symbols)])
-    stored = np.array(energy.map(len(q))(q.T, dq.T)).reshape(-1)
-    carried = np.array(torque.map(len(q))(q.T, dq.T, ddq.T)).T
+    stored = np.array(plant.energy.map(len(q))(q.T, dq.T)).reshape(-1)
+    carried = np.array(plant.torque.map(len(q))(q.T, dq.T, ddq.T)).T
     friction = plant.friction.joint_torque(plant.robot, q, dq, load=carried)
     effort = carried + friction
     work, loss = (

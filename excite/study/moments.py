@@ -14,7 +14,7 @@ from importlib.metadata import entry_points
 from typing import Any
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from excite.identification.streamed_rows import Decimation
 from regressors.models.model import RegressorModel

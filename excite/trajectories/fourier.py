@@ -15,7 +15,7 @@ import math
 from typing import ClassVar
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from constraints.certificate import Extrema, trigonometric_extrema
 from constraints.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor

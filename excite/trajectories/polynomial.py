@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.polynomial.chebyshev as chebyshev
-import scipy.linalg
+import scipy
 
 from constraints.certificate import Extrema
 from constraints.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor

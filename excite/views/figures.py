@@ -153,8 +153,8 @@ def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
     try:
         if engine is not None:
             # in a column, what is written at the ends of curves may reach further when the panel is narrower
-            for ax in figure.axes if column_width() == float("inf") else ():
-                if ax.get_axes_locator() is None:
+            for ax in figure.axes:
+                if ax.get_axes_locator() is None and (column_width() == float("inf") or not ax.texts):
                     ax.get_tightbbox = partial(_around, ax, type(ax).get_tightbbox, [])  # type: ignore[method-assign]
             engine.execute(figure)
             for ax in figure.axes:

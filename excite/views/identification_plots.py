@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import scipy
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -175,8 +174,8 @@ def autocorrelation(residual: Array, log: Index, lags: int) -> Array:
     total = np.zeros(lags + 1)
     for k in np.unique(log):
         e = residual[log == k]
-        size = scipy.fft.next_fast_len(e.size + lags)
-        products = scipy.fft.irfft(np.abs(scipy.fft.rfft(e, size)) ** 2, size)[: lags + 1]
+        size = 1 << (e.size + lags).bit_length()
+        products = np.fft.irfft(np.abs(np.fft.rfft(e, size)) ** 2, size)[: lags + 1]
         if products[0] > 0:
             total += products / products[0] * e.size
     return np.asarray(total / total[0]) if total[0] > 0 else np.zeros(lags + 1)

@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 from matplotlib.ticker import FuncFormatter, NullLocator, SymmetricalLogLocator
-from scipy.spatial import ConvexHull
 
 from constraints.certificate import LimitUse
 from constraints.clearance import link_poses
@@ -133,7 +132,8 @@ def _legend(others: bool) -> list[Artist]:
 
 _VIEWS = ((0, 1), (0, 2), (1, 2))
 _AXES = "xyz"
-_ROUND = 24  # corners of a circle
+# directions in which an outline is farthest, and corners of a circle
+_AROUND, _ROUND = np.exp(2j * np.pi * np.arange(3600) / 3600).view(float).reshape(-1, 2), 24
 _POSES = 6
 _MARGIN = 0.05  # of the view
 _HUGE = 3.0  # bodies and planes that would make the view so many times larger are cut
@@ -170,7 +170,7 @@ def workspace_figure(design: Design) -> Figure:
         for k, pose in enumerate(links):
             style = _SOME if k < _POSES else _NEAREST_LINKS
             for capsule in pose:
-                ax.add_patch(Polygon(_outline(capsule, plane), **style))
+                ax.add_artist(Polygon(_outline(capsule, plane), **style))
         for path in paths:
             ax.plot(path[:, plane[0]], path[:, plane[1]], **_PATH)
         x0, y0 = middle[list(plane)]
@@ -241,11 +241,10 @@ def _outline(shape: Capsule | Box, view: tuple[int, int]) -> Array:
     if isinstance(shape, Box):
         points = (_CORNERS * shape.size @ shape.rotation.T + shape.centre)[:, view]
     else:
-        angle = np.linspace(0.0, 2 * np.pi, _ROUND, endpoint=False)
-        circle = shape.radius * np.column_stack([np.cos(angle), np.sin(angle)])
+        circle = shape.radius * _AROUND[:: len(_AROUND) // _ROUND]
         points = np.vstack([circle + np.array(end)[list(view)] for end in (shape.start, shape.end)])
-    hull = ConvexHull(points, qhull_options="QJ")  # rounds flat boxes up
-    return np.asarray(points[hull.vertices])
+    farthest = (points @ _AROUND.T).argmax(axis=0)
+    return np.asarray(points[farthest[farthest != np.roll(farthest, 1)]])
 
 
 def _draw_obstacle(ax: Axes, shape: Shape, view: tuple[int, int], far: float) -> None:
@@ -257,7 +256,7 @@ def _draw_obstacle(ax: Axes, shape: Shape, view: tuple[int, int], far: float) ->
         corners = np.array([edge + along, edge - along, edge - along - far * normal, edge + along - far * normal])
     else:
         corners = _outline(shape, view)
-    ax.add_patch(Polygon(corners, **_SOLID, zorder=0.5))
+    ax.add_artist(Polygon(corners, **_SOLID, zorder=0.5))
 
 
 _PHASES_IN_A_ROW = 4

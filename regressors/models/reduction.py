@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-import scipy.linalg
+import scipy
 
 from regressors.errors import UnknownName, check_names
 from regressors.models.drives import column_list, drive_motions, drive_rows, reflections

@@ -55,13 +55,13 @@ class NotCompiledError(Exception):
 
 
 class MachineCode:
-    """A CasADi function of column vectors, with one result, for many instants at once."""
+    """A CasADi function of column vectors, with one result, for many instants at once, or for one after the other."""
 
-    def __init__(self, function: ca.Function) -> None:
+    def __init__(self, function: ca.Function, lanes: int = LANES) -> None:
         self._rows = [function.numel_in(k) for k in range(function.n_in())]
         self._size = function.numel_out(0)
         self._inputs = np.zeros((sum(self._rows), 0))
-        self._engine, self._run = _compiled(_text(function))
+        self._engine, self._run = _compiled(_text(function, lanes))
 
     def __call__(self, inputs: Sequence[Array]) -> Array:
         """Values, shape (numbers of the result, instants), of inputs of shape (numbers of the input, instants)."""
@@ -76,7 +76,10 @@ class MachineCode:
         return out if padded == instants else out[:, :instants].copy()
 
     def in_turn(self, state: Array, inputs: Array) -> Array:
-        """Results one after the other, shape (numbers, steps): the first numbers of each are the next one's state."""
+        """Results one after the other, shape (numbers, steps): the first numbers of each are the next one's state.
+
+        All lanes hold the same, so that functions of the C library need one.
+        """
         # state (n,); inputs (m, steps)
         given, result = np.zeros((sum(self._rows), LANES)), np.empty((self._size, LANES))
         results, size = np.empty((inputs.shape[1], self._size)), state.size
@@ -120,9 +123,9 @@ def _compiled(text: str) -> tuple[Any, Any]:
     return engine, kind(engine.get_function_address("run"))
 
 
-def _text(function: ca.Function) -> str:
+def _text(function: ca.Function, lanes: int) -> str:
     """LLVM's language for ``run(inputs, result, instants)``, whose arrays are a row per number."""
-    body = "\n".join(_lines(function))
+    body = "\n".join(_lines(function, lanes))
     of_c = (f"declare double @{name}({', '.join(['double'] * count)})" for name, count in _BY_INSTANT.values())
     intrinsic = (f"declare {_V} @{name}.v{LANES}f64({_V})" for name in _INTRINSIC.values())
     return f"""{chr(10).join((*of_c, *intrinsic))}
@@ -141,7 +144,7 @@ end:
 """
 
 
-def _lines(function: ca.Function) -> Iterator[str]:
+def _lines(function: ca.Function, lanes: int) -> Iterator[str]:
     """One pass of the loop: the instructions in order, the result of number k in ``%vk``."""
     sizes = [function.numel_in(k) for k in range(function.n_in())]
     first = np.concatenate([[0], np.cumsum(sizes)]).tolist()
@@ -159,7 +162,7 @@ def _lines(function: ca.Function) -> Iterator[str]:
             yield from _address(k, "in", first[of[0]] + of[1])
             yield f"  %v{k} = load {_V}, ptr %p{k}, align 8"
         else:
-            yield from _operation(k, op, [value[i] for i in of])
+            yield from _operation(k, op, [value[i] for i in of], lanes)
         value[to[0]] = f"%v{k}"
 
 
@@ -170,12 +173,12 @@ def _address(k: int, array: str, row: int) -> Iterator[str]:
     yield f"  %p{k} = getelementptr double, ptr %{array}, i64 %i{k}"
 
 
-def _operation(k: int, op: int, of: list[str]) -> Iterator[str]:
+def _operation(k: int, op: int, of: list[str], lanes: int) -> Iterator[str]:
     """Lines whose last one defines the value."""
     if op in _INSTRUCTIONS:
         yield f"  %v{k} = {_INSTRUCTIONS[op].format(*of)}"
     elif op in _BY_INSTANT:
-        yield from _by_instant(k, _BY_INSTANT[op][0], of)
+        yield from _by_instant(k, _BY_INSTANT[op][0], of, lanes)
     elif op in _SMALLER:
         yield from _chosen(k, _SMALLER[op], *of)
     elif op in _WHERE:
@@ -188,15 +191,17 @@ def _operation(k: int, op: int, of: list[str]) -> Iterator[str]:
         raise NotCompiledError(f"CasADi instruction {op} has no counterpart here")
 
 
-def _by_instant(k: int, name: str, of: list[str]) -> Iterator[str]:
+def _by_instant(k: int, name: str, of: list[str], lanes: int) -> Iterator[str]:
+    """Calls for the first lanes; the last of them is for the lanes behind it too."""
     result = "undef"
     for lane in range(LANES):
-        for place, vector in enumerate(of):
+        for place, vector in enumerate(of if lane < lanes else ()):
             yield f"  %e{k}.{lane}.{place} = extractelement {_V} {vector}, i32 {lane}"
-        arguments = ", ".join(f"double %e{k}.{lane}.{place}" for place in range(len(of)))
-        yield f"  %f{k}.{lane} = call double @{name}({arguments})"
+        if lane < lanes:
+            arguments = ", ".join(f"double %e{k}.{lane}.{place}" for place in range(len(of)))
+            yield f"  %f{k}.{lane} = call double @{name}({arguments})"
         filled = f"%v{k}.{lane}" if lane < LANES - 1 else f"%v{k}"
-        yield f"  {filled} = insertelement {_V} {result}, double %f{k}.{lane}, i32 {lane}"
+        yield f"  {filled} = insertelement {_V} {result}, double %f{k}.{min(lane, lanes - 1)}, i32 {lane}"
         result = filled
 
 

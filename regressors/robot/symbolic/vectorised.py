@@ -84,7 +84,7 @@ def in_turn(step: ca.Function, count: int) -> Callable[[Array, Array], Array]:
     (size, _), (_, width) = step.size_in(0), step.size_in(1)
     if count > _TO_COMPILE:
         with suppress(NotCompiledError):
-            code = MachineCode(step.expand())
+            code = MachineCode(step.expand(), lanes=1)
             return lambda state, inputs: code.in_turn(state, inputs.T.reshape(-1, width * len(inputs)).T)
     x, r = ca.MX.sym("x", size), ca.MX.sym("r", *step.size_in(1))
     result = step(x, r)
