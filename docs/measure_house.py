@@ -16,15 +16,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 83_110,
-    "lines of code": 51_360,
+    "lines": 83_260,
+    "lines of code": 51_470,
     "files": 379,
-    "classes": 683,
+    "classes": 684,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 17,
     "imports inside functions": 64,
     "look-ups of built-in parts by name": 18,
-    "lines of code of tests": 37_650,
+    "lines of code of tests": 37_700,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 141,
