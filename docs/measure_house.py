@@ -16,15 +16,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 82_610,
-    "lines of code": 50_970,
-    "files": 379,
-    "classes": 681,
+    "lines": 83_290,
+    "lines of code": 51_400,
+    "files": 381,
+    "classes": 685,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 17,
     "imports inside functions": 62,
-    "look-ups of built-in parts by name": 18,
-    "lines of code of tests": 37_490,
+    "look-ups of built-in parts by name": 19,
+    "lines of code of tests": 37_800,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 141,

@@ -20,6 +20,9 @@ LOAD = Experiment(model={"model": "load-integral", "window": "long"}, duration=4
 COULOMB = Experiment(stiction=1.0, breakaway=1e-5)
 STICKING = Experiment(stiction=1.5, breakaway=1e-3)
 PANDA = Experiment("panda", duration=8.0)
+OUTSIDE = replace(PANDA, plant="pinocchio")
+HELD = Experiment("panda", {"model": "load"}, duration=4.0, plant="pinocchio")
+STILL = replace(HELD, robot="ur10e", duration=5.0, swing=0.02)
 UR10E = Experiment("ur10e", duration=8.0, rate=125.0)
 POSSIBLE = Recipe(estimator="physical")
 ALIKE = Recipe(covariance="white")  # noise that is alike in all windows
@@ -60,6 +63,12 @@ CASES = (
     Case(
         "plain defaults, load, bias of 0.3 N", Experiment(model={"model": "load"}, duration=4.0), offset=0.3, plain=True
     ),
+    Case("plain defaults, Pinocchio's panda, offset of 0.18 Nm", OUTSIDE, offset=0.18, plain=True),
+    Case("plain defaults, Pinocchio's panda, Stribeck friction of 30 %", replace(OUTSIDE, stribeck=0.3), plain=True),
+    Case("plain defaults, Pinocchio's load, bias of 0.2 N", HELD, offset=0.2, plain=True),
+    Case("plain defaults, Pinocchio's load, bias of 0.4 N", HELD, offset=0.4, plain=True),
+    Case("plain defaults, Pinocchio's load, hardly turned, bias of 0.2 N", STILL, level=0.01, offset=0.2, plain=True),
+    Case("plain defaults, Pinocchio's load, hardly turned, bias of 0.4 N", STILL, level=0.01, offset=0.4, plain=True),
     Case("energy, white, noise taken as alike", SHORT, recipe=ALIKE, plain=True),
     Case("energy, plain defaults, white", SHORT, plain=True),
     Case("energy, plain defaults, positions 1e-4 rad", SHORT, positions=1e-4, plain=True),

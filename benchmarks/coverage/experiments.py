@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
+sys.path.append(str(Path(__file__).resolve().parents[2] / "tests" / "builders"))
+
 import numpy as np
+from pinocchio_chains import held_wrench, joint_torques
 
 from excite.design.optimisation import design_trajectory
 from excite.identification.equations import measured_regressor
 from excite.information.target import IdentificationTarget, target_of
 from excite.logs.log import Log
+from excite.payload.payload_motion import design_payload_motion
 from excite.simulation.simulate import simulate
 from excite.tasks.task import Task
 from regressors.models.nominal import parameter_values, standard_values
@@ -27,8 +33,10 @@ FINE = 10  # instants per instant of the log along which presliding friction is 
 LOAD = np.array(
     [1.75, 0.0573, -0.021, 0.1394, 0.0159, 0.0009, -0.0049, 0.018, 0.0021, 0.0051]
 )  # at the sensor, a possible body
+CURVED = 0.15  # velocity of the smooth curve of Stribeck friction [rad/s]
 STRIBECK = 0.02  # velocity over which break-away friction decays [rad/s]
 COULOMB, VISCOUS = 6.0, 8.0  # of robots whose friction is not published, such as the ur10e [Nm, Nm s/rad]
+POSES = {"panda": (0.0, -0.4, 0.0, -2.0, 0.0, 1.8, 0.785), "ur10e": (0.0, -1.2, 1.6, -1.2, -1.57, 0.0)}
 OWN = {"panda": (1.0, 1.0)}
 
 
@@ -52,6 +60,13 @@ class Experiment:
         Break-away friction over Coulomb friction, in the full simulation of the controlled robot; 0 for none.
     harmonics : int
         Of the motion.
+    plant : {"own", "pinocchio"}
+        What computes the torques, or the wrench of a load at the last link.
+    stribeck : float
+        By how much friction at rest exceeds Coulomb friction, over it, with the plant of Pinocchio: a smooth curve
+        over `CURVED` rad/s, without sticking.
+    swing : float
+        How far the joints turn from a pose, in a motion made for a load [rad]; 0 for a design of the model.
     wrong : float
         By how much, as a factor ``1 +- wrong`` of each body, the true parameters differ from the described ones.
     """
@@ -64,6 +79,9 @@ class Experiment:
     sign_width: float = 0.0
     stiction: float = 0.0
     harmonics: int = 5
+    plant: str = "own"
+    stribeck: float = 0.0
+    swing: float = 0.0
     wrong: float = 0.0
 
     @cached_property
@@ -113,14 +131,17 @@ class Experiment:
         """Log without noise, velocities left out."""
         own = {k: v for k, v in self.model.items() if k not in ("window",)}
         task = Task(self.robot, period=self.duration, harmonics=self.harmonics, starts=2, seed=0, rate=self.rate, **own)
-        design = design_trajectory(task.changed(robot=self.description))
+        design = self._still if self.swing else design_trajectory(task.changed(robot=self.description))
         if self.stiction:
             return self._controlled(design)
         samples = design.trajectory.samples(np.arange(round(self.duration * self.rate * FINE) + 1) / self.rate / FINE)
         target = self._instantaneous
-        beta = parameter_values(target.model, target.base, self.known)
-        W = measured_regressor(target, samples, self.breakaway)
-        measured = (W @ beta).reshape(samples.time.size, -1)[::FINE]
+        if self.plant == "pinocchio":
+            measured = self._by_pinocchio(samples.rows(slice(None, None, FINE)))
+        else:
+            beta = parameter_values(target.model, target.base, self.known)
+            W = measured_regressor(target, samples, self.breakaway)
+            measured = (W @ beta).reshape(samples.time.size, -1)[::FINE]
         names = self.target.robot.joint_names
         wrench = target.model.channel == "wrench"
         return Log(
@@ -135,6 +156,18 @@ class Experiment:
         )
 
     @cached_property
+    def _still(self) -> Any:
+        """Design of a motion that hardly turns the load."""
+        settings = {
+            "sensor": "wrench",
+            "pose": POSES[self.robot],
+            "swing": self.swing,
+            "period": self.duration,
+            "starts": 2,
+        }
+        return design_payload_motion(self.description, **settings).design
+
+    @cached_property
     def _instantaneous(self) -> IdentificationTarget:
         """Model of single instants with the same parameters."""
         name = _INSTANT[type(self.target.model).__name__]
@@ -147,6 +180,14 @@ class Experiment:
         acceleration = np.gradient(velocity, step, axis=0, edge_order=2)
         samples = Samples(log.time, log.q, velocity, acceleration, np.zeros_like(log.q))
         return measured_regressor(target, samples, self.breakaway)
+
+    def _by_pinocchio(self, samples: Samples) -> Array:
+        """Torques of a robot without drives, or the wrench of the load, by Pinocchio's recursion, shape (N, n)."""
+        if self.target.model.channel == "wrench":
+            return held_wrench(self.description, LOAD, samples)
+        coulomb, viscous = OWN.get(self.robot, (COULOMB, VISCOUS))
+        curve = coulomb * (1 + self.stribeck * np.exp(-((samples.dq / CURVED) ** 2)))
+        return np.asarray(joint_torques(self.description, samples) + curve * np.sign(samples.dq) + viscous * samples.dq)
 
     def _controlled(self, design: Any) -> Log:
         """Log of the controlled robot, whose drives stick."""

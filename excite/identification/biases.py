@@ -23,21 +23,31 @@ fastest. With them the equations are ``y = W beta + G c``, whose solution differ
 ``d d' + (W'VW)^-1 W'VG Cov(c) G'VW (W'VW)^-1`` beside the covariance for noise [Hausman 1978, Econometrica 46, 1251],
 with the covariance of c by the residuals that the bumps leave, which are the noise's.
 
-A constant torque of one joint, the offset of a sensor, is no noise either. Where it shows, it is identified along;
-where it does not, because a parameter of gravity takes it up, only the user can know of it: see `hidden_offset`.
+A constant torque of one joint, the offset of a sensor, is no noise either. Where it shows clearly, it is identified
+along; else a parameter of gravity may take it up. With a prior deviation of such constants o, and what the log tells of
+them beside the parameters, a mean m and a covariance P, an estimate that changes by ``R o`` has the covariance
+``Cov + R (m m' + P) R'`` about the truth. Without choices, only the user can know of it: see `hidden_offset`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from excite.identification.covariance import METHODS, divisors, group_scale, with_covariance
-from excite.identification.equations import drive_directions, equations, friction_drives, instant_columns, nearest
+from excite.identification.equations import (
+    constants,
+    drive_directions,
+    equations,
+    friction_drives,
+    instant_columns,
+    nearest,
+    nuisance_columns,
+)
 from excite.identification.estimator import (
     CONFIDENCE,
     Context,
@@ -50,7 +60,7 @@ from excite.identification.estimator import (
 )
 from excite.identification.estimators.least_squares import weighted
 from excite.identification.large_residual import Doubt
-from excite.identification.noise import autocorrelation, effective_samples
+from excite.identification.noise import autocorrelation, effective_samples, noise_origin
 from excite.identification.observations import GroupFactors, Observations, row_stretches
 from excite.identification.preparation import PreparedLog, chosen_method
 from excite.identification.recipe import Recipe
@@ -61,11 +71,12 @@ from excite.logs.excitation import runs
 from excite.logs.signals.method import resample
 from regressors.errors import ExciteError, InputError, percent
 from regressors.models.base import triangular_factor
-from regressors.robot.columns import OFFSET
+from regressors.robot.columns import COULOMB, OFFSET
 from regressors.robot.friction.load_and_temperature import friction_rows
 from regressors.samples import Array, Samples
 
 _SLOW = 0.1  # of the typical speed: rows of slower drives are compared with the others
+_SLOW_WINDOW = 0.05  # the same of windows, which hold the work of all drives
 _FASTER = 2.0  # of the speed below which rows are left out
 _INSTANTS = 100_000  # of a log, that the typical speed is found from
 _SAID = 0.5  # change over deviation that is worth a note
@@ -76,12 +87,15 @@ def allowing_for_standstill(
 ) -> Estimate:
     """Extend the covariance of an estimate by its change without rows near standstill, where friction holds there."""
     target, recipe = context.target, context.recipe
-    if estimate.method not in METHODS or None in (target.model.torque_equations(), target.model.coulomb_friction()):
+    if estimate.method not in METHODS or not _may_be_held(target):
         return estimate
     shown = _held(observations)
-    speed = _FASTER * recipe.standstill if recipe.standstill else _SLOW * typical_speed(target.robot, _thinned(context))
+    share = _SLOW if target.model.window is None else _SLOW_WINDOW
+    speed = _FASTER * recipe.standstill if recipe.standstill else share * typical_speed(target.robot, _thinned(context))
     fast = fast_rows(shown, context, speed)
-    if fast.all() or not (recipe.standstill or fails_near_standstill(estimate, shown, fast)):
+    # of windows, whose noise grows with the work of each channel
+    channels = noise_origin(context)[1] if shown is observations else None
+    if fast.all() or not (recipe.standstill or fails_near_standstill(estimate, shown, fast, channels)):
         return estimate
     try:
         before = estimate if shown is observations else estimator.estimate(shown, context)
@@ -100,6 +114,13 @@ def allowing_for_standstill(
         f"{estimate.names[worst]} changes most, by {share:.2g} standard deviations, which the intervals include"
     )
     return allowing_for(estimate, change, *((note,) if share >= _SAID else ()))
+
+
+def _may_be_held(target: IdentificationTarget) -> bool:
+    """Whether the equations have friction of drives, and are of single instants or of short windows."""
+    if (window := target.model.window) is None:
+        return None not in (target.model.torque_equations(), target.model.coulomb_friction())
+    return window.kind == "short" and any(target.base.columns[int(k)].kind == COULOMB for k in target.base.index)
 
 
 def _held(observations: Observations) -> Observations:
@@ -121,19 +142,28 @@ def fast_rows(observations: Observations, context: Context, speed: float) -> NDA
     fast = np.ones(observations.y.size, dtype=bool)
     for log, part in enumerate(context.prepared):
         rows = np.flatnonzero(observations.log == log)
+        if (window := context.target.model.window) is not None:
+            speeds = np.abs(part.samples.dq @ friction_rows(context.target.robot).T)
+            slowest = speeds[:, speeds.max(axis=0) > speed].min(axis=1, initial=np.inf)
+            ends, time = window.ends(part.samples.time), context.target.model.row_times(part.samples.time)
+            fast[rows] = np.minimum(*(slowest[k] for k in ends))[nearest(time, observations.time[rows])] >= speed
+            continue
         instants, which = np.unique(nearest(part.samples.time, observations.time[rows]), return_inverse=True)
         speeds = least_speeds(context.target, part.samples.rows(instants))
         fast[rows] = speeds[which, observations.equation[rows]] >= speed
     return fast
 
 
-def fails_near_standstill(estimate: Estimate, observations: Observations, fast: NDArray[np.bool_]) -> bool:
+def fails_near_standstill(
+    estimate: Estimate, observations: Observations, fast: NDArray[np.bool_], channels: Array | None = None
+) -> bool:
     """True if residuals are larger in rows near standstill than in the others, beyond what noise does in 1 % of cases.
 
     Their mean squares in units of each group's noise are compared, with a normal distribution of variance
     ``2 / n_slow + 2 / n_fast`` in effective rows, see `excite.identification.noise`.
-    """  # fast (m,)
+    """  # fast (m,); channels (m, c)
     residual, group = estimate.residual(observations), observations.group
+    residual = residual if channels is None else residual / np.maximum(np.linalg.norm(channels, axis=1), 1e-300)
     squares = (residual / group_scale(estimate)[group]) ** 2
     share = np.ones(observations.y.size)
     for g in np.flatnonzero(np.bincount(group)):
@@ -299,27 +329,112 @@ def friction_mismatch(estimate: Estimate, observations: Observations, context: C
     friction = model.coulomb_friction()
     if model.window is not None or friction is None or not np.isin(friction.columns, base.index).any():
         return None
-    seen = np.isfinite(np.diag(estimate.covariance))
-    shown = observations
-    if not seen.all():
-        names, units = (tuple(np.array(x)[seen].tolist()) for x in (observations.names, observations.units))
-        shown = replace(observations, W=observations.matrix[:, seen], names=names, units=units)
-    G = bumps(context.target, context.prepared, context.recipe)
-    sums, reach = _unexplained(shown, G, divisors(estimate))
-    rank = sums.shape[1]
-    if not rank:
+    G = bumps(context.target, context.prepared, context.recipe) * _likely_bumps(estimate, observations, context)
+    beside = _Beside.fitted(estimate, observations, G, context)
+    if beside is None or not len(beside.c):
         return None
-    wider = shown.beside(G @ sums, [f"bumps {k}" for k in range(1, rank + 1)], "Nm")
-    other = with_covariance(weighted(wider), wider, context.recipe.covariance)
-    c, C = other.values[-rank:], other.covariance[-rank:, -rank:]
-    if not np.all(np.isfinite(C)):
-        return None
-    bound = rank * scipy.special.fdtri(rank, max(other.degrees_of_freedom, 1), 1 - _CHANCE)
+    c, C, rank = beside.c, beside.C, len(beside.c)
+    bound = rank * scipy.special.fdtri(rank, beside.freedom, 1 - _CHANCE)
     if c @ np.linalg.pinv(C, hermitian=True) @ c <= bound:
         return None
-    moments = np.zeros_like(estimate.covariance)
-    moments[np.ix_(seen, seen)] = np.outer(reach @ c, reach @ c) + reach @ C @ reach.T
-    return moments
+    return beside.moments()
+
+
+_BUMP = 0.2  # of a drive's friction: deviation of a bump beforehand
+
+
+def _likely_bumps(estimate: Estimate, observations: Observations, context: Context) -> Array:
+    """Deviation of every bump of every drive beforehand, by the size of its directed friction, shape (k,)."""
+    friction = friction_drives(context.target, context.prepared[0].samples)
+    torques: dict[int, Array] = {}
+    W = observations.matrix
+    for column, drive in zip(friction.columns, friction.drives, strict=True):
+        torques[drive] = torques.get(drive, 0.0) + W[:, column] * estimate.coefficients[column]
+    instants = observations.y.size / len(observations.equations)
+    sizes = [np.linalg.norm(torque) / np.sqrt(instants) for torque in torques.values()]
+    return np.repeat(_BUMP * np.array(sizes), len(BUMP_SPEEDS))
+
+
+@dataclass(frozen=True, eq=False)
+class _Beside:
+    """Columns G beside those of the parameters: what they explain that these do not, and what they do to these."""
+
+    sums: Array  # (k, r) sums of the columns of unit length and independent of each other
+    shown: Array  # (r, k) of errors of the columns, those that show as these sums
+    reach: Array  # (p, k) change of the estimate by an error of each column
+    c: Array  # (r,) of the sums, as identified beside the parameters
+    C: Array  # (r, r) and its covariance
+    freedom: int
+
+    @classmethod
+    def fitted(cls, estimate: Estimate, observations: Observations, G: Array, context: Context) -> _Beside | None:
+        """Identify the columns, shape (m, k), beside the parameters; None where residuals do not tell their noise."""
+        seen = np.isfinite(np.diag(estimate.covariance))
+        rows = observations
+        if not seen.all():
+            names, units = (tuple(np.array(x)[seen].tolist()) for x in (observations.names, observations.units))
+            rows = replace(observations, W=observations.matrix[:, seen], names=names, units=units)
+        sums, shown, own = _unexplained(rows, G, divisors(estimate))
+        reach = np.zeros((seen.size, G.shape[1]))
+        reach[seen] = own
+        if not (rank := sums.shape[1]):
+            return cls(sums, shown, reach, np.zeros(0), np.zeros((0, 0)), 1)
+        wider = rows.beside(G @ sums, [f"beside {k}" for k in range(1, rank + 1)])
+        other = with_covariance(weighted(wider), wider, context.recipe.covariance, *noise_origin(context))
+        c, C = other.values[-rank:], other.covariance[-rank:, -rank:]
+        return cls(sums, shown, reach, c, C, max(other.degrees_of_freedom, 1)) if np.all(np.isfinite(C)) else None
+
+    def moments(self) -> Array:
+        """Second moments of the estimate's error by errors of the columns of variance one beforehand, shape (p, p)."""
+        gain = self.shown.T @ np.linalg.pinv(self.shown @ self.shown.T + self.C, hermitian=True)
+        mean, left = gain @ self.c, np.eye(len(gain)) - gain @ self.shown
+        return np.asarray(self.reach @ (np.outer(mean, mean) + left) @ self.reach.T)
+
+
+_OFFSET = 0.005  # of the root mean square torque: deviation of the offset of a sensor
+_BIAS = 0.02  # of the root mean square force or torque of a wrench
+_WIDER = 1.5  # times as wide, an interval is worth a note
+
+
+def allowing_for_nuisances(estimate: Estimate, observations: Observations, context: Context) -> Estimate:
+    """Extend the covariance by what a model lacks: friction of another form, and constants that the logs leave open."""
+    if estimate.mismatch is not None:
+        moments = estimate.mismatch
+        note = "friction of the logs differs over speed from what the model has, which the intervals include"
+        estimate = replace(allowing_for(estimate, np.eye(len(moments)), note, covariance=moments), mismatch=None)
+    if estimate.method not in METHODS or observations.W.nbytes > _LARGEST:
+        return estimate
+    G = _likely_constants(observations, context)
+    beside = _Beside.fitted(estimate, observations, G, context) if G.size else None
+    if beside is None:
+        return estimate
+    wider = allowing_for(estimate, np.eye(len(estimate.names)), covariance=beside.moments())
+    known = np.isfinite(estimate.deviation) & (estimate.deviation > 0)
+    ratio = np.divide(wider.deviation, estimate.deviation, out=np.ones(known.size), where=known)
+    worst = int(np.argmax(ratio))
+    if ratio[worst] < _WIDER:
+        return wider
+    share, what = (_BIAS, "forces and torques") if context.target.model.channel == "wrench" else (_OFFSET, "torques")
+    note = (
+        f"an offset of {percent(share, 1)} of the measured {what} (standard deviation) may hide in these logs, which "
+        f"the intervals include: that of {estimate.names[worst]} is {ratio[worst]:.2g} times as wide"
+    )
+    return noted(wider, note)
+
+
+def _likely_constants(observations: Observations, context: Context) -> Array:
+    """Constants of the measured torques that the model has not, as large as they may be, in the rows, shape (m, k)."""
+    model, base, measured = context.target.model, context.target.base, [part.measured for part in context.prepared]
+    size = np.sqrt(np.mean(np.concatenate(measured) ** 2, axis=0))
+    if model.channel == "wrench":
+        if context.recipe.bias is not None:
+            return np.zeros((observations.y.size, 0))
+        size = _BIAS / _OFFSET * np.repeat(np.linalg.norm(size.reshape(2, 3), axis=1), 3)
+    columns = nuisance_columns(context, constants) * _OFFSET * size
+    own = [k for k, index in enumerate(base.index) if base.columns[int(index)].kind == OFFSET]
+    W = observations.matrix[:, own]
+    left = columns - W @ np.linalg.lstsq(W, columns)[0]
+    return np.asarray(columns[:, np.linalg.norm(left, axis=0) > _SHOWN * np.linalg.norm(columns, axis=0)])
 
 
 def bumps(target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe) -> Array:
@@ -338,19 +453,21 @@ def bumps(target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Re
     return instant_columns(Context(target, tuple(parts), recipe), torques)
 
 
-def _unexplained(observations: Observations, G: Array, divisor: Array) -> tuple[Array, Array]:
-    """Sums of bumps that neither the parameters nor each other explain, (k, sums), and what each does to beta."""
+def _unexplained(observations: Observations, G: Array, divisor: Array) -> tuple[Array, Array, Array]:
+    """Sums, what shows of G as these, and what G does to beta, see `_Beside`."""
     k, p = G.shape[1], observations.W.shape[1]
     both = GroupFactors.of(observations, front=G).stacked(divisor)
     R = triangular_factor(np.hstack([both[:, k : k + p], both[:, :k]]))  # of the weighted [W G]
     size = np.linalg.norm(R[:, p:], axis=0)
     size = np.where(size > 0, size, 1.0)
     _, s, V = np.linalg.svd(R[p:, p:] / size, full_matrices=False)
-    sums = V[s > _SHOWN].T / s[s > _SHOWN] / size[:, None]
-    return sums, -np.asarray(scipy.linalg.solve_triangular(R[:p, :p], R[:p, p:] @ sums))
+    kept = s > _SHOWN
+    shown = s[kept, None] * V[kept] * size
+    sums = V[kept].T / s[kept] / size[:, None]
+    return sums, shown, -np.asarray(scipy.linalg.solve_triangular(R[:p, :p], R[:p, p:]))
 
 
-_OFFSET = 0.01  # of the root mean square torque: as large as the offset of a sensor may be without anyone's notice
+_LARGEST_OFFSET = 0.01  # of the root mean square torque: as large as an offset may be without anyone's notice
 _ZERO = 1e-3  # of it: a log that shows less has no offset that matters
 
 
@@ -370,7 +487,7 @@ def hidden_offset(estimate: Estimate, observations: Observations, target: Identi
     half = solve_triangular_system(GroupFactors.of(observations).stacked(divisors(estimate))).half
     noise = np.median(estimate.half_width[known] / np.linalg.norm(half, axis=1)[known])
     unexplained = np.maximum(own - np.sum((sums @ half) ** 2, axis=1), _SHOWN**2 * own)
-    size = np.minimum(noise / np.sqrt(np.where(own > 0, unexplained, np.inf)), _OFFSET * torque)
+    size = np.minimum(noise / np.sqrt(np.where(own > 0, unexplained, np.inf)), _LARGEST_OFFSET * torque)
     size = np.where(size > _ZERO * torque, size, 0.0)
     moved = np.abs(half @ (half.T @ sums.T))[known] * size / estimate.half_width[known, None]
     worst, j = np.unravel_index(int(np.argmax(moved)), moved.shape)

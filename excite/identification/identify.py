@@ -10,14 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from excite.design.design import Design
 from excite.errors import ConicSolverError
 from excite.identification.allowances import FOUND, allowing_for_selection
+from excite.identification.biases import allowing_for_nuisances
 from excite.identification.choices.all_choices import Chosen, choose_settings, free_settings
 from excite.identification.choices.friction_terms import TERM_SETTINGS, added_columns
-from excite.identification.estimator import Estimator, hide_parameters
+from excite.identification.estimator import Context, Estimator, hide_parameters
 from excite.identification.identification import Identification
 from excite.identification.impossible_parameters import beyond_plausible
 from excite.identification.large_residual import with_external_forces
@@ -170,7 +172,13 @@ def identify(
         if calibrate and known_mass is not None:
             with_load = read_logs(loaded, robot, mapping, tuple(drop), progress)
             result = calibrated(result, read, with_load, known_mass, gains, commanded=commanded)
-    result = _without_implausible(_allowing_for_terms(result, chosen))
+    hidden = _implausible(_allowing_for_terms(result, chosen))
+    if chosen.choices:
+        context = Context(result.target, result.prepared, result.recipe)
+        result = replace(result, estimate=allowing_for_nuisances(result.estimate, result.observations, context))
+    result = _allowing_for_terms(result, chosen)
+    if hidden.any():
+        result = replace(result, estimate=hide_parameters(result.estimate, hidden))
     spent = time.monotonic() - began, time.process_time() - cpu
     return replace(
         result,
@@ -231,18 +239,17 @@ def _allowing_for_terms(result: Identification, chosen: Chosen) -> Identificatio
     return replace(result, estimate=estimate)
 
 
-def _without_implausible(result: Identification) -> Identification:
-    """No value of parameters of which the logs show nothing plausible; windows do not tell, and are not judged."""
+def _implausible(result: Identification) -> NDArray[np.bool_]:
+    """Parameters of which the logs show nothing plausible, shape (p,); windows do not tell, and are not judged."""
     target, observations = result.target_of_instants, result.observations
     if target.base.names != result.names or observations.equations != target.model.row_labels:
-        return result
+        return np.zeros(len(result.names), dtype=bool)
     count, square = (
         np.bincount(observations.equation, weights, len(observations.equations))
         for weights in (None, observations.y**2)
     )
     torque = np.sqrt(square / np.maximum(count, 1))
-    hidden = beyond_plausible(target, result.estimate, Samples.joined([p.samples for p in result.prepared]), torque)
-    return replace(result, estimate=hide_parameters(result.estimate, hidden)) if hidden.any() else result
+    return beyond_plausible(target, result.estimate, Samples.joined([p.samples for p in result.prepared]), torque)
 
 
 def _ends(model: object, design: Design | None, options: dict[str, Any]) -> dict[str, Any]:

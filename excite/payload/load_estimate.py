@@ -157,12 +157,15 @@ class _Problem:
         half = (V[shown].T / sigma[shown]) / scale[:, None]  # half half' is the covariance of the weighted rows
         errors = np.empty(e.observations.y.size)
         groups, scores = [], []
+        drifts = np.zeros((errors.size, 0)) if e.drifts is None else e.drifts
+        drifted = np.zeros((half.shape[1], drifts.shape[1]))
         for rows, j, w in zip(e.groups, e.equation, self.weight, strict=True):
             predicted, J = self._jacobian(e.rows[rows], int(j))
             errors[rows] = e.observations.y[rows] - predicted
             X = J[:, self.free] @ half
             groups.append(NoiseGroup(errors[rows], X, w**2 * X, np.ones((rows.size, 1))))
             scores.append(w**2 * X * errors[rows, None])
+            drifted += w**2 * X.T @ drifts[rows]
         noise = autoregressive_covariance(groups, self.effective)
         prior = self.prior[:, self.free] @ half
         reduced = noise + prior.T @ prior
@@ -171,7 +174,7 @@ class _Problem:
         wider = half @ (blocked + prior.T @ prior) @ half.T
         with np.errstate(invalid="ignore", divide="ignore"):
             ratio = np.sqrt(np.maximum(np.nan_to_num(np.diag(wider) / np.diag(covariance), nan=1.0), 1.0))
-        covariance = covariance * np.outer(ratio, ratio)
+        covariance = covariance * np.outer(ratio, ratio) + half @ (drifted @ drifted.T) @ half.T
         whole = np.zeros((self.size, self.size))
         whole[np.ix_(self.free, self.free)] = covariance
         of_gains = self.prior[-self.k :, self.free] @ half if self.k else np.zeros((0, half.shape[1]))
@@ -252,6 +255,7 @@ class LoadEquations:
     gains: Array  # (k, k) covariance of e, one for each equation; of no rows where gains do not matter
     known: Array | None = None  # (p,) beta of an earlier identification; unknown if not given
     covariance: Array | None = None  # (p, p) of `known`
+    drifts: Array | None = None  # (m, c) changes of the rows that are not estimated, each of deviation one
     scales_all: bool = True  # False where e changes K phi only, since beta is from torques with the same gains
 
     @property

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.identification.equations import equations_of
 from excite.identification.identification import Identification, stated_covariance
@@ -18,7 +19,7 @@ from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
-from excite.payload.known_gains import KnownGains
+from excite.payload.known_gains import DRIFT, KnownGains
 from excite.payload.load_estimate import LoadEquations
 from excite.tasks.task import Task
 from regressors.arguments import checked
@@ -30,6 +31,8 @@ from regressors.samples import Array
 CHANGED = 0.2
 """Standard deviation of the change of each friction parameter from one log to the next, relative to the parameter."""
 _KINDS = ("coulomb", "viscous", "root", "stribeck", "asymmetry")
+_NOTHING = 1e-9  # N or Nm
+_OFFSET, _OF_WRENCH = 0.005, 0.02  # of the root mean square: deviation of the change of an offset between the logs
 
 
 def paired_equations(
@@ -39,8 +42,9 @@ def paired_equations(
     parts = [*(replace(part, standing=()) for part in bare.prepared), *loaded]
     observations, load = _rows(bare.target, parts, len(bare.prepared), recipe)
     friction, size = _friction(bare.target.base, observations, load, bare.estimate.coefficients)
+    drifts = _drifts(observations, load, bare.estimate.coefficients)
     corrected = replace(observations, y=observations.y * gains.factor[observations.equation])
-    return LoadEquations(corrected, load, friction, size, gains.relative)
+    return LoadEquations(corrected, load, friction, size, gains.relative, drifts=drifts)
 
 
 def modelled_equations(
@@ -50,8 +54,11 @@ def modelled_equations(
     known, covariance = known_parameters(result)
     observations, load = _rows(target, logs, 0, recipe)
     friction, size = _friction(target.base, observations, load, known)
+    drifts = _drifts(observations, load, known)
     load = load / gains.factor[observations.equation, None]
-    return LoadEquations(observations, load, friction, size, gains.relative, known, covariance, scales_all=False)
+    return LoadEquations(
+        observations, load, friction, size, gains.relative, known, covariance, drifts=drifts, scales_all=False
+    )
 
 
 def wrench_equations(
@@ -69,8 +76,9 @@ def wrench_equations(
     if bare:
         names, units = (*observations.names, *names), (*observations.units, *units)
     observations = replace(observations, W=W, names=names, units=units)
-    none = np.zeros((W.shape[0], 0))
-    return LoadEquations(observations, K * carries[:, None], none, np.zeros(0), np.zeros((0, 0)))
+    size = np.linalg.norm(_sizes(observations, carries).reshape(-1, 3), axis=1)  # of forces, and of torques
+    changing = offsets * carries[:, None] * bool(bare), _OF_WRENCH * np.repeat(np.maximum(size, _NOTHING), 3)
+    return LoadEquations(observations, K * carries[:, None], *changing, np.zeros((0, 0)))
 
 
 def _rows(
@@ -90,6 +98,20 @@ def _friction(base: Base, observations: Observations, load: Array, beta: Array) 
     kept = size > 0
     columns = observations.matrix[:, own][:, kept] * np.any(load, axis=1)[:, None]
     return columns, size[kept]
+
+
+def _drifts(observations: Observations, load: Array, beta: Array) -> Array:
+    """Changes of the rows with the load by one deviation of the drift of each gain, and of each offset, (m, 2 r)."""
+    carries = np.any(load, axis=1)
+    each = np.eye(len(observations.equations))[observations.equation] * carries[:, None]
+    torque = (observations.matrix @ beta)[:, None]
+    return np.hstack([DRIFT * torque * each, _OFFSET * _sizes(observations, carries) * each])
+
+
+def _sizes(observations: Observations, rows: NDArray[np.bool_]) -> Array:
+    """Root mean square of some rows of each equation, shape (r,)."""
+    count = np.maximum(np.bincount(observations.equation[rows], minlength=len(observations.equations)), 1)
+    return np.sqrt(np.bincount(observations.equation[rows], observations.y[rows] ** 2, count.size) / count)
 
 
 _LOW_PASS = 15.0  # Hz

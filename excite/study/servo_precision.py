@@ -38,7 +38,7 @@ from regressors.samples import Array
 _RATE = 50.0  # of the log [Hz]
 _LEAST, _LONGEST = 30.0, 300.0  # of rehearsals [s]
 _ERROR, _ALIKE = 2e-3, 0.1  # of servos of which nothing is known [rad or m], and how long errors are alike [s]
-_ROOM = 1.25  # half-widths of one log over those of another of the same motion, at most
+_ROOM = 1.7  # half-widths of one log over those of another of the same motion, at most
 _ASKED = ("K", "D", "J", "Fc", "d", "L")  # what every servo has
 
 

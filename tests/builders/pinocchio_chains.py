@@ -40,11 +40,24 @@ def chain_model(robot: Robot) -> Any:
     return model
 
 
-def joint_torques(robot: Robot, samples: Samples) -> Array:
-    """Torques at the joints that the links alone take, shape (N, n) [Nm or N]."""
+def joint_torques(robot: Robot, samples: Samples, load: np.ndarray | None = None) -> Array:
+    """Torques at the joints that the links take, and a load at the last one, shape (N, n) [Nm or N]."""
     model = chain_model(robot)
+    if load is not None:
+        model.appendBodyToJoint(robot.n, inertia(load), pin.SE3.Identity())
     data = model.createData()
     return np.array([pin.rnea(model, data, *state) for state in zip(samples.q, samples.dq, samples.ddq, strict=True)])
+
+
+def held_wrench(robot: Robot, theta: np.ndarray, samples: Samples) -> Array:
+    """Force and torque that the last link takes to move a body of ten parameters, in its frame, shape (N, 6)."""
+    model = chain_model(robot)
+    model.inertias[robot.n] = inertia(theta)
+    data, wrenches = model.createData(), []
+    for state in zip(samples.q, samples.dq, samples.ddq, strict=True):
+        pin.rnea(model, data, *state)
+        wrenches.append(data.f[robot.n].vector.copy())
+    return np.array(wrenches)
 
 
 def drive_torques(robot: Robot, samples: Samples) -> Array:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from observed import observations_of
 from played import EXACT, PERIOD, TASK, described, found, irp6, noisy, played, three_joints
 
 from excite.design.optimisation import design_trajectory
 from excite.identification.biases import (
+    _Beside,
+    allowing_for_nuisances,
     allowing_for_standstill,
     fails_near_standstill,
     fast_rows,
@@ -21,7 +25,7 @@ from excite.identification.biases import (
 )
 from excite.identification.equations import equations_of
 from excite.identification.estimator import Context
-from excite.identification.estimators.least_squares import Weighted
+from excite.identification.estimators.least_squares import Weighted, weighted
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
 from excite.identification.preparation import prepare
@@ -272,6 +276,50 @@ def test_an_offset_that_does_not_show_moves_a_parameter_as_the_warning_says() ->
     assert change == pytest.approx(float(times) * result.estimate.half_width[k], rel=0.1)
     assert along.estimate.half_width[k] > 1.2 * result.estimate.half_width[k]
     assert hidden_offset(along.estimate, along.observations, along.target) is None
+
+
+def test_a_hidden_offset_is_in_the_intervals_that_count_it() -> None:
+    clean = played(three_joints(5), 3)
+    size = np.sqrt(np.mean(clean.effort**2, axis=0))
+    log = noisy(replace(clean, effort=clean.effort + 0.005 * size), 1.0, 0.0, 1)
+    plain = found(TASK, log)
+    wider = allowing_for_nuisances(plain.estimate, plain.observations, context_of(plain))
+    np.testing.assert_array_equal(wider.values, plain.estimate.values)
+    assert missed(replace(plain, estimate=wider)) == 0 < missed(plain)
+    assert any("an offset of 0.5 % of the measured torques" in note for note in wider.notes)
+    along = found(TASK.changed(offset=True), log)
+    assert allowing_for_nuisances(along.estimate, along.observations, context_of(along)) is along.estimate
+
+
+def test_errors_of_columns_beside_have_the_moments_of_their_posterior() -> None:
+    """Against the normal equations of all unknowns at once, with the prior of the columns' errors."""
+    rng = np.random.default_rng(5)
+    W, G = rng.normal(size=(400, 3)), rng.normal(size=(400, 2))
+    W[:, 0] += 3 * G[:, 0]
+    y = W @ np.ones(3) + G @ np.array([0.5, -0.2]) + 4.0 * rng.normal(size=400)
+    observations, A = observations_of(W, y), np.hstack([W, G])
+    context = SimpleNamespace(
+        target=SimpleNamespace(model=SimpleNamespace(window=None)), recipe=Recipe(covariance="white")
+    )
+    moments = _Beside.fitted(weighted(observations), observations, G, context).moments()
+    rest = y - A @ np.linalg.lstsq(A, y)[0]
+    left = np.linalg.inv(A.T @ A / (rest @ rest / (400 - 5)) + np.diag([0, 0, 0, 1, 1]))
+    mean = left @ A.T @ y / (rest @ rest / (400 - 5))
+    R = np.linalg.lstsq(W, G)[0]
+    np.testing.assert_allclose(moments, R @ (np.outer(mean[3:], mean[3:]) + left[3:, 3:]) @ R.T, rtol=1e-6, atol=1e-9)
+
+
+def test_windows_in_which_a_drive_sticks_are_allowed_for(noisy_log: Log) -> None:
+    energy = TASK.changed(model="energy")
+    result = found(energy, noisy_log, recipe=EXACTLY)
+    first, last = result.target.model.window.ends(result.prepared[0].samples.time)
+    slowest = np.abs(result.prepared[0].samples.dq @ C.T).min(axis=1)
+    fast = fast_rows(result.observations, context_of(result), 0.05)
+    np.testing.assert_array_equal(fast, (slowest[first] >= 0.05) & (slowest[last] >= 0.05))
+    said = [note for note in result.estimate.notes if "where friction is uncertain" in note]
+    held = found(energy, sticking(noisy_log, 300.0), recipe=EXACTLY)
+    assert not said
+    assert any("where friction is uncertain" in note for note in held.estimate.notes)
 
 
 def test_no_offset_is_hidden_where_no_torque_has_noise(log: Log) -> None:

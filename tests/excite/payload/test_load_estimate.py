@@ -58,6 +58,16 @@ def test_friction_that_may_have_changed_like_the_load_is_as_uncertain_as_stated(
     assert np.sqrt(estimate_load(changing).covariance[0, 0]) == pytest.approx(0.2, rel=1e-3)
 
 
+def test_a_drift_that_acts_like_the_load_widens_its_interval_and_leaves_its_value() -> None:
+    equations = experiment(np.ones(3), 1e-4, 0, 1e-12 * np.eye(3))
+    plain, drifting = (
+        estimate_load(each) for each in (equations, replace(equations, drifts=0.2 * equations.load[:, :1]))
+    )
+    np.testing.assert_array_equal(drifting.phi, plain.phi)
+    widened = (drifting.covariance - plain.covariance)[0, 0]
+    assert np.sqrt(widened) == pytest.approx(0.2, rel=1e-6)
+
+
 def test_covariance_of_factors_is_that_of_reciprocals() -> None:
     gains, covariance = np.array([0.25, -0.2]), np.array([[4e-4, 1e-4], [1e-4, 9e-4]])
     estimate = replace(estimate_load(experiment(np.ones(3), 1e-4, 0, 1e-4 * np.eye(3))), gains=gains)

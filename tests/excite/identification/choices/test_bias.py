@@ -38,7 +38,7 @@ def test_it_is_found_and_the_intervals_allow_for_it(kept: tuple[str, ...]) -> No
     given = identified(0.3, equations=kept, bias=tuple(found))
     np.testing.assert_allclose(given.estimate.values, result.estimate.values, rtol=1e-9)
     assert np.all(given.estimate.half_width <= result.estimate.half_width)
-    ignored = identified(0.3, equations=kept, choose=["delay"])
+    ignored = identified(0.3, equations=kept, choose=False)
     assert ignored.recipe.bias is None
     assert np.any(np.abs(ignored.estimate.values - LOAD) > ignored.estimate.half_width)
 
