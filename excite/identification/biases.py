@@ -346,13 +346,13 @@ _BUMP = 0.2  # of a drive's friction: deviation of a bump beforehand
 def _likely_bumps(estimate: Estimate, observations: Observations, context: Context) -> Array:
     """Deviation of every bump of every drive beforehand, by the size of its directed friction, shape (k,)."""
     friction = friction_drives(context.target, context.prepared[0].samples)
-    torques: dict[int, Array] = {}
-    W = observations.matrix
-    for column, drive in zip(friction.columns, friction.drives, strict=True):
-        torques[drive] = torques.get(drive, 0.0) + W[:, column] * estimate.coefficients[column]
-    instants = observations.y.size / len(observations.equations)
-    sizes = [np.linalg.norm(torque) / np.sqrt(instants) for torque in torques.values()]
-    return np.repeat(_BUMP * np.array(sizes), len(BUMP_SPEEDS))
+    of_drive = np.array(friction.drives) == np.array(list(dict.fromkeys(friction.drives)))[:, None]
+    squares = np.zeros(len(of_drive))
+    for rows in observations.blocks():
+        torques = observations.W[rows][:, friction.columns] * estimate.coefficients[list(friction.columns)]
+        squares += ((torques @ of_drive.T) ** 2).sum(axis=0)
+    sizes = np.sqrt(squares * len(observations.equations) / observations.y.size)
+    return np.repeat(_BUMP * sizes, len(BUMP_SPEEDS))
 
 
 @dataclass(frozen=True, eq=False)

@@ -79,7 +79,7 @@ def test_the_load_is_found_from_a_pair_of_logs_and_read_back_as_written(played: 
     assert result.mass == pytest.approx(1.5, rel=0.02)
     np.testing.assert_allclose(result.body.centre, [0.02, -0.01, 0.15], atol=0.005)
     low, high = result.intervals.T
-    assert low[0] <= 1.5 <= high[0] < low[0] + 0.1
+    assert low[0] <= 1.5 <= high[0] < low[0] + 0.2  # drifts of gains and offsets between the logs
     assert result.doubts == ()
     assert any("warning: the load" in note for note in result.notes)
     files = result.save(tmp_path / "out")

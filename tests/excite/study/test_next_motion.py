@@ -332,7 +332,6 @@ def test_what_no_search_can_begin_with() -> None:
         ({"precision": 0.05, "harmonics": "auto"}, "harmonics"),
         ({"precision": 0.05, "prior": 0.1}, "prior"),
         ({"precision": 0.05, "base": "pivoted"}, "base"),
-        ({"precision": 0.05, "model": "servo"}, "no design predicts the intervals of servos"),
     ):
         with pytest.raises(InputError, match=message):
             excite.design_for_precision("irp6", **options)
