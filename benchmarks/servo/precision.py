@@ -36,7 +36,7 @@ from excite.study.servo_precision import played
 from regressors.models.servo_response import QUANTITIES, SYMBOLS
 from regressors.readers.library import load_robot
 
-ASKED = excite.PrecisionTarget(None, parameters={"K": 0.1, "D": 0.15, "J": 0.6, "d": 0.8})
+ASKED = excite.PrecisionTarget(None, parameters={"K": 0.1, "D": 0.15})
 JOINTS = ("1", "2", "3", "4")  # those whose scale the known masses show
 LEADS = {"after a first log": True, "usual servos, error of the encoder": False}
 
@@ -123,8 +123,7 @@ def main() -> None:
             runs += some
             print(*rows_of(runs), sep="\n", flush=True)
     text = (
-        "Asked for: stiffness within 10 %, damping 15 %, inertia 60 %, delay 80 %, of four joints that gravity or fast "
-        "motion loads. Kept is a promise where every interval is as narrow as allowed, a share of the value that the "
+        "Asked for: stiffness within 10 %, damping 15 %, of four joints that gravity or fast motion loads. Kept is a promise where every interval is as narrow as allowed, a share of the value that the "
         f"promise was made with:\n\n{record.table(head, rows_of(runs))}"
     )
     if given.logs is not None:
