@@ -123,8 +123,9 @@ def main() -> None:
             runs += some
             print(*rows_of(runs), sep="\n", flush=True)
     text = (
-        "Asked for: stiffness within 10 %, damping 15 %, of four joints that gravity or fast motion loads. Kept is a promise where every interval is as narrow as allowed, a share of the value that the "
-        f"promise was made with:\n\n{record.table(head, rows_of(runs))}"
+        "Asked for: stiffness within 10 %, damping 15 %, of four joints that gravity or fast motion loads. Kept is a "
+        "promise where every interval is as narrow as allowed, a share of the value that the promise was made "
+        f"with:\n\n{record.table(head, rows_of(runs))}"
     )
     if given.logs is not None:
         sys.argv[-1] = "FOLDER"  # in the command that the results state
