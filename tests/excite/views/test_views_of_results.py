@@ -30,10 +30,11 @@ from excite.views.campaign_view import campaign_view, cells_view, leading_cells
 from excite.views.experiment_views import study_view
 from excite.views.friction_plots import friction_plan_figure
 from excite.views.friction_views import friction_plan_view
+from excite.views.page_text import _cells
 from excite.views.parameters_plot import DOTS, repetitions_figure
 from excite.views.style import BAND, BLUE, DARK, GREEN, VERMILLION
 from excite.views.verification_view import verification_view
-from excite.views.view import Format, View
+from excite.views.view import Column, Format, View, ViewTable
 from excite.views.write_report import report_text
 from regressors.readers.library import built_in
 
@@ -71,6 +72,13 @@ def test_every_number_of_the_tables_is_on_the_page(name: str) -> None:
         numbers = [k for k, each in enumerate(table.columns) if each.format not in (Format.TEXT, Format.UNIT)]
         expected = [[row[k] for k in numbers if row[k] is not None and math.isfinite(row[k])] for row in table.rows]
         assert page.numbers(table.name) == expected, table.name
+
+
+def test_unknown_numbers_stand_in_columns_of_numbers() -> None:
+    columns = (Column("joint", Format.TEXT), Column("limit"), Column("share", Format.PERCENT))
+    headings, rows = _cells(ViewTable("limits", "Limits", columns, (("q1", math.inf, 0.5), ("q2", math.inf, None))))
+    assert headings == [("joint", False), ("limit", True), ("share", True)]
+    assert [[state for *_, state in row] for row in rows] == [["", "missing", ""], ["", "missing", "missing"]]
 
 
 @pytest.mark.parametrize("name", SUBJECTS)
