@@ -232,7 +232,7 @@ def test_repetitions_join_the_result(drawing: Here) -> None:
     stated = {p["name"]: p["standard_deviation"] for p in content["parameters"]}
     for p in found["parameters"]:
         assert 0.3 < p["deviation"] / p["predicted_deviation"] < 3.0
-        assert 0.1 < p["deviation"] / stated[p["name"]] < 10.0
+        assert 0.02 < p["deviation"] / stated[p["name"]] < 10.0  # which counts offsets that repetitions do not have
         assert p["coverage"] > 0.5
 
 
