@@ -165,9 +165,12 @@ def _not_counted(result: ServoResult) -> Iterator[str]:
     still = unknown.all(axis=1)
     unscaled, far = unknown[:, 0] & ~still, unknown[:, SYMBOLS.index("L")] & ~unknown[:, 0]
     for joints, text in (
-        (names[still], "hardly moves, and no precision of its servo is promised"),
-        (names[unscaled], "no known mass loads it enough, so that ratios to the stiffness count, and it does not"),
-        (names[far], "does not reach its torque limit, which no precision is promised of"),
+        (names[still], "too little motion to promise a precision"),
+        (
+            names[unscaled],
+            "too little load by known masses, so that ratios to the stiffness count in the place of torques",
+        ),
+        (names[far], "the torque limit is not reached, and no precision of it is promised"),
     ):
         if joints.size:
             yield f"{listed_names(joints.tolist())}: {text}"

@@ -85,8 +85,8 @@ def test_ratios_count_where_no_mass_shows_the_scale_and_limits_that_are_not_reac
     values = known().values[2]
     assert ratio.allowed == pytest.approx(0.2 * values[SYMBOLS.index("D")] / values[0])
     assert ratio.unit == "s"
-    assert any(note.startswith("roll: no known mass loads it") for note in design.notes)
-    assert any(note.startswith("elbow: does not reach its torque limit") for note in design.notes)
+    assert any(note.startswith("roll: too little load by known masses") for note in design.notes)
+    assert any(note.startswith("elbow: the torque limit is not reached") for note in design.notes)
 
 
 def test_what_is_named_counts_even_where_it_is_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
