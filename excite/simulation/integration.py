@@ -24,7 +24,7 @@ from excite.simulation.settings import Impacts
 from excite.tasks.reference import GivenTorque, Reference
 from regressors.errors import InputError
 from regressors.robot.friction.load_and_temperature import friction_rows
-from regressors.robot.symbolic.vectorised import in_turn
+from regressors.robot.symbolic.vectorised import in_turn, program
 from regressors.samples import Array, Samples
 
 _REACH = 1.5  # of substep times fastest rate; the method is stable up to 2.78
@@ -234,17 +234,16 @@ def _implicit_step(robot: ControlledRobot, steps: Steps, h: float) -> ca.Functio
     def slowed(y: ca.SX) -> ca.SX:
         """State after friction: ``M (v - v_0) + h gamma f(v) = 0``, by a damped Newton's method from near rest."""
         M, v = mass(y[:n]), ca.SX(ca.DM.ones(n, 1) * (1e-6 * steps.width))
-        rigid = ca.mtimes(M, v - y[n : 2 * n])
+        rigid, scale = ca.mtimes(M, v - y[n : 2 * n]), ca.sqrt(ca.diag(M))
         for _ in range(_NEWTON):
             f, slope = friction(v)
             whole_step = solved(M + first * slope, rigid + first * f)[0]
-            pushed, best, least = ca.mtimes(M, whole_step), (v, rigid), ca.SX(np.inf)
+            pushed, best, least = ca.mtimes(M, whole_step), ca.SX(0.0), ca.SX(np.inf)
             for part in _PARTS:
-                tried = v - part * whole_step, rigid - part * pushed
-                size = ca.sumsqr((tried[1] + first * friction(tried[0])[0]) / ca.sqrt(ca.diag(M)))
-                best = tuple(ca.if_else(size < least, new, old) for new, old in zip(tried, best, strict=True))
-                least = ca.fmin(size, least)
-            v, rigid = best
+                left = rigid - part * pushed + first * friction(v - part * whole_step)[0]
+                size = ca.sumsqr(left / scale)
+                best, least = ca.if_else(size < least, part, best), ca.fmin(size, least)
+            v, rigid = v - best * whole_step, rigid - best * pushed
         return ca.vertcat(y[:n], v, y[-2], y[-1] + first * ca.dot(v, friction(v)[0]))
 
     rate = smooth(y, given[:, 0], still)[0]
@@ -253,7 +252,7 @@ def _implicit_step(robot: ControlledRobot, steps: Steps, h: float) -> ca.Functio
     rate_2 = smooth(y_2, given_2, still)[0]
     free_3 = y + h * (delta * rate + (1 - delta) * rate_2) + (1 - _GAMMA) / _GAMMA * (y_2 - free_2)
     after = ca.vertcat(slowed(free_3), x[2 * n + 2 :], *whole(y, given[:, 0], still)[1:])
-    return ca.Function("step", [x, r], [ca.cse(after)])
+    return ca.Function("step", [x, r], [after])
 
 
 def _wanted(
@@ -288,8 +287,8 @@ def _check_progress(part: Array, start: float, rate: float) -> None:
 def _course(robot: ControlledRobot, table: Array, rate: float, impacts: Impacts | None) -> SimulatedRun:
     n, count = robot.plant.robot.n, table.shape[0]
     q, dq, energies, effort, command, ddq, _ = np.split(table, np.cumsum([n, n, 2, n, n, n]), axis=1)
-    stored = np.array(robot.plant.energy.map(count)(q.T, dq.T)).reshape(-1)
+    stored = program(robot.plant.energy)((q.T, dq.T))[0]
     samples = Samples(np.arange(count) / rate, q, dq, ddq, np.full_like(q, np.nan))
     acting = effort if impacts is None else effort + impacts(samples.time)
-    friction = acting - np.array(robot.plant.torque.map(count)(q.T, dq.T, ddq.T)).T
+    friction = acting - program(robot.plant.torque)((q.T, dq.T, ddq.T)).T
     return SimulatedRun(samples, effort, command, friction, energies[:, 0], energies[:, 1], stored)

@@ -27,6 +27,7 @@ from excite.tasks.robot_of_task import moving_robot
 from regressors.errors import InputError, listed_names
 from regressors.models.servo_response import FAR, SYMBOLS, Servos, arm_response
 from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.symbolic.vectorised import program
 from regressors.samples import Array, Samples
 
 
@@ -128,8 +129,8 @@ def _run(servos: Servos, plant: Plant, told: Samples, start: Array) -> Simulated
     dq = np.gradient(q, step, axis=0)
     ddq = np.gradient(dq, step, axis=0)
     q, dq, ddq = (each[:, index] for each in (q, dq, ddq))
-    stored = np.array(plant.energy.map(len(q))(q.T, dq.T)).reshape(-1)
-    carried = np.array(plant.torque.map(len(q))(q.T, dq.T, ddq.T)).T
+    stored = program(plant.energy)((q.T, dq.T))[0]
+    carried = program(plant.torque)((q.T, dq.T, ddq.T)).T
     friction = plant.friction.joint_torque(plant.robot, q, dq, load=carried)
     effort = carried + friction
     work, loss = (

@@ -20,20 +20,19 @@ import numpy as np
 
 from regressors.samples import Array
 
-LANES = 4  # instants in one pass of the loop
-_V = f"<{LANES} x double>"
-_ZERO, _ONE = (f"<{', '.join([f'double {x}'] * LANES)}>" for x in ("0.0", "1.0"))
+LANES = 4  # instants in one pass of the loop; one, where each needs the result of the one before it
+_TYPES = {1: ("double", "i1", "f64"), LANES: (f"<{LANES} x double>", f"<{LANES} x i1>", f"v{LANES}f64")}
 _INTRINSIC = {ca.OP_SQRT: "llvm.sqrt", ca.OP_FABS: "llvm.fabs"}
-_INSTRUCTIONS = {  # of one or two vectors
-    ca.OP_ADD: f"fadd {_V} {{0}}, {{1}}",
-    ca.OP_SUB: f"fsub {_V} {{0}}, {{1}}",
-    ca.OP_MUL: f"fmul {_V} {{0}}, {{1}}",
-    ca.OP_DIV: f"fdiv {_V} {{0}}, {{1}}",
-    ca.OP_TWICE: f"fadd {_V} {{0}}, {{0}}",
-    ca.OP_SQ: f"fmul {_V} {{0}}, {{0}}",
-    ca.OP_NEG: f"fneg {_V} {{0}}",
-    ca.OP_INV: f"fdiv {_V} {_ONE}, {{0}}",
-    **{op: f"call {_V} @{name}.v{LANES}f64({_V} {{0}})" for op, name in _INTRINSIC.items()},
+_INSTRUCTIONS = {  # of one or two numbers of all instants of a pass
+    ca.OP_ADD: "fadd %V {0}, {1}",
+    ca.OP_SUB: "fsub %V {0}, {1}",
+    ca.OP_MUL: "fmul %V {0}, {1}",
+    ca.OP_DIV: "fdiv %V {0}, {1}",
+    ca.OP_TWICE: "fadd %V {0}, {0}",
+    ca.OP_SQ: "fmul %V {0}, {0}",
+    ca.OP_NEG: "fneg %V {0}",
+    ca.OP_INV: "fdiv %V {one}, {0}",
+    **{op: f"call %V @{name}.{{kind}}(%V {{0}})" for op, name in _INTRINSIC.items()},
 }
 _BY_INSTANT = {  # functions of the C library
     ca.OP_SIN: ("sin", 1),
@@ -44,9 +43,9 @@ _BY_INSTANT = {  # functions of the C library
 }
 _SMALLER = {ca.OP_FMIN: "ult", ca.OP_FMAX: "ugt"}
 _WHERE = {  # a comparison, and the value where it holds, else zero
-    ca.OP_LT: ("olt", "{1}", _ONE),
-    ca.OP_NOT: ("oeq", _ZERO, _ONE),
-    ca.OP_IF_ELSE_ZERO: ("une", _ZERO, "{1}"),
+    ca.OP_LT: ("olt", "{1}", "{one}"),
+    ca.OP_NOT: ("oeq", "zeroinitializer", "{one}"),
+    ca.OP_IF_ELSE_ZERO: ("une", "zeroinitializer", "{1}"),
 }
 
 
@@ -57,11 +56,11 @@ class NotCompiledError(Exception):
 class MachineCode:
     """A CasADi function of column vectors, with one result, for many instants at once, or for one after the other."""
 
-    def __init__(self, function: ca.Function, lanes: int = LANES) -> None:
+    def __init__(self, function: ca.Function, state: int = 0) -> None:
         self._rows = [function.numel_in(k) for k in range(function.n_in())]
         self._size = function.numel_out(0)
         self._inputs = np.zeros((sum(self._rows), 0))
-        self._engine, self._run = _compiled(_text(function, lanes))
+        self._engine, self._run = _compiled(_text(function, state))
 
     def __call__(self, inputs: Sequence[Array]) -> Array:
         """Values, shape (numbers of the result, instants), of inputs of shape (numbers of the input, instants)."""
@@ -72,24 +71,17 @@ class MachineCode:
         np.concatenate(inputs, out=self._inputs[:, :instants])
         out = np.empty((self._size, padded))
         if instants:  # the loop runs once before it looks at their number
-            self._run(self._inputs.ctypes.data, out.ctypes.data, padded)
+            self._run(self._inputs.ctypes.data, None, out.ctypes.data, padded)
         return out if padded == instants else out[:, :instants].copy()
 
     def in_turn(self, state: Array, inputs: Array) -> Array:
-        """Results one after the other, shape (numbers, steps): the first numbers of each are the next one's state.
-
-        All lanes hold the same, so that functions of the C library need one.
-        """
+        """Results one after the other, shape (numbers, steps): the first numbers of each are the next one's state."""
         # state (n,); inputs (m, steps)
-        given, result = np.zeros((sum(self._rows), LANES)), np.empty((self._size, LANES))
-        results, size = np.empty((inputs.shape[1], self._size)), state.size
-        addresses = given.ctypes.data, result.ctypes.data
-        result[:size] = state[:, None]
-        for step, here in zip(inputs.T, results, strict=True):
-            given[:size], given[size:] = result[:size], step[:, None]
-            self._run(*addresses, LANES)
-            here[:] = result[:, 0]
-        return results.T
+        steps = inputs.shape[1] + 1  # one more: the last result of a row lies where the state of the next row began
+        given, results = np.zeros((len(inputs), steps)), np.empty(self._size * steps + 1)
+        given[:, :-1], results[: steps * state.size : steps] = inputs, state
+        self._run(given.ctypes.data, results.ctypes.data, results[1:].ctypes.data, steps)
+        return results[1:].reshape(-1, steps)[:, :-1]
 
 
 @cache
@@ -119,23 +111,29 @@ def _compiled(text: str) -> tuple[Any, Any]:
         engine.finalize_object()
     except RuntimeError as error:
         raise NotCompiledError(str(error)) from error
-    kind = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
+    kind = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, ctypes.c_int64)
     return engine, kind(engine.get_function_address("run"))
 
 
-def _text(function: ca.Function, lanes: int) -> str:
-    """LLVM's language for ``run(inputs, result, instants)``, whose arrays are a row per number."""
-    body = "\n".join(_lines(function, lanes))
+def _text(function: ca.Function, state: int) -> str:
+    """LLVM's language for ``run(inputs, states, results, instants)``, whose arrays are a row per number.
+
+    The first numbers of the input, as many as the state has, are read from the states instead.
+    """
+    lanes = 1 if state else LANES
+    (number, truth, kind), body = _TYPES[lanes], "\n".join(_lines(function, state, lanes))
     of_c = (f"declare double @{name}({', '.join(['double'] * count)})" for name, count in _BY_INSTANT.values())
-    intrinsic = (f"declare {_V} @{name}.v{LANES}f64({_V})" for name in _INTRINSIC.values())
-    return f"""{chr(10).join((*of_c, *intrinsic))}
-define void @run(ptr noalias %in, ptr noalias %out, i64 %instants) {{
+    intrinsic = (f"declare %V @{name}.{kind}(%V)" for name in _INTRINSIC.values())
+    return f"""%V = type {number}
+%B = type {truth}
+{chr(10).join((*of_c, *intrinsic))}
+define void @run(ptr %in, ptr %states, ptr %out, i64 %instants) {{
 entry:
   br label %pass
 pass:
   %at = phi i64 [ 0, %entry ], [ %next, %pass ]
 {body}
-  %next = add i64 %at, {LANES}
+  %next = add i64 %at, {lanes}
   %more = icmp slt i64 %next, %instants
   br i1 %more, label %pass, label %end
 end:
@@ -144,7 +142,7 @@ end:
 """
 
 
-def _lines(function: ca.Function, lanes: int) -> Iterator[str]:
+def _lines(function: ca.Function, state: int, lanes: int) -> Iterator[str]:
     """One pass of the loop: the instructions in order, the result of number k in ``%vk``."""
     sizes = [function.numel_in(k) for k in range(function.n_in())]
     first = np.concatenate([[0], np.cumsum(sizes)]).tolist()
@@ -153,14 +151,15 @@ def _lines(function: ca.Function, lanes: int) -> Iterator[str]:
         op, to, of = function.instruction_id(k), function.instruction_output(k), function.instruction_input(k)
         if op == ca.OP_OUTPUT:
             yield from _address(k, "out", to[1])
-            yield f"  store {_V} {value[of[0]]}, ptr %p{k}, align 8"
+            yield f"  store %V {value[of[0]]}, ptr %p{k}, align 8"
             continue
         if op == ca.OP_CONST:
-            value[to[0]] = _constant(function.instruction_constant(k))
+            value[to[0]] = _constant(function.instruction_constant(k), lanes)
             continue
         if op == ca.OP_INPUT:
-            yield from _address(k, "in", first[of[0]] + of[1])
-            yield f"  %v{k} = load {_V}, ptr %p{k}, align 8"
+            row = first[of[0]] + of[1]
+            yield from _address(k, *(("states", row) if row < state else ("in", row - state)))
+            yield f"  %v{k} = load %V, ptr %p{k}, align 8"
         else:
             yield from _operation(k, op, [value[i] for i in of], lanes)
         value[to[0]] = f"%v{k}"
@@ -175,51 +174,50 @@ def _address(k: int, array: str, row: int) -> Iterator[str]:
 
 def _operation(k: int, op: int, of: list[str], lanes: int) -> Iterator[str]:
     """Lines whose last one defines the value."""
+    known = {"one": _constant(1.0, lanes), "kind": _TYPES[lanes][2]}
     if op in _INSTRUCTIONS:
-        yield f"  %v{k} = {_INSTRUCTIONS[op].format(*of)}"
+        yield f"  %v{k} = {_INSTRUCTIONS[op].format(*of, **known)}"
     elif op in _BY_INSTANT:
         yield from _by_instant(k, _BY_INSTANT[op][0], of, lanes)
     elif op in _SMALLER:
         yield from _chosen(k, _SMALLER[op], *of)
     elif op in _WHERE:
-        order, other, value = (text.format(*of) for text in _WHERE[op])
-        yield f"  %c{k} = fcmp {order} {_V} {of[0]}, {other}"
-        yield f"  %v{k} = select <{LANES} x i1> %c{k}, {_V} {value}, {_V} {_ZERO}"
+        order, other, value = (text.format(*of, **known) for text in _WHERE[op])
+        yield f"  %c{k} = fcmp {order} %V {of[0]}, {other}"
+        yield f"  %v{k} = select %B %c{k}, %V {value}, %V zeroinitializer"
     elif op == ca.OP_SIGN:
-        yield from _sign(k, *of)
+        yield f"  %c{k} = fcmp ogt %V {of[0]}, zeroinitializer"
+        yield f"  %d{k} = fcmp olt %V {of[0]}, zeroinitializer"
+        yield f"  %s{k} = select %B %d{k}, %V {_constant(-1.0, lanes)}, %V {of[0]}"
+        yield f"  %v{k} = select %B %c{k}, %V {known['one']}, %V %s{k}"
     else:
         raise NotCompiledError(f"CasADi instruction {op} has no counterpart here")
 
 
 def _by_instant(k: int, name: str, of: list[str], lanes: int) -> Iterator[str]:
-    """Calls for the first lanes; the last of them is for the lanes behind it too."""
+    """A call for each instant of a pass."""
+    if lanes == 1:
+        yield f"  %v{k} = call double @{name}({', '.join(f'double {x}' for x in of)})"
+        return
     result = "undef"
-    for lane in range(LANES):
-        for place, vector in enumerate(of if lane < lanes else ()):
-            yield f"  %e{k}.{lane}.{place} = extractelement {_V} {vector}, i32 {lane}"
-        if lane < lanes:
-            arguments = ", ".join(f"double %e{k}.{lane}.{place}" for place in range(len(of)))
-            yield f"  %f{k}.{lane} = call double @{name}({arguments})"
-        filled = f"%v{k}.{lane}" if lane < LANES - 1 else f"%v{k}"
-        yield f"  {filled} = insertelement {_V} {result}, double %f{k}.{min(lane, lanes - 1)}, i32 {lane}"
+    for lane in range(lanes):
+        for place, vector in enumerate(of):
+            yield f"  %e{k}.{lane}.{place} = extractelement %V {vector}, i32 {lane}"
+        arguments = ", ".join(f"double %e{k}.{lane}.{place}" for place in range(len(of)))
+        yield f"  %f{k}.{lane} = call double @{name}({arguments})"
+        filled = f"%v{k}.{lane}" if lane < lanes - 1 else f"%v{k}"
+        yield f"  {filled} = insertelement %V {result}, double %f{k}.{lane}, i32 {lane}"
         result = filled
 
 
 def _chosen(k: int, order: str, a: str, b: str) -> Iterator[str]:
     """The smaller or larger one; not a number, as NumPy's, where either is."""
-    yield f"  %c{k} = fcmp {order} {_V} {a}, {b}"
-    yield f"  %d{k} = fcmp uno {_V} {b}, {b}"
-    yield f"  %s{k} = select <{LANES} x i1> %c{k}, {_V} {a}, {_V} {b}"
-    yield f"  %v{k} = select <{LANES} x i1> %d{k}, {_V} {b}, {_V} %s{k}"
+    yield f"  %c{k} = fcmp {order} %V {a}, {b}"
+    yield f"  %d{k} = fcmp uno %V {b}, {b}"
+    yield f"  %s{k} = select %B %c{k}, %V {a}, %V {b}"
+    yield f"  %v{k} = select %B %d{k}, %V {b}, %V %s{k}"
 
 
-def _sign(k: int, a: str) -> Iterator[str]:
-    yield f"  %c{k} = fcmp ogt {_V} {a}, {_ZERO}"
-    yield f"  %d{k} = fcmp olt {_V} {a}, {_ZERO}"
-    yield f"  %s{k} = select <{LANES} x i1> %d{k}, {_V} {_constant(-1.0)}, {_V} {a}"
-    yield f"  %v{k} = select <{LANES} x i1> %c{k}, {_V} {_ONE}, {_V} %s{k}"
-
-
-def _constant(number: float) -> str:
-    bits = struct.unpack(">Q", struct.pack(">d", number))[0]
-    return f"<{', '.join([f'double 0x{bits:016X}'] * LANES)}>"
+def _constant(number: float, lanes: int) -> str:
+    bits = f"0x{struct.unpack('>Q', struct.pack('>d', number))[0]:016X}"
+    return bits if lanes == 1 else f"<{', '.join([f'double {bits}'] * lanes)}>"

@@ -30,8 +30,8 @@ def _check_constants(function: ca.Function) -> None:
         raise NumericalError("a constant of the model is not finite; check the lengths, masses and limits of the robot")
 
 
-def _program(function: ca.Function) -> Callable[[Sequence[Array]], Array]:
-    """Values, shape (numbers of the result, instants), from the inputs at as many instants."""
+def program(function: ca.Function) -> Callable[[Sequence[Array]], Array]:
+    """Values, shape (numbers of the result, instants), of a function of columns, from the inputs at as many instants."""
     _check_constants(function)
     try:
         return MachineCode(function)
@@ -84,7 +84,7 @@ def in_turn(step: ca.Function, count: int) -> Callable[[Array, Array], Array]:
     (size, _), (_, width) = step.size_in(0), step.size_in(1)
     if count > _TO_COMPILE:
         with suppress(NotCompiledError):
-            code = MachineCode(step.expand(), lanes=1)
+            code = MachineCode(step.expand(), size)
             return lambda state, inputs: code.in_turn(state, inputs.T.reshape(-1, width * len(inputs)).T)
     x, r = ca.MX.sym("x", size), ca.MX.sym("r", *step.size_in(1))
     result = step(x, r)
@@ -119,7 +119,7 @@ class VectorisedFunction:
 
     @cached_property
     def _forward(self) -> Callable[[Sequence[Array]], Array]:
-        return _program(self._function)
+        return program(self._function)
 
     def __call__(self, *inputs: Array) -> Array:
         """Nonzeros of the matrix at every instant."""  # inputs (n_k, instants)
@@ -142,7 +142,7 @@ class VectorisedFunction:
         if self._reverse is None:
             seed = ca.SX.sym("seed", len(self.row))
             gradient = ca.cse(ca.gradient(ca.dot(self._values, seed), ca.vertcat(*self._inputs)))
-            self._reverse = _program(ca.Function("reverse", [*self._inputs, seed], [ca.densify(gradient)]))
+            self._reverse = program(ca.Function("reverse", [*self._inputs, seed], [ca.densify(gradient)]))
         stacked = self._reverse((*inputs, seeds))
         return tuple(np.split(stacked, np.cumsum(self._sizes)[:-1]))
 
