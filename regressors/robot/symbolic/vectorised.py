@@ -31,7 +31,7 @@ def _check_constants(function: ca.Function) -> None:
 
 
 def program(function: ca.Function) -> Callable[[Sequence[Array]], Array]:
-    """Values, shape (numbers of the result, instants), of a function of columns, from the inputs at as many instants."""
+    """Values, shape (numbers of the result, instants), from the columns of a function at as many instants."""
     _check_constants(function)
     try:
         return MachineCode(function)
