@@ -34,10 +34,7 @@ from excite.tasks.further_settings import MotionSettings
 from excite.tasks.installation import Installation
 from excite.tasks.model_choice import FURTHER_FRICTION, ModelChoice
 from excite.tasks.payload import Payload
-from excite.views.campaign_view import campaign_view
-from excite.views.comparison_view import bound_view
-from excite.views.experiment_views import accuracy_view, next_motion_view, study_view
-from excite.views.verification_view import simulation_view
+from excite.views.view import view_of
 from regressors.quantities import number_of
 
 
@@ -66,7 +63,7 @@ def study_and_write(
             **{name: value for name, value in given.items() if value is not None},
         )
         files = [*study.save(out, replace=force), *figures.write(study, out)]
-    show(study_view(study), files, content=lambda: json_of(study), all_in="study.json")
+    show(view_of(study), files, content=lambda: json_of(study), all_in="study.json")
 
 
 def predict_and_write(folder: Path, parts: tuple[str, ...], **given: Any) -> None:
@@ -75,7 +72,7 @@ def predict_and_write(folder: Path, parts: tuple[str, ...], **given: Any) -> Non
     asked = {name: value for name, value in given.items() if value is not None}
     prediction = excite.predict_accuracy(design, progress=tell, **asked)
     files = prediction.save(_place(folder))
-    show(accuracy_view(prediction), files, content=lambda: json_of(prediction), all_in=files[0].name)
+    show(view_of(prediction), files, content=lambda: json_of(prediction), all_in=files[0].name)
 
 
 def bound_and_write(
@@ -95,7 +92,7 @@ def bound_and_write(
         others = () if known is None else (each for each in known.criteria if each.name not in criteria)
         result = replace(result, criteria=(*result.criteria, *others))
         files = result.save(_place(folder))
-    view = bound_view(result)
+    view = view_of(result)
     if not files:
         view = replace(view, remarks=(f"read from {NAME}; --force computes it again", *view.remarks))
     show(view, files, content=lambda: json_of(result))
@@ -128,7 +125,7 @@ def _plan_campaign(robot: str, given: Mapping[str, Any]) -> None:
     campaign = excite.plan_campaign(task, given["at_once"])
     drives = ",".join(campaign.steps[0].drives)
     step = f"{_design_command(task, curves)} --drives {drives} --out designs/motion-1"
-    show(campaign_view(campaign), content=lambda: json_of(campaign), next_steps=[step])
+    show(view_of(campaign), content=lambda: json_of(campaign), next_steps=[step])
 
 
 def _design_command(task: excite.Task, curves: str | None) -> str:
@@ -172,7 +169,7 @@ def plan_next_motion(task: excite.Task, of: str, out: Path | None, *, force: boo
 
     step = excite.next_motion(task, of=of, progress=progress, report=lambda text: remark(f"excite: {text}"))
     files = step.design.save(out, replace=force) if step.design is not None and out is not None else []
-    show(next_motion_view(step), files, content=lambda: _content(step, out), next_steps=[_next(step, out)])
+    show(view_of(step), files, content=lambda: _content(step, out), next_steps=[_next(step, out)])
     return 0 if step.enough else NOT_HELD
 
 
@@ -236,7 +233,7 @@ def simulate_and_write(source: Path, out: Path, **given: Any) -> None:
         return {"out": str(out), "files": [str(file) for file in files], **json_of(record), **shown}
 
     steps = [f"excite identify ROBOT {files[0]} --out DIR"] if record.holds else []
-    show(simulation_view(record), files, content=content, next_steps=steps, all_in=files[1].name)
+    show(view_of(record), files, content=content, next_steps=steps, all_in=files[1].name)
     sys.exit(0 if record.holds else NOT_HELD)
 
 

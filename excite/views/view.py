@@ -113,6 +113,7 @@ class View:
 
 # views by the classes of what they show; a class is not imported for what is of another one
 _VIEWS = {
+    "excite.design.campaign.Campaign": "campaign_view.campaign_view",
     "excite.design.design.Design": "design_view.design_view",
     "excite.design.friction_runs.friction_plan.FrictionPlan": "friction_views.friction_plan_view",
     "excite.design.sweeps.sweep_table.SweepTable": "campaign_view.cells_view",
