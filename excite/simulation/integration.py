@@ -220,25 +220,11 @@ _NEWTON = 8
 _PARTS = (1.0, 0.5, 0.25, 0.1)  # of a step of Newton's method: within a whole one friction may change its sign
 
 
-def _newton_step(n: int, friction: ca.Function, h: float) -> ca.Function:
-    """A step of Newton's method for ``M (v - v_0) + h f(v) = 0``: v and ``M (v - v_0)`` after it, of M and these."""
-    M, v, rigid = ca.SX.sym("M", n, n), ca.SX.sym("v", n), ca.SX.sym("rigid", n)
-    f, slope = friction(v)
-    whole = solved(M + h * slope, rigid + h * f)[0]
-    pushed, best, least = ca.mtimes(M, whole), ca.SX(0.0), ca.SX(np.inf)
-    for part in _PARTS:
-        left = rigid - part * pushed + h * friction(v - part * whole)[0]
-        size = ca.sumsqr(left / ca.sqrt(ca.diag(M)))
-        best, least = ca.if_else(size < least, part, best), ca.fmin(size, least)
-    return ca.Function("nearer", [M, v, rigid], ca.cse([v - best * whole, rigid - best * pushed]))
-
-
 def _implicit_step(robot: ControlledRobot, steps: Steps, h: float) -> ca.Function:
     """As `_step`, with implicit friction."""
     n, first, delta = robot.plant.robot.n, h * _GAMMA, 1 - 0.5 / _GAMMA
     whole, smooth = (ca.Function("instant", *one.instant(steps.width)) for one in (robot, robot.without_friction()))
     mass, friction = robot.steep_friction(steps.width)
-    nearer = _newton_step(n, friction, first)
     still = ca.SX.zeros(whole.size_in(2))  # a memory without presliding
     x, r = ca.SX.sym("x", 2 * n + 2 + still.numel() - n + 2), ca.SX.sym("r", _inputs(robot), 3)
     y, given = x[: 2 * n + 2], r[:-1, :]
@@ -248,9 +234,15 @@ def _implicit_step(robot: ControlledRobot, steps: Steps, h: float) -> ca.Functio
     def slowed(y: ca.SX) -> ca.SX:
         """State after friction: ``M (v - v_0) + h gamma f(v) = 0``, by a damped Newton's method from near rest."""
         M, v = mass(y[:n]), ca.SX(ca.DM.ones(n, 1) * (1e-6 * steps.width))
-        rigid = ca.mtimes(M, v - y[n : 2 * n])
+        rigid, scale = ca.mtimes(M, v - y[n : 2 * n]), ca.sqrt(ca.diag(M))
         for _ in range(_NEWTON):
-            v, rigid = nearer(M, v, rigid)
+            f, slope = friction(v)
+            whole_step = solved(M + first * slope, rigid + first * f)[0]
+            pushed, best, least = ca.mtimes(M, whole_step), ca.SX(0.0), ca.SX(np.inf)
+            for part in _PARTS:
+                size = ca.sumsqr((rigid - part * pushed + first * friction(v - part * whole_step)[0]) / scale)
+                best, least = ca.if_else(size < least, part, best), ca.fmin(size, least)
+            v, rigid = v - best * whole_step, rigid - best * pushed
         return ca.vertcat(y[:n], v, y[-2], y[-1] + first * ca.dot(v, friction(v)[0]))
 
     rate = smooth(y, given[:, 0], still)[0]

@@ -150,9 +150,8 @@ def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
     engine, canvas, before = figure.get_layout_engine(), figure.canvas, figure.dpi
     FigureCanvasAgg(figure)
     figure.dpi = dpi
-    for axis in (axis for ax in figure.axes for axis in (ax.xaxis, ax.yaxis)):
-        if not axis.label.get_text():
-            axis.set_label_coords(0.5, 0.5)  # to find its place beside the numbers takes longer than to draw them
+    for axis in (axis for ax in figure.axes for axis in (ax.xaxis, ax.yaxis) if not axis.label.get_text()):
+        axis.set_label_coords(0.5, 0.5)  # to find a place beside the numbers takes longer than to draw them
     try:
         if engine is not None:
             # in a column, what is written at the ends of curves may reach further when the panel is narrower

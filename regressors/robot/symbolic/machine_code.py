@@ -199,15 +199,13 @@ def _by_instant(k: int, name: str, of: list[str], lanes: int) -> Iterator[str]:
     if lanes == 1:
         yield f"  %v{k} = call double @{name}({', '.join(f'double {x}' for x in of)})"
         return
-    result = "undef"
+    filled = ["undef", *(f"%v{k}.{lane}" for lane in range(1, lanes)), f"%v{k}"]
     for lane in range(lanes):
         for place, vector in enumerate(of):
             yield f"  %e{k}.{lane}.{place} = extractelement %V {vector}, i32 {lane}"
         arguments = ", ".join(f"double %e{k}.{lane}.{place}" for place in range(len(of)))
         yield f"  %f{k}.{lane} = call double @{name}({arguments})"
-        filled = f"%v{k}.{lane}" if lane < lanes - 1 else f"%v{k}"
-        yield f"  {filled} = insertelement %V {result}, double %f{k}.{lane}, i32 {lane}"
-        result = filled
+        yield f"  {filled[lane + 1]} = insertelement %V {filled[lane]}, double %f{k}.{lane}, i32 {lane}"
 
 
 def _chosen(k: int, order: str, a: str, b: str) -> Iterator[str]:

@@ -210,6 +210,19 @@ def test_casadi_and_machine_code_round_alike(seed: int, machine: str) -> None:
         assert vectorised.interpreted_note() == (f"{said}; the numbers are the same, but take longer",)
 
 
+def test_steps_that_follow_each_other_round_alike(machine: str) -> None:
+    if machine == "interpreted":
+        pytest.skip("compares both")
+    s, r = ca.SX.sym("s", 2), ca.SX.sym("r", 1, 2)
+    operations = {**KINKED, **VALUES_ONLY, **POWER, "where": lambda a, b: ca.if_else(a < b, a, -b)}
+    after = ca.vertcat(ca.cos(s[1] + r[0]), ca.tanh(s[0] * r[1]), *(f(s[0], s[1] + r[0]) for f in operations.values()))
+    step, start = ca.Function("step", [s, r], [after]), np.array([0.1, 0.2])
+    for steps in (1, 7):
+        inputs = np.random.default_rng(steps).normal(size=(1, 2 * steps))
+        compiled, interpreted = (vectorised.in_turn(step, count)(start, inputs) for count in (10_000, 1))
+        np.testing.assert_array_equal(compiled, interpreted)
+
+
 NUMPYS = {"add": np.add, "divide": lambda a, b: a / (1 + b * b), "root": lambda a, b: np.sqrt(1 + a * a)}
 NUMPYS |= {"sign": lambda a, b: np.sign(a), "fabs": lambda a, b: np.fabs(a), "smaller": np.minimum}
 NUMPYS |= {"larger": np.maximum}
