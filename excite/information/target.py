@@ -37,7 +37,7 @@ from regressors.models.base import (
     triangular_factor,
 )
 from regressors.models.model import RegressorModel
-from regressors.models.partial import PartialMotion, drive_names, of_drives, of_joints
+from regressors.models.partial import PartialMotion, drive_names, of_drives, of_joints, of_loops
 from regressors.numerical import ROUNDING, numerical_work
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import drives_with_friction, friction_rows, moving_drive_numbers
@@ -53,6 +53,8 @@ def friction_of_moving(friction: FrictionCurves, robot: Robot, moving: Robot) ->
 
 def motion_of(robot: Robot, moving: Robot, task: Task) -> PartialMotion:
     """Partial motion of the moving robot that a task asks for."""
+    if moving.closures:
+        return of_loops(moving)
     if task.model.drives is not None:
         return of_drives(moving, task.model.drives)
     wanted = task.model.joints

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from regressors.errors import InputError
 from regressors.readers.description import parse_description
 from regressors.readers.documents import yaml_float
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
-from regressors.robot.robot import BASE, Branch, Drive, Joint, Limits, Link, Robot, Transmission
+from regressors.robot.robot import BASE, Branch, Drive, Joint, Limits, Link, Robot, Transmission, plain
 
 _quoted = partial(json.dumps, ensure_ascii=False)
 _HEAD = "# metres, kilograms, seconds, radians; inertial parameters about the origin of each link's frame\n"
@@ -69,6 +70,8 @@ def _content(robot: Robot) -> dict[str, Any]:
         "structure": _filled({"zero": sorted(structure.zero), "equal": equal, "aggregates": aggregates}),
         "home": None if robot.home is None else robot.home.tolist(),
         "shapes": [part.to_dict() for part in robot.shapes],
+        "loops": [_filled(plain(asdict(closure))) for closure in robot.closures],
+        "passive": list(robot.passive),
     }
     return _filled(content)
 
