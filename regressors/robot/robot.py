@@ -393,6 +393,15 @@ class Robot(Rebuilt):
             "on one last link; read the part of its URDF or MJCF that ends there, with `tip`"
         )
 
+    def check_open(self, what: str) -> None:
+        """Raise `InputError` for what does not know closed loops, where the robot has some."""
+        if self.closures:
+            raise InputError(
+                f"robot {self.name!r}: {what} does not support closed loops, and it has {self.closures[0].label}; identify "
+                "it from the log of a motion that you choose (`identify`, with the model energy or differential), or read "
+                "a part without loops with `tip`"
+            )
+
     @property
     def link_numbers(self) -> tuple[int, ...]:
         """Number of each link in parameter names."""

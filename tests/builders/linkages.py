@@ -62,12 +62,12 @@ def written(folder: Path, name: str, text: str) -> Path:
     return path
 
 
-def played(text: str, noise: float, seed: int, *, middle: float, swing: float, periods: int = 1) -> dict[str, Array]:
-    """What MuJoCo's linkage does while its crank follows a motion of 8 s: a log at 500 Hz with noisy torques."""
+def played(text: str, noise: float, seed: int, *, middle: float, swing: float, period: float = 4.0) -> dict[str, Array]:
+    """What MuJoCo's linkage does while its crank follows a random motion: a log at 500 Hz with noisy torques."""
     model = mujoco.MjModel.from_xml_string(text)
     data, rows, rng = mujoco.MjData(model), [], np.random.default_rng(seed)
     phases = rng.uniform(0, 2 * np.pi, 4)
-    w = 2 * np.pi / 8.0 * np.arange(1, 5)
+    w = 2 * np.pi / period * np.arange(1, 5)
     size = swing / np.sum(1.0 / np.arange(1, 5)) / np.arange(1, 5)
 
     def wanted(t: float) -> tuple[float, float, float]:
@@ -77,7 +77,7 @@ def played(text: str, noise: float, seed: int, *, middle: float, swing: float, p
 
     settle = 2000  # steps in which the crank goes to its first position
     q0, _, _ = wanted(0.0)
-    for k in range(settle + int(periods * 8.0 / model.opt.timestep) + 1):
+    for k in range(settle + int(period / model.opt.timestep) + 1):
         t = (k - settle) * model.opt.timestep
         blend = min(1.0, k / settle)
         q, dq, ddq = wanted(t) if t >= 0 else (blend**2 * (3 - 2 * blend) * q0, 0.0, 0.0)

@@ -25,6 +25,7 @@ CLOSED = 1e-9  # what may be left open [m, or the sine of an angle]
 _RANK = 1e-8  # of the largest singular value
 _SINGULAR = 1e-3  # ratio of singular values of J_d below which the independent joints hardly determine the others
 _STEP, _STEPS = 0.3, 30  # largest Newton step [rad or m], and how many there may be
+_NEAR = 0.1  # of the reference's root of det(J_d' J_d), below which a path passes a singular configuration
 _PATH = 0.1  # between two configurations that are solved one after the other [rad or m]
 
 
@@ -95,6 +96,11 @@ class Loops:
 
         Newton's method, at all instants at once.
         """  # q (N, n); open (N,)
+        q, left, _ = self._closed(q)
+        return q, left
+
+    def _closed(self, q: Array) -> tuple[Array, Array, Array]:
+        """The same, with J_d, shape (N, r, m)."""
         q, dependent = np.array(q, dtype=float), list(self.dependent)
         for _ in range(_STEPS):
             g, J = _split(_dense(self._constraint, q))
@@ -106,19 +112,25 @@ class Loops:
         g, J = _split(_dense(self._constraint, q))
         sigma = np.linalg.svd(J[:, :, dependent], compute_uv=False)
         left = np.abs(g).max(axis=1)
-        return q, np.where((left <= CLOSED) & (sigma[:, -1] < _SINGULAR * sigma[:, 0]), np.inf, left)
+        left = np.where((left <= CLOSED) & (sigma[:, -1] < _SINGULAR * sigma[:, 0]), np.inf, left)
+        return q, left, J[:, :, dependent]
 
     def reached(self, independent: Array) -> tuple[Array, Array]:
-        """The same along straight lines of the independent joints from the reference, so that loops do not flip over.
+        """The same along straight lines of the independent joints from the reference, shapes (N, n) and (N,).
 
-        Shapes (N, n) and (N,).
+        Loops do not flip over on the way: what passes near a singular configuration, or one where J_d turns over, is
+        not reached.
         """  # independent (N, k)
         start = self.reference[list(self.independent)]
         q = np.tile(self.reference, (len(independent), 1))
+        _, left, before = self._closed(q)
+        passed, least = np.zeros(len(q), dtype=bool), _NEAR**2 * _determinant(before, before)
         for part in _parts(independent - start):
             q[:, list(self.independent)] = start + part * (independent - start)
-            q, left = self.closed(q)
-        return q, left
+            q, left, J_d = self._closed(q)
+            passed |= ~((_determinant(before, J_d) > 0.0) & (_determinant(J_d, J_d) > least))
+            before = J_d
+        return q, np.where(passed & (left <= CLOSED), np.inf, left)
 
     def check(self, time: Array, q: Array, left: Array, source: str) -> None:
         """Raise `InputError` where configurations do not close the loops, or do not determine them."""
@@ -186,6 +198,11 @@ def _constraint(robot: Robot) -> VectorisedFunction:
     q = ca.SX.sym("q", robot.n)
     g = closure_residual(robot, q)
     return VectorisedFunction([q], ca.horzcat(g, ca.jacobian(g, q)))
+
+
+def _determinant(first: Array, second: Array) -> Array:
+    """``det(J_1' J_2)`` at every instant, shape (N,)."""  # (N, r, m)
+    return np.asarray(np.linalg.det(np.swapaxes(first, 1, 2) @ second))
 
 
 def _dense(function: VectorisedFunction, *inputs: Array) -> Array:
