@@ -54,6 +54,10 @@ def friction_of_moving(friction: FrictionCurves, robot: Robot, moving: Robot) ->
 def motion_of(robot: Robot, moving: Robot, task: Task) -> PartialMotion:
     """Partial motion of the moving robot that a task asks for."""
     if moving.closures:
+        if task.model.drives is not None:
+            raise InputError(
+                f"robot {robot.name!r}: `drives` cannot be chosen, since closed loops make joints follow others; leave it out"
+            )
         return of_loops(moving)
     if task.model.drives is not None:
         return of_drives(moving, task.model.drives)

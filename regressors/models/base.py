@@ -18,7 +18,7 @@ from regressors.models.model import RegressorModel
 from regressors.numerical import ROUNDING, TOLERANCE, explained_columns, independent_columns, pivoted_columns
 from regressors.robot.columns import BODY_KINDS, Column
 from regressors.robot.robot import Robot, finite_ranges
-from regressors.robot.symbolic.loops import CLOSED, loops_of
+from regressors.robot.symbolic.loops import loops_of
 from regressors.samples import Array, Index, Samples
 
 Choice = Literal["gautier", "pivoted"]
@@ -54,9 +54,7 @@ def _closed_states(robot: Robot, count: int, seed: int) -> Samples:
     """States in which all loops are closed, away from singular configurations."""
     loops, states = loops_of(robot), list[Samples]()
     for draw in range(_DRAWS):
-        drawn = _free_states(robot, count, seed + 1000 * draw)
-        q, left = loops.reached(drawn.q[:, loops.independent])
-        states.append(loops.rates(replace(drawn, q=q).rows(np.flatnonzero(left <= CLOSED))))
+        states.append(loops.states(_free_states(robot, count, seed + 1000 * draw)))
         if sum(one.time.size for one in states) >= count:
             return replace(Samples.joined(states).rows(slice(count)), time=np.arange(count, dtype=float))
     raise InputError(

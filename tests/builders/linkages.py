@@ -62,31 +62,29 @@ def written(folder: Path, name: str, text: str) -> Path:
     return path
 
 
-def played(text: str, noise: float, seed: int, *, middle: float, swing: float, period: float = 4.0) -> dict[str, Array]:
+def played(
+    lengths: tuple[float, ...],
+    text: str,
+    noise: float,
+    seed: int,
+    *,
+    middle: float,
+    swing: float,
+    period: float = 4.0,
+) -> dict[str, Array]:
     """What MuJoCo's linkage does while its crank follows a random motion: a log at 500 Hz with noisy torques."""
-    model = mujoco.MjModel.from_xml_string(text)
-    data, rows, rng = mujoco.MjData(model), [], np.random.default_rng(seed)
-    phases = rng.uniform(0, 2 * np.pi, 4)
-    w = 2 * np.pi / period * np.arange(1, 5)
-    size = swing / np.sum(1.0 / np.arange(1, 5)) / np.arange(1, 5)
-
-    def wanted(t: float) -> tuple[float, float, float]:
-        angle = w * t + phases
-        q = float(np.sum(size * np.sin(angle)))
-        return q, float(np.sum(size * w * np.cos(angle))), float(-np.sum(size * w**2 * np.sin(angle)))
-
-    settle = 2000  # steps in which the crank goes to its first position
-    q0, _, _ = wanted(0.0)
-    for k in range(settle + int(period / model.opt.timestep) + 1):
-        t = (k - settle) * model.opt.timestep
-        blend = min(1.0, k / settle)
-        q, dq, ddq = wanted(t) if t >= 0 else (blend**2 * (3 - 2 * blend) * q0, 0.0, 0.0)
-        q += middle * (blend**2 * (3 - 2 * blend) if t < 0 else 1.0)
-        tau = 60.0 * (q - data.qpos[0]) + 4.0 * (dq - data.qvel[0]) + 0.05 * ddq
-        data.ctrl[0] = tau
-        mujoco.mj_forward(model, data)
-        if t >= 0 and k % 10 == 0:
-            rows.append([t, *data.qpos, data.ctrl[0]])
+    model, rng, rows = mujoco.MjModel.from_xml_string(text), np.random.default_rng(seed), []
+    data, numbers, step = mujoco.MjData(model), np.arange(1, 5), model.opt.timestep
+    w, phases = 2 * np.pi / period * numbers, rng.uniform(0, 2 * np.pi, 4)
+    size = swing / np.sum(1.0 / numbers) / numbers
+    angles = w * (np.arange(round(period / step) + 1) * step)[:, None] + phases
+    wanted = middle + np.sin(angles) @ size, np.cos(angles) @ (size * w), -np.sin(angles) @ (size * w**2)
+    before = joint_angles(lengths, wanted[0][0] + np.array([-1e-6, 0.0, 1e-6]))
+    data.qpos[:], data.qvel[:] = before[1], (before[2] - before[0]) / 2e-6 * wanted[1][0]
+    for k, (q, dq, ddq) in enumerate(zip(*wanted, strict=True)):
+        data.ctrl[0] = 60.0 * (q - data.qpos[0]) + 4.0 * (dq - data.qvel[0]) + 0.05 * ddq
+        if k % 10 == 0:
+            rows.append([k * step, *data.qpos, data.ctrl[0]])
         mujoco.mj_step(model, data)
     table = np.array(rows)
     table[:, -1] += noise * rng.normal(size=len(table))

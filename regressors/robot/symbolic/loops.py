@@ -132,6 +132,12 @@ class Loops:
             before = J_d
         return q, np.where(passed & (left <= CLOSED), np.inf, left)
 
+    def states(self, samples: Samples) -> Samples:
+        """Those of some states in which the loops can be closed, with what the independent joints give all others."""
+        q, left = self.reached(samples.q[:, self.independent])
+        states = Samples(samples.time, q, samples.dq, samples.ddq, samples.dddq)
+        return self.rates(states.rows(np.flatnonzero(left <= CLOSED)))
+
     def check(self, time: Array, q: Array, left: Array, source: str) -> None:
         """Raise `InputError` where configurations do not close the loops, or do not determine them."""
         wrong = np.flatnonzero(~(left <= CLOSED))

@@ -61,7 +61,7 @@ def test_rates_are_derivatives_along_the_motion() -> None:
 
 
 def test_mujoco_moves_the_same_way() -> None:
-    log = played(linkage("linkage", FOUR_BAR), 0.0, 0, middle=0.2, swing=2.2)
+    log = played(FOUR_BAR, linkage("linkage", FOUR_BAR), 0.0, 0, middle=0.2, swing=2.2)
     q = np.column_stack([log[f"q{k}.position"] for k in (1, 2, 3)])
     found, left = loops_of(robot_of()).reached(q[:, :1])
     assert left.max() <= CLOSED
