@@ -241,9 +241,9 @@ def expected_error(
     """
     rng = np.random.default_rng(seed)
     r = len(target.model.row_labels)
-    others = (other_motion(travelled, rng) for _ in range(_MOTIONS))
+    others = [other_motion(travelled, rng) for _ in range(_MOTIONS)]
     if target.robot.closures:
-        others = map(loops_of(target.robot).states, others)
+        others = list(map(loops_of(target.robot).states, others))
     motions = [measured_regressor(target, other) for other in others]
     gram = np.sum([W.T @ W for W in motions], axis=0)
     torque = float(sum(np.sum((W @ estimate.coefficients) ** 2) for W in motions))

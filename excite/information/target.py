@@ -56,7 +56,8 @@ def motion_of(robot: Robot, moving: Robot, task: Task) -> PartialMotion:
     if moving.closures:
         if task.model.drives is not None:
             raise InputError(
-                f"robot {robot.name!r}: `drives` cannot be chosen, since closed loops make joints follow others; leave it out"
+                f"robot {robot.name!r}: `drives` cannot be chosen, since closed loops make joints follow others; leave "
+                "it out"
             )
         return of_loops(moving)
     if task.model.drives is not None:

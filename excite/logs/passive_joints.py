@@ -14,7 +14,7 @@ from regressors.samples import Array, Samples
 
 
 def with_every_joint(log: Log, robot: Robot) -> Log:
-    """The log with the dependent joints that it lacks, from the independent ones; torques of passive joints are zero."""
+    """The log with the dependent joints that it lacks, from the independent ones; passive joints have no torque."""
     loops, names = loops_of(robot), robot.joint_names
     absent = [name for name in names if name not in log.joints]
     if missing := [name for name in loops.names if name in absent]:

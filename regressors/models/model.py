@@ -434,7 +434,8 @@ class PartialModel(RegressorModel):
     def right_side(self, samples: Samples, measured: Array) -> Array:
         """Torques of the moving coordinates that are used, ``N' tau``; `measured` has shape (N, n) [Nm or N].
 
-        Of closed loops N changes along the motion, but where it does, it multiplies the torques of passive joints: zero.
+        Of closed loops N changes along the motion, but there it multiplies the torques of passive joints, which are
+        zero.
         """
         torque = np.asarray(measured, dtype=float) @ self.motion.matrix[:, self.used]
         return np.asarray(torque.reshape(-1))

@@ -397,9 +397,8 @@ class Robot(Rebuilt):
         """Raise `InputError` for what does not know closed loops, where the robot has some."""
         if self.closures:
             raise InputError(
-                f"robot {self.name!r}: {what} does not support closed loops, and it has {self.closures[0].label}; identify "
-                "it from the log of a motion that you choose (`identify`, with the model energy or differential), or read "
-                "a part without loops with `tip`"
+                f"robot {self.name!r}: {what} does not support closed loops, and it has {self.closures[0].label}; "
+                "identify it from the log of a motion that you choose, or read a part without loops with `tip`"
             )
 
     @property

@@ -15,7 +15,6 @@ from linkages import FOUR_BAR, PARALLELOGRAM, linkage, played, written
 
 import excite
 from excite.export.models.robot_yaml import robot_text
-from excite.friction.fit_friction import fit_friction
 from excite.identification.identification import Identification
 from excite.identification.servos import identify_servos
 from excite.information.target import target_of
@@ -146,9 +145,9 @@ def test_robot_yaml_holds_the_loops() -> None:
     robot = robot_of("four-bar")
     assert parse_description(robot_text(robot), "four-bar.yaml").sha256() == robot.sha256()
     text = robot_text(robot).replace("bodies: [coupler, rocker]", "bodies: [coupler, bar]")
-    with pytest.raises(InputError, match="no body of robot 'four-bar', in the loop that closes between coupler and bar"):
+    with pytest.raises(InputError, match="no body of robot 'four-bar', in the loop"):
         parse_description(text, "four-bar.yaml")
-    with pytest.raises(InputError, match="loops.*at least 2 items"):
+    with pytest.raises(InputError, match=r"loops.*at least 2 items"):
         parse_description(robot_text(robot).replace("[coupler, rocker]", "[coupler]"), "four-bar.yaml")
 
 
@@ -158,7 +157,7 @@ def changed(**columns: Array | None) -> dict[str, Array]:
 
 
 LOGS = {
-    "no crank": ({"q1_position": None, "q1_effort": None}, r"no position of q1; give those of q1, from which the loops"),
+    "no crank": ({"q1_position": None, "q1_effort": None}, "no position of q1; give those of q1, from which"),
     "torque of a passive joint": ({"q2_effort": np.ones(2001)}, "torques of q2 are not zero, but no drive acts"),
     "another coupler": ({"q2_position": np.zeros(2001)}, "joint q2 deviates by .* from a motion of q1 alone"),
 }
@@ -203,8 +202,8 @@ def test_the_whole_way_in_the_shell(here: Here) -> None:
     done("identify", "bar.xml", "run.csv", "--model", "energy", "--out", "result", "--figures", "none")
     done("verify", "result", "other.csv", "--figures", "none")
     done("report", "result", "--out", "page.html")
-    for form, file, *more in (("yaml", "bar.yaml"), ("mjcf", "own.xml", "--robot-file", "bar.xml"), ("urdf", "bar.urdf")):
-        done("export", "result", "--format", form, "--out", file, *more)
+    for file, *words in (("bar.yaml", "yaml"), ("own.xml", "mjcf", "--robot-file", "bar.xml"), ("bar.urdf", "urdf")):
+        done("export", "result", "--out", file, "--format", *words)
     found = excite.load_result(here.cwd / "result")
     assert found.robot.closures == robot_of("four-bar").closures
     for file in ("bar.yaml", "own.xml"):

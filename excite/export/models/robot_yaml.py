@@ -18,7 +18,7 @@ from regressors.errors import InputError
 from regressors.readers.description import parse_description
 from regressors.readers.documents import yaml_float
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
-from regressors.robot.robot import BASE, Branch, Drive, Joint, Limits, Link, Robot, Transmission, plain
+from regressors.robot.robot import BASE, Branch, Drive, Joint, Limits, Link, Robot, Transmission
 
 _quoted = partial(json.dumps, ensure_ascii=False)
 _HEAD = "# metres, kilograms, seconds, radians; inertial parameters about the origin of each link's frame\n"
@@ -70,7 +70,7 @@ def _content(robot: Robot) -> dict[str, Any]:
         "structure": _filled({"zero": sorted(structure.zero), "equal": equal, "aggregates": aggregates}),
         "home": None if robot.home is None else robot.home.tolist(),
         "shapes": [part.to_dict() for part in robot.shapes],
-        "loops": [_filled(plain(asdict(closure))) for closure in robot.closures],
+        "loops": [_filled(asdict(closure)) for closure in robot.closures],
         "passive": list(robot.passive),
     }
     return _filled(content)

@@ -74,12 +74,11 @@ class Loops:
     @cached_property
     def _rates(self) -> VectorisedFunction:
         """Velocities, accelerations and jerks of all joints as columns, shape (n, 3)."""
-        q, *given = (ca.SX.sym(name, k) for name, k in zip("qvaj", (self.robot.n, *[len(self.independent)] * 3)))
-        v, a, j = given
+        q, (v, a, j) = ca.SX.sym("q", self.robot.n), (ca.SX.sym(name, len(self.independent)) for name in "vaj")
         dq = ca.mtimes(self.directions(q), v)
         ddq = ca.jtimes(dq, ca.vertcat(q, v), ca.vertcat(dq, a))
         dddq = ca.jtimes(ddq, ca.vertcat(q, v, a), ca.vertcat(dq, a, j))
-        return VectorisedFunction([q, *given], ca.horzcat(dq, ddq, dddq))
+        return VectorisedFunction([q, v, a, j], ca.horzcat(dq, ddq, dddq))
 
     @cached_property
     def _constraint(self) -> VectorisedFunction:
