@@ -136,7 +136,6 @@ def identify_payload(
     place = Frame(usual if frame_name is None else frame_name, rotation_from_rpy(x[3:]), x[:3])
     stated = read_gains(Path(gains)) if isinstance(gains, str | Path) else gain_deviation if gains is None else gains
     whole, task = robot_and_task(robot, base_link, tip, installation, snap_angles, xacro)
-    whole.check_open("the identification of a payload")
     task = bare_task(whole, task)
     with threadpool_limits(1):
         with_load = choice.read(loaded, whole, choice.rows, progress)

@@ -25,6 +25,7 @@ CLOSED = 1e-9  # what may be left open [m, or the sine of an angle]
 _RANK = 1e-8  # of the largest singular value
 _SINGULAR = 1e-3  # ratio of singular values of J_d below which the independent joints hardly determine the others
 _STEP, _STEPS = 0.3, 30  # largest Newton step [rad or m], and how many there may be
+_CONVERGED, _DAMPING = 1e-13, 1e-13  # step that is none [rad or m]; part of the trace of J_d' J_d that is added to it
 _NEAR = 0.1  # of the reference's root of det(J_d' J_d), below which a path passes a singular configuration
 _PATH = 0.1  # between two configurations that are solved one after the other [rad or m]
 
@@ -95,24 +96,26 @@ class Loops:
 
         Newton's method, at all instants at once.
         """  # q (N, n); open (N,)
-        q, left, _ = self._closed(q)
-        return q, left
+        q, left, J_d = self._closed(q)
+        sigma = np.linalg.svd(J_d, compute_uv=False)
+        return q, np.where((left <= CLOSED) & (sigma[:, -1] < _SINGULAR * sigma[:, 0]), np.inf, left)
 
     def _closed(self, q: Array) -> tuple[Array, Array, Array]:
-        """The same, with J_d, shape (N, r, m)."""
-        q, dependent = np.array(q, dtype=float), list(self.dependent)
+        """Configurations, how far each is open, and J_d, shape (N, r, m)."""
+        q, dependent, active = np.array(q, dtype=float), np.array(self.dependent), np.arange(len(q))
         for _ in range(_STEPS):
-            g, J = _split(_dense(self._constraint, q))
-            step = np.einsum("kdr,kr->kd", np.linalg.pinv(J[:, :, dependent], rcond=1e-12), g)
-            size = np.abs(step).max(axis=1, keepdims=True)
-            q[:, dependent] -= step * np.minimum(1.0, _STEP / np.maximum(size, _STEP))
-            if size.max(initial=0.0) < 1e-13:
+            g, J = _split(_dense(self._constraint, q[active]))
+            J_d = J[:, :, dependent]
+            A = np.swapaxes(J_d, 1, 2) @ J_d
+            A += _DAMPING * np.trace(A, axis1=1, axis2=2)[:, None, None] * np.eye(len(dependent))
+            step = np.linalg.solve(A, np.einsum("krd,kr->kd", J_d, g)[:, :, None])[:, :, 0]
+            size = np.abs(step).max(axis=1)
+            q[np.ix_(active, dependent)] -= step * np.minimum(1.0, _STEP / np.maximum(size, _STEP))[:, None]
+            active = active[size > _CONVERGED]
+            if not active.size:
                 break
         g, J = _split(_dense(self._constraint, q))
-        sigma = np.linalg.svd(J[:, :, dependent], compute_uv=False)
-        left = np.abs(g).max(axis=1)
-        left = np.where((left <= CLOSED) & (sigma[:, -1] < _SINGULAR * sigma[:, 0]), np.inf, left)
-        return q, left, J[:, :, dependent]
+        return q, np.abs(g).max(axis=1), J[:, :, dependent]
 
     def reached(self, independent: Array) -> tuple[Array, Array]:
         """The same along straight lines of the independent joints from the reference, shapes (N, n) and (N,).
@@ -120,16 +123,20 @@ class Loops:
         Loops do not flip over on the way: what passes near a singular configuration, or one where J_d turns over, is
         not reached.
         """  # independent (N, k)
-        start = self.reference[list(self.independent)]
-        q = np.tile(self.reference, (len(independent), 1))
-        _, left, before = self._closed(q)
-        passed, least = np.zeros(len(q), dtype=bool), _NEAR**2 * _determinant(before, before)
+        start, moved = self.reference[list(self.independent)], list(self.independent)
+        q, left = np.tile(self.reference, (len(independent), 1)), np.zeros(len(independent))
+        _, _, before = self._closed(q)
+        least, alive = _NEAR**2 * _determinant(before, before), np.arange(len(q))
         for part in _parts(independent - start):
-            q[:, list(self.independent)] = start + part * (independent - start)
-            q, left, J_d = self._closed(q)
-            passed |= ~((_determinant(before, J_d) > 0.0) & (_determinant(J_d, J_d) > least))
-            before = J_d
-        return q, np.where(passed & (left <= CLOSED), np.inf, left)
+            guess = q[alive]
+            guess[:, moved] = start + part * (independent[alive] - start)
+            q[alive], left[alive], J_d = self._closed(guess)
+            closed = left[alive] <= CLOSED
+            regular = (_determinant(before, J_d) > 0.0) & (_determinant(J_d, J_d) > least[alive])
+            left[alive[closed & ~regular]] = np.inf
+            alive, before = alive[closed & regular], J_d[closed & regular]
+        q[:, moved] = independent
+        return q, left
 
     def states(self, samples: Samples) -> Samples:
         """Those of some states in which the loops can be closed, with what the independent joints give all others."""
@@ -148,8 +155,9 @@ class Loops:
         if np.isinf(left[wrong[0]]):
             others = ", ".join(self.robot.joint_names[k] for k in self.dependent)
             raise InputError(
-                f"{source}: {labels} is singular {first}, where {listed_names(self.names)} do not determine {others}; "
-                "leave these rows out (`rows`), and keep the motion away from where the bars lie in line"
+                f"{source}: {labels} is at or beyond a singular configuration {first}, where "
+                f"{listed_names(self.names)} cannot determine {others}; keep away from where bars lie in line, or "
+                "check the lengths and `home`"
             )
         raise InputError(
             f"{source}: {labels} does not close {first}, where {left[wrong[0]]:.2g} m are left open; check the points "

@@ -109,8 +109,11 @@ def test_what_does_not_close_is_refused_with_what_is_left_open() -> None:
     lengths = (0.3, 0.2, 0.25, 0.4)  # its longest bar is too long for the crank to turn all round
     robot = read(linkage("rocking", lengths))
     loops, q1 = loops_of(robot), np.linspace(0.0, 2.0, 21)
-    q, left = loops.reached(q1[:, None])
+    q, left = loops.closed(np.column_stack([q1, np.zeros((21, 2))]))
     with pytest.raises(InputError, match=r"does not close at \d+ of 21 instants, first at .*q1 = .* left open"):
+        loops.check(q1, q, left, "run.csv")
+    q, left = loops.reached(q1[:, None])  # on the way there, the coupler and the rocker come to lie in line
+    with pytest.raises(InputError, match="is at or beyond a singular configuration"):
         loops.check(q1, q, left, "run.csv")
 
 
@@ -118,7 +121,9 @@ def test_singular_configurations_are_refused_and_not_passed() -> None:
     loops, q1 = loops_of(robot_of(PARALLELOGRAM)), np.array([0.5, np.deg2rad(120.0), 2.5])
     q, left = loops.reached(q1[:, None])
     assert (left <= CLOSED).tolist() == [True, False, False]
-    with pytest.raises(InputError, match=r"is singular at 2 of 3 instants.*where q1 do not determine q2, q3; leave"):
+    with pytest.raises(
+        InputError, match=r"is at or beyond a singular configuration at 2 of 3 instants.*q1 cannot determine q2, q3"
+    ):
         loops.check(q1, q, left, "run.csv")
 
 
