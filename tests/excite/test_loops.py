@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -144,6 +145,10 @@ def test_friction_of_passive_joints_is_found_where_it_is_asked_for() -> None:
 def test_robot_yaml_holds_the_loops() -> None:
     robot = robot_of("four-bar")
     assert parse_description(robot_text(robot), "four-bar.yaml").sha256() == robot.sha256()
+    (closure,) = robot.closures
+    turned = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    welded = robot.replace(closures=(replace(closure, axes=turned),))
+    assert parse_description(robot_text(welded), "welded.yaml").closures[0].axes == turned
     text = robot_text(robot).replace("bodies: [coupler, rocker]", "bodies: [coupler, bar]")
     with pytest.raises(InputError, match="no body of robot 'four-bar', in the loop"):
         parse_description(text, "four-bar.yaml")
