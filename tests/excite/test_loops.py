@@ -140,6 +140,8 @@ def test_friction_of_passive_joints_is_found_where_it_is_asked_for() -> None:
     assert plain.training_error is not None
     assert asked.training_error is not None
     assert plain.training_error > 1.2 * asked.training_error
+    wide, usual = (dict(zip(one.names, one.estimate.half_width, strict=True)) for one in (plain, asked))
+    assert wide["m1c1x"] > 3.0 * usual["m1c1x"]
 
 
 def test_robot_yaml_holds_the_loops() -> None:
