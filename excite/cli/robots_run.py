@@ -96,6 +96,10 @@ def _print(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
     out.print(Text(whole.name, style="bold"), f": {whole.n} joint(s); {whole.source}", sep="", soft_wrap=True)
     out.print(f"description SHA-256 {whole.sha256()[:16]}..., gravity {whole.gravity.tolist()} m/s^2", soft_wrap=True)
     print_table("joints", ("number", "name", "kind", "link", "mass [kg]", *_on(whole, "on")), _bodies(whole))
+    if whole.closures:
+        closed = ", ".join(" and ".join(closure.bodies) for closure in whole.closures)
+        passive = f"; passive: {', '.join(whole.passive)}" if whole.passive else ""
+        out.print(f"loops close between {closed}; moved by {', '.join(moving)}{passive}", soft_wrap=True)
     if limits := _limits(whole):
         print_table("limits", ("coordinate", *QUANTITIES), limits)
     else:

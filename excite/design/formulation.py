@@ -89,6 +89,7 @@ LIKELY_CAUSE = (
 @numerical_work("the formulation of the design", LIKELY_CAUSE)
 def formulate(robot: Robot, task: Task) -> Formulation:
     """Build and check the design problem of a task."""
+    robot.check_open("the design of a motion")
     task = with_information_in_hand(robot, with_servos(with_task_motion(with_initial_design(task))))
     check_richness(task)
     if not task.trajectory.family().linear:

@@ -93,6 +93,7 @@ def fit_friction(
     """
     settings = replace(settings if settings is not None else FitSettings(), **options)
     robot = load_robot(robot) if isinstance(robot, str) else robot
+    robot.check_open("a fit of friction curves")
     with threadpool_limits(1):
         model = _rigid(robot, parameters, settings)
         read = read_logs(logs, robot, mapping, tuple(drop), progress)

@@ -38,6 +38,7 @@ from excite.logs.signals.method import interpolated
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from regressors.errors import percent
 from regressors.robot.friction.load_and_temperature import drives_with_friction
+from regressors.robot.symbolic.loops import loops_of
 from regressors.samples import Array, Samples
 
 if TYPE_CHECKING:
@@ -240,14 +241,18 @@ def expected_error(
     """
     rng = np.random.default_rng(seed)
     r = len(target.model.row_labels)
-    motions = [measured_regressor(target, other_motion(travelled, rng)) for _ in range(_MOTIONS)]
+    others = [other_motion(travelled, rng) for _ in range(_MOTIONS)]
+    if target.robot.closures:
+        others = list(map(loops_of(target.robot).states, others))
+    motions = [measured_regressor(target, other) for other in others]
     gram = np.sum([W.T @ W for W in motions], axis=0)
     torque = float(sum(np.sum((W @ estimate.coefficients) ** 2) for W in motions))
     noise = _effective_noise(estimate, observations)
     factors = GroupFactors.of(observations)
     weighted = factors.stacked(noise)[:, :-1]
     determined = _inverse(weighted.T @ weighted)
-    if observations.equations != target.model.row_labels:  # of windows, whose noise is not that of torques
+    # of windows, whose noise is not that of torques; nor are motions of closed loops designed
+    if observations.equations != target.model.row_labels or target.robot.closures:
         return _ratio(determined, gram, torque), None
     counts = factors.count.reshape(-1, r)
     log_rows = counts.sum(axis=0)
@@ -287,7 +292,10 @@ _POINTS = 200  # in a period
 
 
 def other_motion(travelled: Samples, rng: np.random.Generator) -> Samples:
-    """A random Fourier series of five harmonics within the ranges of positions, speeds and accelerations of another."""
+    """A random Fourier series of five harmonics within the ranges of positions, speeds and accelerations of another.
+
+    Each joint has its own; of closed loops take those of the independent joints.
+    """
     n = travelled.q.shape[1]
     low, high = travelled.q.min(axis=0), travelled.q.max(axis=0)
     speed, acceleration = _rms(travelled.dq), _rms(travelled.ddq)

@@ -377,7 +377,7 @@ def torque_target(result: Identification) -> IdentificationTarget:
             "as `payload` of a design or a simulation, or identify the robot from joint torques and export that result"
         )
     target = result.target_of_instants
-    if target.model.torque_equations() is None:
+    if target.motion.straight and target.model.torque_equations() is None:
         raise InputError(
             f"{result.name} is of a model whose equations are not joint torques, so it has no robot to write"
         )

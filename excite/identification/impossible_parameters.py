@@ -126,7 +126,7 @@ def beyond_plausible(
     """  # torque (r,): root mean square of each equation
     some = motion.rows(np.unique(np.linspace(0, motion.time.size - 1, _INSTANTS).astype(int)))
     units = np.array([joint.unit for joint in target.robot.joints])
-    faster = [_as_fast_as_the_fastest(x, units) for x in (some.dq, some.ddq)]
+    faster = [_as_fast_as_the_fastest(x, units) if target.motion.straight else 1.0 for x in (some.dq, some.ddq)]
     fast = replace(some, dq=some.dq * faster[0], ddq=some.ddq * faster[1])
     rows = target.model.selected(fast, target.base.index).reshape(-1, torque.size, target.base.rank)
     with np.errstate(divide="ignore", invalid="ignore"):

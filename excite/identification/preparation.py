@@ -227,9 +227,10 @@ def _on_the_motion(samples: Samples, log: Log, target: IdentificationTarget) -> 
     astray = np.abs(moved.q - samples.q).max(axis=0)
     worst = int(np.argmax(astray))
     if astray[worst] > HELD:
+        cure = "" if target.motion.straight else "; check the points of the loops, and zeros and signs of the joints"
         raise InputError(
             f"{log.source}: joint {target.robot.joint_names[worst]} deviates by {astray[worst]:.3g} "
-            f"{target.robot.joints[worst].unit} from a motion of {', '.join(target.motion.labels)} alone"
+            f"{target.robot.joints[worst].unit} from a motion of {', '.join(target.motion.labels)} alone{cure}"
         )
     return moved
 

@@ -44,6 +44,7 @@ from excite.logs.frame import FrameLike, is_frame
 from excite.logs.log import Log
 from excite.logs.log_reading import read_log, with_sidecar
 from excite.logs.mapping import LogMapping, read_mapping
+from excite.logs.passive_joints import with_every_joint
 from excite.storage.result_folder import read_settled_files
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
@@ -97,6 +98,18 @@ def log_of(
     source: str = "frame",
 ) -> Log:
     """Log with its hash, from a log, its file, a simulation, or a frame, which has no name of its own."""
+    log = _log_of(given, robot, mapping, drop, only, source)
+    return with_every_joint(log, robot) if robot is not None and robot.closures else log
+
+
+def _log_of(
+    given: LogLike,
+    robot: Robot | None,
+    mapping: LogMapping | str | Path | None,
+    drop: tuple[str, ...],
+    only: tuple[int, int] | None,
+    source: str,
+) -> Log:
     if isinstance(given, str | Path):
         path = Path(given)
         return read_settled_files(path, lambda: _read(path, robot, mapping, drop, only))

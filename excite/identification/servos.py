@@ -78,6 +78,7 @@ def identify_servos(
     """
     began, cpu = time.monotonic(), time.process_time()
     whole, _ = robot_and_task(robot, base_link, tip, installation, snap_angles, xacro)
+    whole.check_open("the identification of servos")
     motions = [servo_motion(log, whole) for log in read_logs(logs, whole, mapping, tuple(drop), progress)]
     places = windows_in(motions)
     with threadpool_limits(1):

@@ -37,7 +37,7 @@ from regressors.models.base import (
     triangular_factor,
 )
 from regressors.models.model import RegressorModel
-from regressors.models.partial import PartialMotion, drive_names, of_drives, of_joints
+from regressors.models.partial import PartialMotion, drive_names, of_drives, of_joints, of_loops
 from regressors.numerical import ROUNDING, numerical_work
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import drives_with_friction, friction_rows, moving_drive_numbers
@@ -53,6 +53,13 @@ def friction_of_moving(friction: FrictionCurves, robot: Robot, moving: Robot) ->
 
 def motion_of(robot: Robot, moving: Robot, task: Task) -> PartialMotion:
     """Partial motion of the moving robot that a task asks for."""
+    if moving.closures:
+        if task.model.drives is not None:
+            raise InputError(
+                f"robot {robot.name!r}: `drives` cannot be chosen, since closed loops make joints follow others; leave "
+                "it out"
+            )
+        return of_loops(moving)
     if task.model.drives is not None:
         return of_drives(moving, task.model.drives)
     wanted = task.model.joints
@@ -97,7 +104,7 @@ class IdentificationTarget:
 def left_to_right_base(robot: Robot, task: Task) -> tuple[PartialMotion, Base]:
     """Moving coordinates and left-to-right base of a task, without the other conventions."""
     moving, motion, whole = _moving(robot, task, 0.0)
-    model = _restricted(whole, motion, task)
+    model = _shows(_restricted(whole, motion, task), motion, task)
     states = motion.states(random_states(moving, few_states(model)))
     with threadpool_limits(1):
         return motion, base_parameters(model, states=states, rounding=_rounding(task))
@@ -122,6 +129,14 @@ def _restricted(model: RegressorModel, motion: PartialMotion, task: Task) -> Reg
     return model
 
 
+def _shows(model: RegressorModel, motion: PartialMotion, task: Task) -> RegressorModel:
+    """The model whose rows say which parameters are shown: along closed loops always that of the drives' torques.
+
+    There the energy has the same base parameters, but parameters that are hardly seen would be told apart otherwise.
+    """
+    return model if motion.straight or model.window is None else _restricted(model.instantaneous(), motion, task)
+
+
 _recent: deque[tuple[Robot, Task, float, bool, IdentificationTarget]] = deque(maxlen=4)  # compiled already
 
 
@@ -137,7 +152,7 @@ def target_of(
     model = _restricted(whole.instantaneous() if instantaneous else whole, motion, task)
     states = motion.states(random_states(moving, enough_states(model)))
     with threadpool_limits(1):  # matrices of this size do not gain from more threads
-        chosen = bases(model, states, _rounding(task))
+        chosen = bases(_shows(model, motion, task), states, _rounding(task))
         if task.objective.nearly_unidentifiable == "drop" and chosen[0].rank > 0:
             torques = whole.instantaneous().restricted(motion, task.model.equations)
             chosen = visible_bases(model, torques, chosen, states, task)

@@ -63,7 +63,8 @@ def log_of_frame(
     """Log of a frame, see `excite.logs.log.Log.from_frame`."""
     allowed, columns = droppable_rows(joints, drop), NamedColumns.of(frame, source)
     if mapping is None:
-        return log_of_table(columns.table(columns.layout(joints), allowed).limited(only).measured())
+        layout = columns.layout(joints, () if robot is None else robot.passive)
+        return log_of_table(columns.table(layout, allowed).limited(only).measured())
     mapping = (read_mapping(mapping) if isinstance(mapping, str | Path) else mapping).of(robot)
     index = {name: k for k, name in reversed(list(enumerate(columns.names)))}
     table = columns.table(mapping.columns_layout(source, columns.names, index), allowed)
@@ -93,10 +94,10 @@ class NamedColumns:
         columns = tuple(frame[label] for label in labels)  # type: ignore[index]
         return cls(source, tuple(str(label).strip() for label in labels), columns, hint)
 
-    def layout(self, joints: Sequence[str] | None) -> Layout:
+    def layout(self, joints: Sequence[str] | None, passive: Sequence[str] = ()) -> Layout:
         """Layout by the names that columns have in files."""
         try:
-            return house_layout(self.source, list(self.names), joints)
+            return house_layout(self.source, list(self.names), joints, passive=passive)
         except ForeignHeader as error:
             raise InputError(
                 f"{self.source}: expected the columns time and NAME.position, given {listed(self.names) or 'none'}; "

@@ -80,10 +80,13 @@ def header_line(lines: Sequence[str]) -> int:
     return 0
 
 
-def house_layout(source: str, names: list[str], joints: Sequence[str] | None, preface: int = 0) -> Layout:
+def house_layout(
+    source: str, names: list[str], joints: Sequence[str] | None, preface: int = 0, passive: Sequence[str] = ()
+) -> Layout:
     """Layout by the column names ``time``, ``NAME.position``, ``NAME.velocity``, ..., ``wrench.force.x``.
 
-    A column ``temperature`` without a joint's name applies to all joints.
+    A column ``temperature`` without a joint's name applies to all joints. A passive joint whose torque has no column
+    has none: zero times the time.
     """
     _check_header(source, checked_head(source, names))
     index = {name: k for k, name in enumerate(names)}
@@ -96,8 +99,15 @@ def house_layout(source: str, names: list[str], joints: Sequence[str] | None, pr
     if "temperature" in index and index.keys().isdisjoint(named["temperature"]):
         named["temperature"] = ["temperature"] * len(wanted)  # one for all joints
     named["wrench"] = [f"wrench.{part}" for part in WRENCH]
+    silent = [name for name in named["effort"] if name not in index and name.removesuffix(".effort") in passive]
+    named["effort"] = [name for name in named["effort"] if name not in silent]
     there = {channel: _all_or_none(source, columns, index) for channel, columns in named.items()}
     channels = {channel: si_channel([index[name] for name in columns]) for channel, columns in there.items() if columns}
+    if silent and "effort" in channels:
+        torques = [f"{name}.effort" for name in wanted]
+        scale = np.array([0.0 if name in silent else 1.0 for name in torques])
+        columns = tuple(index.get(name, index["time"]) for name in torques)
+        channels["effort"] = Channel(columns, scale, np.zeros(len(columns)))
     return Layout(",", preface + 1, tuple(names), index["time"], 1.0, wanted, channels, preface)
 
 

@@ -95,7 +95,7 @@ def read_log(
         house: ForeignHeader | None = None
         if form is None:
             try:
-                return _in_house(path, joints, allowed, only)
+                return _in_house(path, joints, allowed, only, () if robot is None else robot.passive)
             except ForeignHeader as error:
                 house = error
         mapping, form, notes = _recognised(path, robot, house)
@@ -135,10 +135,16 @@ def _recognised(
     return mapping, loaded if error is None else None, (note,)
 
 
-def _in_house(path: Path, joints: Sequence[str] | None, drop: frozenset[str], only: tuple[int, int] | None) -> Log:
+def _in_house(
+    path: Path,
+    joints: Sequence[str] | None,
+    drop: frozenset[str],
+    only: tuple[int, int] | None,
+    passive: Sequence[str],
+) -> Log:
     with text_of(path) as text:
         head = header_line(text.lines)
-        layout = house_layout(text.source, header_names(text.lines[head]), joints, head)
+        layout = house_layout(text.source, header_names(text.lines[head]), joints, head, passive)
         return log_of_table(table_of(text, layout, drop, only), text.mended)
 
 

@@ -165,6 +165,7 @@ class LogChoice:
 
 def bare_task(robot: Robot, task: Task) -> Task:
     """The task of a robot's model, with friction that grows with the load where bodies are described."""
+    robot.check_open("the identification of a payload")
     known = all(link.theta is not None for link in robot.bodies)
     return task.changed(joint_rotors=True, offset=True, load_share=known)
 

@@ -63,6 +63,7 @@ def repetitions(
         raise not_repeated()
     recipe, part, model = result.recipe, result.prepared[0], result.target.model
     recipe.check_repeatable(count)
+    result.robot.check_open("the repetition of an identification")
     uniform = resample(part.log).log  # what the method chooses for the log, it keeps
     chosen = 1 if recipe.low_pass is None else decimation(mean_rate(part.samples.time), recipe.low_pass)
     experiment = Experiment(

@@ -37,11 +37,19 @@ def numbers_of(chosen: DriveChoice, robot: Robot, curves: FrictionCurves | None 
 
 
 def without_curve(chosen: DriveChoice, robot: Robot, curves: FrictionCurves | None) -> DriveChoice:
-    """A choice without the drives whose friction is known: what a task without the curves has to ask for."""
-    if curves is None or chosen is False:
-        return chosen
-    from regressors.robot.friction.load_and_temperature import moving_drive_numbers
+    """A choice without the drives whose friction is known: what a task without the curves has to ask for.
 
+    All drives are those that drive: passive joints have no friction, unless they are named.
+    """
+    if chosen is False or (curves is None and not robot.passive):
+        return chosen
+    from regressors.robot.friction.load_and_temperature import drives_with_friction, moving_drive_numbers
+
+    if chosen is True and robot.passive:
+        driven = [name not in robot.passive for name in robot.joint_names]
+        chosen = tuple(name for name, row in drives_with_friction(robot) if row[driven].any())
+    if curves is None:
+        return chosen
     moving = moving_drive_numbers(robot)
     known = {number for name, number in moving.items() if curves.curve(name) is not None}
     if not known:

@@ -193,7 +193,8 @@ class ProjectedPart(RegressorBlock):
 
     def __init__(self, model: PartialModel, columns: Index) -> None:
         self._whole = part_of(model.model, columns)
-        self._projection = model.torque_equations().directions.T
+        model.robot.check_open("the JAX form of the projected model")
+        self._projection = model.motion.matrix[:, model.used].T
 
     def rows(self, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> jax.Array:
         """Rows of the moving coordinates, shape (r, p, L)."""

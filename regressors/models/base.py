@@ -13,11 +13,12 @@ from typing import Literal
 import numpy as np
 
 from regressors.arguments import checked
-from regressors.errors import check_names
+from regressors.errors import InputError, check_names
 from regressors.models.model import RegressorModel
 from regressors.numerical import ROUNDING, TOLERANCE, explained_columns, independent_columns, pivoted_columns
 from regressors.robot.columns import BODY_KINDS, Column
 from regressors.robot.robot import Robot, finite_ranges
+from regressors.robot.symbolic.loops import loops_of
 from regressors.samples import Array, Index, Samples
 
 Choice = Literal["gautier", "pivoted"]
@@ -30,6 +31,12 @@ _UNLIMITED = {"velocity": 2.0, "acceleration": 10.0}
 
 def random_states(robot: Robot, count: int, seed: int = 0) -> Samples:
     """Independent states, uniform within the joint limits; within a few SI units where a limit is missing."""
+    if robot.closures:
+        return _closed_states(robot, count, seed)
+    return _free_states(robot, count, seed)
+
+
+def _free_states(robot: Robot, count: int, seed: int) -> Samples:
     rng = np.random.default_rng(seed)
     bounds = ((getattr(robot.limits, name), size) for name, size in _UNLIMITED.items())
     velocity, acceleration = (np.where(np.isfinite(bound), bound, size) for bound, size in bounds)
@@ -38,6 +45,22 @@ def random_states(robot: Robot, count: int, seed: int = 0) -> Samples:
     dq = rng.uniform(-velocity, velocity, shape)
     ddq = rng.uniform(-acceleration, acceleration, shape)
     return Samples(np.arange(count, dtype=float), q, dq, ddq, np.zeros(shape))
+
+
+_DRAWS = 20  # times as many states are tried at most
+
+
+def _closed_states(robot: Robot, count: int, seed: int) -> Samples:
+    """States in which all loops are closed, away from singular configurations."""
+    loops, states = loops_of(robot), list[Samples]()
+    for draw in range(_DRAWS):
+        states.append(loops.states(_free_states(robot, count, seed + 1000 * draw)))
+        if sum(one.time.size for one in states) >= count:
+            return replace(Samples.joined(states).rows(slice(count)), time=np.arange(count, dtype=float))
+    raise InputError(
+        f"robot {robot.name!r}: its loops close in fewer than one of {_DRAWS} configurations within the limits of "
+        f"{', '.join(loops.names)}; state narrower limits of these joints, within which the loops close"
+    )
 
 
 def triangular_factor(W: Array) -> Array:
@@ -148,7 +171,9 @@ def _without_rounding(model: RegressorModel, states: Samples, rounding: float) -
     if rounding <= 0.0 or len(independent_columns(R, rounding, _sizes(model, R))) == len(exact):
         return R, ()
     moderate = {name: _up_to(getattr(states, name), most) for name, most in _MODERATE.items()}
-    S = triangular_factor(model.instants(replace(states, **moderate)))
+    slower = replace(states, **moderate)
+    slower = loops_of(model.robot).rates(slower) if model.robot.closures else slower
+    S = triangular_factor(model.instants(slower))
     sizes = _sizes(model, S)
     kept = np.intersect1d(independent_columns(S, rounding, sizes), exact)
     hidden = np.setdiff1d(exact, kept)

@@ -22,7 +22,6 @@ from regressors.models.reduction import CoulombFriction, Reduction, coulomb_fric
 from regressors.quantities import place_of
 from regressors.robot.columns import DIRECTED_KINDS, Column, Terms
 from regressors.robot.robot import Robot
-from regressors.robot.symbolic.kinematics import sparse
 from regressors.robot.symbolic.vectorised import (
     SparseRow,
     VectorisedFunction,
@@ -430,15 +429,21 @@ class PartialModel(RegressorModel):
 
     def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         """Rows of the moving coordinates that are used, shape (r, p)."""
-        return ca.mtimes(sparse(self.motion.matrix.T[self.used]), self.model.rows(q, dq, ddq))
+        return ca.mtimes(self.motion.directions(q)[:, self.used].T, self.model.rows(q, dq, ddq))
 
     def right_side(self, samples: Samples, measured: Array) -> Array:
-        """Torques of the moving coordinates that are used, ``N' tau``; `measured` has shape (N, n) [Nm or N]."""
+        """Torques of the moving coordinates that are used, ``N' tau``; `measured` has shape (N, n) [Nm or N].
+
+        Of closed loops N changes along the motion, but there it multiplies the torques of passive joints, which are
+        zero.
+        """
         torque = np.asarray(measured, dtype=float) @ self.motion.matrix[:, self.used]
         return np.asarray(torque.reshape(-1))
 
-    def torque_equations(self) -> TorqueEquations:
-        """Torque equations of the moving coordinates that are used."""
+    def torque_equations(self) -> TorqueEquations | None:
+        """Torque equations of the moving coordinates that are used; None where loops bend the motion."""
+        if not self.motion.straight:
+            return None
         return TorqueEquations(self.model, self.motion, tuple(self.used))
 
     def restricted(self, motion: PartialMotion, equations: Sequence[str] | None = None) -> RegressorModel:

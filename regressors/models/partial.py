@@ -8,12 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
+import casadi as ca
 import numpy as np
 
 from regressors.errors import InputError
 from regressors.quantities import place_of
 from regressors.robot.robot import Robot
+from regressors.robot.symbolic.kinematics import sparse
+from regressors.robot.symbolic.loops import Loops, loops_of
 from regressors.samples import Array, Samples
 
 
@@ -21,6 +25,7 @@ from regressors.samples import Array, Samples
 class PartialMotion:
     """Affine map from the moving coordinates to the joints, ``q = N s + q0``."""
 
+    straight: ClassVar[bool] = True  # whether N is the same everywhere
     labels: tuple[str, ...]  # names of the moving coordinates, such as ``q2`` or ``z2``
     units: tuple[str, ...]  # ``rad`` or ``m``
     matrix: Array  # (n, k) N
@@ -31,12 +36,43 @@ class PartialMotion:
         """True if every joint moves on its own."""
         return np.array_equal(self.matrix, np.eye(len(self.offset)))
 
+    def directions(self, q: ca.SX) -> ca.SX:
+        """``dq / ds`` in a configuration, shape (n, k)."""  # q (n, 1)
+        return sparse(self.matrix)
+
     def states(self, states: Samples) -> Samples:
         """Projection of states onto those that this motion can reach."""
         project = self.matrix @ np.linalg.pinv(self.matrix)
         project[np.abs(project) < 1e-12] = 0.0  # what is held must be held exactly
         q = (states.q - self.offset) @ project.T + self.offset
         return Samples(states.time, q, states.dq @ project.T, states.ddq @ project.T, states.dddq @ project.T)
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedMotion(PartialMotion):
+    """Motion of the independent joints of closed loops, ``q = q(s)``; N and q0 are those of one configuration."""
+
+    straight: ClassVar[bool] = False
+    loops: Loops
+
+    def directions(self, q: ca.SX) -> ca.SX:
+        """``N(q)``, shape (n, k)."""  # q (n, 1)
+        return self.loops.directions(q)
+
+    def states(self, states: Samples) -> Samples:
+        """States with the dependent joints where the independent ones put them."""
+        q, left = self.loops.closed(states.q)
+        self.loops.check(states.time, q, left, self.loops.robot.name)
+        return self.loops.rates(Samples(states.time, q, states.dq, states.ddq, states.dddq))
+
+
+def of_loops(robot: Robot) -> ClosedMotion:
+    """Motion of a robot with closed loops."""
+    loops = loops_of(robot)
+    units = tuple(robot.joints[k].unit for k in loops.independent)
+    q = ca.SX(ca.DM(loops.reference))
+    N = np.array(ca.DM(ca.densify(ca.evalf(loops.directions(q)))))
+    return ClosedMotion(loops.names, units, N, loops.reference, loops)
 
 
 def of_joints(robot: Robot, moving: Sequence[int]) -> PartialMotion:

@@ -76,6 +76,8 @@ def _robot(
             branches=branches,
             home=None if description.home is None else np.array(description.home),
             shapes=tuple(shape.part() for shape in description.shapes),
+            closures=tuple(loop.closure() for loop in description.loops),
+            passive=tuple(description.passive),
         )
 
 

@@ -26,6 +26,7 @@ from pydantic import (
 
 from regressors.errors import InputError, check_names, long_name, shortened
 from regressors.readers.documents import described
+from regressors.robot.closures import Closure
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.robot.inertia import Array, from_centre_of_mass, inertia_tensor, rotation_from_rpy, transport
 from regressors.robot.robot import Branch, Drive, Joint, JointKind, Limits, Link
@@ -342,6 +343,26 @@ class ShapeSection(Section):
         return Part(self.link, Capsule(start, end, self.radius))
 
 
+class LoopSection(Section):
+    """What closes a loop: a point of each of two bodies, each in its own frame [m], that are one.
+
+    ``axes`` are the rows of the rotation from the second body's axes to the first one's, where the two do not turn.
+    """
+
+    bodies: Annotated[list[Name], Field(min_length=2, max_length=2)]
+    points: Annotated[list[Vector], Field(min_length=2, max_length=2)]
+    axes: Annotated[list[Vector], Field(min_length=3, max_length=3)] | None = None
+
+    @model_validator(mode="after")
+    def _closes(self) -> LoopSection:
+        self.closure()
+        return self
+
+    def closure(self) -> Closure:
+        """Closure of a robot."""
+        return Closure.from_dict(self.model_dump())
+
+
 class BallScrewSection(Section):
     """A ball screw, see `regressors.robot.gears.BallScrew`: ``L(z)^2 = square + cosine cos z + sine sin z`` [m^2]."""
 
@@ -479,6 +500,7 @@ class Description(Section):
     ``sources`` says where the values come from: any keys, text. ``gravity`` is a magnitude, downwards along the base
     frame's z axis, or a vector in the base frame [m/s^2]. ``coupling`` is the matrix C of ``z = C q + offset``.
     ``home`` is the pose in which the robot waits, a number per joint. ``shapes`` are capsules around the links.
+    ``loops`` close the tree of joints, ``passive`` are the joints of these that no drive acts on.
     """
 
     name: Annotated[str, AfterValidator(_title)]
@@ -494,3 +516,5 @@ class Description(Section):
     structure: StructureSection = StructureSection()
     home: list[Angle] | None = None
     shapes: list[ShapeSection] = []
+    loops: list[LoopSection] = []
+    passive: list[str] = []

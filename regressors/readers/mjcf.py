@@ -24,11 +24,12 @@ from regressors.readers.mjcf_tree import (
     reflected,
     tree_of_model,
 )
-from regressors.readers.moving_part import MovingPart, resting_rotation, working_ends
+from regressors.readers.moving_part import MovingPart, carried, resting_rotation, working_ends
 from regressors.readers.urdf import robot_of_tree
 from regressors.readers.urdf_tree import UrdfTree
+from regressors.robot.closures import Closure
 from regressors.robot.inertia import Array
-from regressors.robot.robot import Drive, Limits, Robot, Transmission
+from regressors.robot.robot import BASE, Drive, Limits, Robot, Transmission
 
 _LEFT_OUT = {"springs": ("jnt_stiffness", "jnt_stiffnesspoly"), "damping that is not linear": ("dof_dampingpoly",)}
 _UNNAMED = "MuJoCo Model"  # what the compiler calls a model without a name
@@ -53,6 +54,8 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: Tips = None, sn
       friction; all three are given as soon as one joint of the chain has one of them.
     - Gravity is that of ``<option>``, in the axes of the base; zero where the file disables it.
     - A joint that an equality constraint couples to another one is a mimic joint, one that it holds is fixed.
+    - Bodies that an equality ``connect`` or ``weld`` holds together close a loop; moving joints without an actuator are
+      then passive, and home is where the file puts the joints.
     - Not read: contacts, tendons, fluids, ``gravcomp`` (a part of the controller), and how actuators are controlled.
     """
     path = Path(path)
@@ -60,8 +63,16 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: Tips = None, sn
     joints = names_of(model, "joint")
     robot = robot_of_tree(tree, base, tip)
     ends = (tree.root if base is None else base, tuple(link.name for link in robot.tips))
-    for tie in equalities(model)[2]:
-        _check_tie(tie, tree, robot, ends)
+    driven = [name for name, acting in zip(joints, joint_actuators(model), strict=True) if acting]
+    passive = tuple(name for name in robot.joint_names if name not in driven)
+    ties = [tie for tie in equalities(model)[2] if _ties(tie, tree, [link.name for link in robot.links])]
+    for tie in ties:
+        if tie.places is None or len(passive) == robot.n:
+            raise _loop_refused(tie, tree, robot, ends)
+    if ties:
+        start = [float(model.qpos0[model.jnt_qposadr[joints.index(name)]]) for name in robot.joint_names]
+        closures = tuple(_closure(tie, tree, robot, ends[0]) for tie in ties)
+        robot = robot.replace(closures=closures, passive=passive, home=np.array(start) if any(start) else None)
     return robot.replace(
         transmission=_transmission(model, robot, joints),
         gravity=_gravity(model, tree, base),
@@ -98,14 +109,11 @@ def compiled(path: Path) -> Any:
         raise InputError(f"{path.name}: MuJoCo does not compile it: {' '.join(str(error).split())}") from error
 
 
-def _check_tie(tie: Tie, tree: UrdfTree, robot: Robot, ends: tuple[str, tuple[str, ...]]) -> None:
-    """Refuse a constraint that makes moving joints depend on each other, or on others."""
+def _loop_refused(tie: Tie, tree: UrdfTree, robot: Robot, ends: tuple[str, tuple[str, ...]]) -> InputError:
+    """Error for a constraint that makes moving joints depend on each other, or on others, with what can be read."""
     links = [body.name for body in robot.links]
-    if not _ties(tie, tree, links):
-        return
-    label, joints, bodies = tie
-    names = [joint for joint in joints if joint in robot.joint_names]
-    what = f"joint {names[0]!r}" if names else " and ".join(f"body {body!r}" for body in bodies[:2])
+    names = [joint for joint in tie.joints if joint in robot.joint_names]
+    what = f"joint {names[0]!r}" if names else " and ".join(f"body {body!r}" for body in tie.bodies[:2])
 
     def accepts(part: MovingPart) -> None:
         if _ties(tie, tree, [joint.child for joint in part.moving]):
@@ -114,18 +122,36 @@ def _check_tie(tie: Tie, tree: UrdfTree, robot: Robot, ends: tuple[str, tuple[st
     candidates = [*((link, ends[1]) for link in links), *((ends[0], (link,)) for link in reversed(links))]
     working = working_ends(tree, candidates, ends, accepts)
     cure = f", or choose the part beside it with {working}" if working else ""
-    raise InputError(
-        f"{tree.source}: {label} on {what} closes a loop with what moves, expected joints that move on their own; "
-        f"switch it off in the file (active='false'){cure}"
-    )
+    wanted = "expected joints that move on their own; switch it off in the file (active='false')"
+    if tie.places is not None:
+        wanted = (
+            "and no actuator says which joints are driven; add actuators (<motor joint='NAME'/>), switch it off in the "
+            "file (active='false')"
+        )
+    return InputError(f"{tree.source}: {tie.label} on {what} closes a loop with what moves, {wanted}{cure}")
+
+
+def _closure(tie: Tie, tree: UrdfTree, robot: Robot, base: str) -> Closure:
+    """What a constraint holds together, in the frames of the links that carry its bodies."""
+    assert tie.places is not None
+    links = [link.name for link in robot.links]
+    stop = {tree.above[link].name for link in links}
+    frames, names = [], []
+    for body, place in zip(tie.bodies, tie.places, strict=True):
+        carrier = tree.carrier(body, links)
+        resting = carrier not in links
+        poses = dict(carried(tree, carrier, stop))
+        frames.append((np.linalg.inv(poses[base]) if resting else np.eye(4)) @ poses[body] @ place)
+        names.append(BASE if resting else carrier)
+    axes = (frames[0] @ np.linalg.inv(frames[1]))[:3, :3].tolist() if tie.weld else None
+    return Closure.from_dict({"bodies": names, "points": [frame[:3, 3] for frame in frames], "axes": axes})
 
 
 def _ties(tie: Tie, tree: UrdfTree, links: list[str]) -> bool:
     """Whether a constraint holds between parts that moving links move differently."""
     moving = {tree.above[link].name for link in links}
-    _, joints, bodies = tie
-    moved = {tree.carrier(body, links) for body in bodies}
-    return len(moved) > 1 or any(joint in moving for joint in joints)
+    moved = {tree.carrier(body, links) for body in tie.bodies}
+    return len(moved) > 1 or any(joint in moving for joint in tie.joints)
 
 
 def _left_out(model: Any, robot: Robot, joints: list[str]) -> str:
@@ -155,7 +181,11 @@ def _transmission(model: Any, robot: Robot, joints: list[str]) -> Transmission |
     drives = [Drive(name, coulomb=0.0, viscous=0.0) for name in robot.joint_names]
     if robot.transmission is not None:
         drives = list(robot.transmission.drives)
-    rotors = (replace(drive, rotor_inertia=inertia) for drive, inertia in zip(drives, armature, strict=True))
+    pairs = zip(drives, armature, strict=True)
+    rotors = (
+        replace(drive, rotor_inertia=None if drive.name in robot.passive and not inertia else inertia)
+        for drive, inertia in pairs
+    )
     return Transmission(np.eye(robot.n), tuple(rotors), Limits.none(robot.n))
 
 

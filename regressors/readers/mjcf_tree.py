@@ -7,7 +7,7 @@ joints that follow others or are held are part of the tree; what else they tie i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -184,8 +184,18 @@ def _reach(bounds: Array) -> float:
     return min(-lower, upper) if lower < 0.0 < upper else np.inf
 
 
-# a constraint between bodies, or between joints, that is no joint of the tree: what it is, its joints, its bodies
-Tie = tuple[str, list[str], list[str]]
+@dataclass(frozen=True, eq=False)
+class Tie:
+    """A constraint between bodies, or between joints, that is no joint of the tree."""
+
+    label: str
+    joints: list[str]
+    bodies: list[str]
+    # where it closes a loop: its point, or the frame that it holds, in the link of each body, shape (4, 4)
+    places: tuple[Array, Array] | None = None
+    weld: bool = False
+
+
 # joints that follow another one, and positions at which joints are held [rad or m], by their numbers; all the others
 Equalities = tuple[dict[int, Mimic], dict[int, float], list[Tie]]
 
@@ -206,14 +216,39 @@ def equalities(model: Any) -> Equalities:
         elif kind == kinds.mjEQ_JOINT:
             mimics[first] = _mimic(model, number, joints[second])
         elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
-            what = "connect" if kind == kinds.mjEQ_CONNECT else "weld"
-            at_sites = int(model.eq_objtype[number]) == mujoco.mjtObj.mjOBJ_SITE
-            ends = (int(model.site_bodyid[end]) if at_sites else end for end in (first, second))
-            ties.append((f"the equality <{what}>", [], [bodies[end] for end in ends]))
+            ends, places = _closed_at(model, number)
+            weld = kind == kinds.mjEQ_WELD
+            what = f"the equality <{'weld' if weld else 'connect'}>"
+            ties.append(Tie(what, [], [bodies[end] for end in ends], places, weld))
         elif kind == kinds.mjEQ_TENDON:
             of_joints, of_bodies = _ends_of_tendons(model, [tendon for tendon in (first, second) if tendon >= 0])
-            ties.append(("the equality <tendon>", [joints[k] for k in of_joints], [bodies[k] for k in of_bodies]))
+            ties.append(Tie("the equality <tendon>", [joints[k] for k in of_joints], [bodies[k] for k in of_bodies]))
     return mimics, held, ties
+
+
+def _closed_at(model: Any, number: int) -> tuple[tuple[int, int], tuple[Array, Array]]:
+    """Bodies that a `connect` or a `weld` holds together, and the frame in which it does, in the link of each.
+
+    MuJoCo keeps the points of a `connect` in both bodies; of a `weld` the point in the second body, then the one in the
+    first, then the axes of the second body in those of the first.
+    """
+    ids, data = [int(values[number]) for values in (model.eq_obj1id, model.eq_obj2id)], model.eq_data[number]
+    if int(model.eq_objtype[number]) == mujoco.mjtObj.mjOBJ_SITE:
+        frames = [pose_of(rotation_of_quaternion(model.site_quat[site]), model.site_pos[site]) for site in ids]
+        ids = [int(model.site_bodyid[site]) for site in ids]
+    elif int(model.eq_type[number]) == mujoco.mjtEq.mjEQ_CONNECT:
+        frames = [pose_of(np.eye(3), data[:3]), pose_of(np.eye(3), data[3:6])]
+    else:
+        frames = [pose_of(rotation_of_quaternion(data[6:10]), data[3:6]), pose_of(np.eye(3), data[:3])]
+    first, second = (_in_its_link(model, body) @ frame for body, frame in zip(ids, frames, strict=True))
+    return (ids[0], ids[1]), (first, second)
+
+
+def _in_its_link(model: Any, body: int) -> Array:
+    """Pose of a body in its link, whose origin is the anchor of the hinge that moves it, see `tree_of_model`."""
+    last = int(model.body_jntadr[body]) + int(model.body_jntnum[body]) - 1
+    hinged = model.body_jntnum[body] and model.jnt_type[last] == mujoco.mjtJoint.mjJNT_HINGE
+    return pose_of(np.eye(3), -model.jnt_pos[last] if hinged else np.zeros(3))
 
 
 def _mimic(model: Any, number: int, leader: str) -> Mimic:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from regressors.errors import InputError
+from regressors.robot.closures import Closure
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.robot.robot import Aggregates, Branch, Drive, Joint, Limits, Link, Robot, Structure, Transmission
 from regressors.robot.shapes import Part
@@ -39,6 +40,8 @@ def robot_from_description(plain: Mapping[str, Any]) -> Robot:
             home=None if plain.get("home") is None else np.array(plain["home"], dtype=float),
             shapes=tuple(Part.from_dict(part) for part in plain.get("shapes", [])),
             parents=tuple(plain.get("parents", [])),
+            closures=tuple(map(Closure.from_dict, plain.get("closures", []))),
+            passive=tuple(plain.get("passive", [])),
         )
     except InputError:
         raise

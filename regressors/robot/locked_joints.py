@@ -106,6 +106,11 @@ def _held(robot: Robot, keep: list[int], position: Array | None) -> _Held:
 
 
 def _reduced(robot: Robot, held: _Held) -> Robot:
+    if robot.closures:
+        raise InputError(
+            f"robot {robot.name!r}: joints of a robot with closed loops cannot be locked one by one; leave out "
+            "`joints`, or read a part without loops with `tip`"
+        )
     keep, rides = held.keep, _rides(robot, held)
     return robot.replace(
         joints=tuple(rides[k].joint for k in keep),

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from regressors.arguments import checked
 from regressors.errors import Finding, InputError, UnknownName, check_names, listed_names, long_name
 from regressors.quantities import place_of
+from regressors.robot.closures import Closure, check_closures
 from regressors.robot.gears import ConstantRatio, GearFunction
 from regressors.robot.inertia import PARAMETERS_PER_LINK, Array, is_rotation, pose_of, skew
 from regressors.robot.shapes import Part
@@ -276,6 +277,10 @@ class Robot(Rebuilt):
     parents : tuple of int
         Number of the link that carries each joint, 1 for the first, and 0 for the base; smaller than the joint's own. A
         chain, in which each joint sits on the link before it, if not given.
+    closures : tuple of Closure
+        What closes loops: the joints and links are the tree that is left when these are cut.
+    passive : tuple of str
+        Joints of these loops that no drive acts on, by name: their torque is zero.
     notes : tuple of Finding
         What the reader noticed; no part of the description, nor of its hash.
 
@@ -298,6 +303,8 @@ class Robot(Rebuilt):
     home: Array | None = None
     shapes: tuple[Part, ...] = ()
     parents: tuple[int, ...] = ()
+    closures: tuple[Closure, ...] = ()
+    passive: tuple[str, ...] = ()
     notes: tuple[Finding, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
@@ -335,6 +342,7 @@ class Robot(Rebuilt):
             _check_tree(self)
         known = (BASE, *(body.name for body in self.bodies))
         check_names(f"link with a shape, of robot {self.name!r},", (part.link for part in self.shapes), known)
+        check_closures(self.name, self.closures, self.passive, names, known)
 
     def __repr__(self) -> str:
         """One line."""
@@ -385,6 +393,14 @@ class Robot(Rebuilt):
             "on one last link; read the part of its URDF or MJCF that ends there, with `tip`"
         )
 
+    def check_open(self, what: str) -> None:
+        """Raise `InputError` for what does not know closed loops, where the robot has some."""
+        if self.closures:
+            raise InputError(
+                f"robot {self.name!r}: {what} does not support closed loops, and it has {self.closures[0].label}; "
+                "identify it from the log of a motion that you choose, or read a part without loops with `tip`"
+            )
+
     @property
     def link_numbers(self) -> tuple[int, ...]:
         """Number of each link in parameter names."""
@@ -426,8 +442,8 @@ class Robot(Rebuilt):
         content = plain(self)
         assert isinstance(content, dict)
         content["shapes"] = [part.to_dict() for part in self.shapes]
-        # robots without them keep the hash that they had before there were branches, homes, or trees
-        optional = ("branches", "home", "shapes", "parents")
+        # robots without them keep the hash that they had before there were branches, homes, trees, or loops
+        optional = ("branches", "home", "shapes", "parents", "closures", "passive")
         if self.is_chain:
             content["parents"] = []
         return {name: value for name, value in content.items() if name != "notes" and (value or name not in optional)}

@@ -102,6 +102,7 @@ def plan_friction(
     for quantity, value in (("seed", seed), ("pose", pose)):
         check(quantity, value)
     described, task = robot_and_task(robot)
+    described.check_open("a plan of runs at constant speed")
     limits = LimitChoice() if limits is None else limits
     if isinstance(world, str | Path):
         world = read_world(Path(world), task.robot if isinstance(task.robot, str) else "")

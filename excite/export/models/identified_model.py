@@ -123,7 +123,9 @@ def _plain(curve: FrictionCurve | Callable[[Array], Array], fastest: float) -> _
 
 
 COUPLED, VARYING, BRANCHES, FURTHER = "coupled drives", "varying gear", "branches", "further parameters"
+LOOPS = "closed loops"
 _TEXTS = {
+    LOOPS: "what closes its loops ({}): they are open in it",
     BRANCHES: "the bodies beside the chain ({})",
     ROTOR: "rotor inertias ({})",
     VARYING: "rotor inertias behind gears of varying ratio ({})",
@@ -165,6 +167,7 @@ def features_of(
 ) -> tuple[Feature, ...]:
     """Features of a model that have a torque, each kind once."""
     owners, parameters = (dict[str, list[str]]((kind, []) for kind in _TEXTS) for _ in range(2))
+    owners[LOOPS] = [" to ".join(closure.bodies) for closure in robot.closures]
     for number, branch in zip(robot.body_numbers[robot.n :], robot.branches, strict=True):
         owners[BRANCHES].append(branch.name)
         parameters[BRANCHES] += parameter_names(number)

@@ -16,7 +16,7 @@ import numpy as np
 
 from excite.export.models.export_model import ModelFormat, ModelText
 from excite.export.models.exported_model import about_centre, number, numbers, quaternion_of, stated
-from excite.export.models.identified_model import COUPLED, DrivenRobot, IdentifiedModel
+from excite.export.models.identified_model import COUPLED, LOOPS, DrivenRobot, IdentifiedModel
 from excite.export.models.servo_model import FRICTION, ServoRobot
 from excite.export.models.xml_copy import XmlDocument, XmlSpan, comment, joints_in, pose_error, share_inertia, start
 from regressors.errors import InputError
@@ -41,7 +41,7 @@ class MjcfFormat(ModelFormat):
 
     name = "MJCF"
     suffix = ".xml"
-    expresses = frozenset({ROTOR, COULOMB, VISCOUS, COUPLED})
+    expresses = frozenset({ROTOR, COULOMB, VISCOUS, COUPLED, LOOPS})  # loops are those of the user's own file
     template_suffixes = (".xml", ".mjcf")
 
     def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:
@@ -51,6 +51,8 @@ class MjcfFormat(ModelFormat):
             document, notes = mjcf_copy(model, robot_file)
             notes = (*notes, *zone)
             return ModelText(document.edited((*comment, *notes)), notes)
+        if model.robot.closures:
+            raise InputError("an MJCF of closed loops is written as a copy of your own: give it as `robot_file`")
         notes = (*mjcf_notes(model.robot), *zone)
         return ModelText(mjcf_text(model, (*comment, *notes)), notes)
 

@@ -29,6 +29,7 @@ from excite.export.models.identified_model import (
     BRANCHES,
     COUPLED,
     LISTED,
+    LOOPS,
     TABLE,
     TEMPERATURE,
     VARYING,
@@ -50,7 +51,7 @@ class YamlFormat(ModelFormat):
 
     name = "robot YAML"
     suffix = ".yaml"
-    expresses = frozenset({ROTOR, COULOMB, VISCOUS, COUPLED, VARYING, BRANCHES})
+    expresses = frozenset({ROTOR, COULOMB, VISCOUS, COUPLED, VARYING, BRANCHES, LOOPS})
 
     def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:
         """See `excite.export.models.export_model.ModelFormat.text`."""

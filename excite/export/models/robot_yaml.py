@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -69,6 +70,8 @@ def _content(robot: Robot) -> dict[str, Any]:
         "structure": _filled({"zero": sorted(structure.zero), "equal": equal, "aggregates": aggregates}),
         "home": None if robot.home is None else robot.home.tolist(),
         "shapes": [part.to_dict() for part in robot.shapes],
+        "loops": [_filled(asdict(closure)) for closure in robot.closures],
+        "passive": list(robot.passive),
     }
     return _filled(content)
 

@@ -1,0 +1,69 @@
+"""Closures of a robot's loops: what holds two of its bodies together where the tree of joints was cut open.
+
+An ideal closure does no work: its forces are in no energy equation of the whole mechanism [KD96] eq. (4)-(7).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from regressors.errors import InputError, UnknownName, check_names
+from regressors.robot.inertia import is_rotation
+from regressors.robot.shapes import Vector, check_finite
+
+Axes = tuple[Vector, Vector, Vector]
+
+
+@dataclass(frozen=True)
+class Closure:
+    """A point of one body stays at a point of another; where axes are given, the bodies do not turn either (a weld)."""
+
+    bodies: tuple[str, str]  # names of links or branches, or `BASE`
+    points: tuple[Vector, Vector]  # in the frame of each body [m]
+    axes: Axes | None = None  # rows of the rotation from the second body's axes to the first one's
+
+    def __post_init__(self) -> None:
+        check_finite(self.label, *self.points[0], *self.points[1])
+        if self.bodies[0] == self.bodies[1]:
+            raise InputError(f"{self.label}: expected two bodies, given {self.bodies[0]!r} twice")
+        if self.axes is not None and not is_rotation(np.array(self.axes)):
+            raise InputError(f"{self.label}: its axes are not a rotation matrix")
+
+    @property
+    def label(self) -> str:
+        """What it closes, in messages."""
+        return f"the loop that closes between {' and '.join(self.bodies)}"
+
+    @classmethod
+    def from_dict(cls, plain: Mapping[str, Any]) -> Closure:
+        """Closure of plain lists."""
+        first, second = (_vector(point) for point in plain["points"])
+        a, b = map(str, plain["bodies"])
+        axes = plain.get("axes")
+        held = None if axes is None else (_vector(axes[0]), _vector(axes[1]), _vector(axes[2]))
+        return cls((a, b), (first, second), held)
+
+
+def _vector(values: Sequence[float]) -> Vector:
+    x, y, z = map(float, values)
+    return x, y, z
+
+
+def check_closures(
+    robot: str, closures: Sequence[Closure], passive: Sequence[str], joints: Sequence[str], bodies: Sequence[str]
+) -> None:
+    """Raise `InputError` for closures of bodies, or passive joints, that a robot does not have."""
+    for closure in closures:
+        for body in closure.bodies:
+            if body not in bodies:
+                raise UnknownName(f"body of robot {robot!r}, in {closure.label},", body, bodies)
+    check_names(f"passive joint of robot {robot!r}", passive, joints)
+    if passive and not closures:
+        raise InputError(
+            f"robot {robot!r}: passive joints ({', '.join(passive)}) are those of closed loops, but it has no loop; "
+            "state `loops`, or leave out `passive`"
+        )

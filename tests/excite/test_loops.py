@@ -1,0 +1,219 @@
+"""Linkages from their description to the verdict, with MuJoCo as the plant."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+import scipy
+from commands import Here
+from identified import relative
+from linkages import FOUR_BAR, PARALLELOGRAM, linkage, played, written
+
+import excite
+from excite.export.models.robot_yaml import robot_text
+from excite.identification.identification import Identification
+from excite.identification.servos import identify_servos
+from excite.information.target import target_of
+from excite.tasks.task import Task
+from regressors.errors import InputError
+from regressors.readers.description import parse_description
+from regressors.readers.library import load_robot
+from regressors.robot.robot import Robot
+from regressors.samples import Array
+
+MODELS = ("energy", "differential")
+NOISE = 0.05  # of the torques, which reach 3 to 6 Nm
+CRANKS = {"four-bar": (FOUR_BAR, "", 0.2, 2.2), "parallelogram": (PARALLELOGRAM, 'range="-0.8 1.8"', 0.5, 1.1)}
+
+
+@cache
+def robot_of(name: str, friction: float = 0.0) -> Robot:
+    lengths, limits, *_ = CRANKS[name]
+    with TemporaryDirectory() as folder:
+        return load_robot(written(Path(folder), name, linkage(name, lengths, limits=limits, friction=friction)))
+
+
+@cache
+def log_of(name: str, seed: int, noise: float = NOISE, friction: float = 0.0) -> dict[str, Array]:
+    lengths, limits, middle, swing = CRANKS[name]
+    text = linkage(name, lengths, limits=limits, friction=friction)
+    return played(lengths, text, noise, seed, middle=middle, swing=swing)
+
+
+def identified(name: str, seed: int, model: str, **options: object) -> Identification:
+    """By least squares with given settings, which nothing chooses."""
+    friction = float(options.pop("damping", 0.0))  # type: ignore[arg-type]
+    task = Task(robot_of(name, friction), model=model, **options)
+    return excite.identify(task, log_of(name, seed, NOISE, friction), choose=False)
+
+
+def within(result: Identification) -> list[bool]:
+    """Whether each 99 % interval holds the parameter of the description, which MuJoCo played."""
+    assert result.reference is not None
+    low, high = result.estimate.interval.T
+    return ((low <= result.reference.values) & (result.reference.values <= high)).tolist()
+
+
+def true_torques(name: str, seed: int, coefficients: Array, model: str = "differential") -> float:
+    """Relative error of predicted torques along another motion, whose torques have no noise."""
+    log = log_of(name, seed, 0.0)
+    task = Task(robot_of(name), model=model)
+    result = excite.identify(task, log, choose=False)
+    target, part = result.target_of_instants, result.prepared[0]
+    predicted = target.model.instants(part.samples)[:, target.base.index] @ coefficients
+    return relative(predicted, part.measured[:, 0])
+
+
+@pytest.mark.parametrize("name", CRANKS)
+def test_the_projected_model_with_true_parameters_has_the_torques_of_the_drive(name: str) -> None:
+    result = identified(name, 1, "differential")
+    assert result.reference is not None
+    assert true_torques(name, 7, result.reference.values) < 5e-3
+    assert true_torques(name, 7, 1.1 * result.reference.values) > 0.05
+
+
+def test_constrained_motion_shows_fewer_parameters_than_the_tree() -> None:
+    bases = {}
+    for name in CRANKS:
+        robot = robot_of(name)
+        bases[name] = [target_of(robot, Task(robot, model=model)).base for model in MODELS]
+        opened = robot.replace(closures=(), passive=())
+        tree = target_of(opened, Task(opened, model="energy")).base
+        energy, projected = bases[name]
+        assert energy.names == projected.names
+        np.testing.assert_allclose(energy.D, projected.D, atol=1e-6)
+        assert energy.rank < tree.rank
+        assert min(energy.gap, projected.gap) > 1e6
+    # the coupler of a parallelogram does not turn, so that it moves as a point on the crank; F1c and F1v with it
+    assert [bases[name][0].rank for name in CRANKS] == [10, 5]
+
+
+def test_a_four_bar_is_identified_by_the_energy_of_its_motion() -> None:
+    result = identified("four-bar", 1, "energy")
+    assert result.data is not None
+    assert result.equations == (("work", "J"),)
+    assert all(within(result))
+    assert true_torques("four-bar", 7, result.coefficients) < 0.01
+
+
+def test_positions_of_the_crank_alone_say_the_same() -> None:
+    log = log_of("four-bar", 1)
+    crank = {column: values for column, values in log.items() if column.startswith(("time", "q1"))}
+    task = Task(robot_of("four-bar"), model="energy")
+    alone, whole = (excite.identify(task, one, choose=False) for one in (crank, log))
+    np.testing.assert_allclose(alone.coefficients, whole.coefficients, atol=1e-5)
+    assert "q2, q3: not in the log, solved from q1" in alone.prepared[0].notes
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("name", CRANKS)
+def test_the_truth_is_as_near_as_the_covariance_says_over_seeds(name: str, model: str) -> None:
+    """Sum of ``d' C^-1 d`` over the seeds, chi-square distributed: parameters of one log err together."""
+    results, distances = [identified(name, seed, model) for seed in range(10)], []
+    for result in results:
+        assert result.reference is not None
+        error = result.estimate.values - result.reference.values
+        distances.append(error @ np.linalg.solve(result.estimate.covariance, error))
+    assert np.sum(distances) < scipy.special.chdtri(10 * len(results[0].names), 1e-3)
+    assert np.mean([within(result) for result in results]) >= 0.9
+    errors = [true_torques(name, 77, result.coefficients) for result in results]
+    assert np.median(errors) < 0.01
+
+
+@pytest.mark.slow
+def test_friction_of_passive_joints_is_found_where_it_is_asked_for() -> None:
+    plain = identified("four-bar", 1, "energy", damping=0.05)
+    asked = identified("four-bar", 1, "energy", damping=0.05, friction=("q1", "q2", "q3"))
+    assert {"F2v", "F3v"}.isdisjoint(plain.names)
+    found = dict(zip(asked.names, zip(asked.estimate.values, within(asked), strict=True), strict=True))
+    assert found["F2v"][1]
+    assert found["F2v"][0] == pytest.approx(0.05, abs=0.02)
+    assert all(within(asked))
+    # without these columns the drive's friction takes the losses up, and the residual is no noise any longer
+    assert dict(zip(plain.names, plain.coefficients, strict=True))["F1v"] > 0.03
+    assert plain.training_error is not None
+    assert asked.training_error is not None
+    assert plain.training_error > 1.2 * asked.training_error
+    wide, usual = (dict(zip(one.names, one.estimate.half_width, strict=True)) for one in (plain, asked))
+    assert wide["m1c1x"] > 3.0 * usual["m1c1x"]
+
+
+def test_robot_yaml_holds_the_loops() -> None:
+    robot = robot_of("four-bar")
+    assert parse_description(robot_text(robot), "four-bar.yaml").sha256() == robot.sha256()
+    (closure,) = robot.closures
+    turned = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    welded = robot.replace(closures=(replace(closure, axes=turned),))
+    assert parse_description(robot_text(welded), "welded.yaml").closures[0].axes == turned
+    text = robot_text(robot).replace("bodies: [coupler, rocker]", "bodies: [coupler, bar]")
+    with pytest.raises(InputError, match="no body of robot 'four-bar', in the loop"):
+        parse_description(text, "four-bar.yaml")
+    with pytest.raises(InputError, match=r"loops.*at least 2 items"):
+        parse_description(robot_text(robot).replace("[coupler, rocker]", "[coupler]"), "four-bar.yaml")
+
+
+def changed(**columns: Array | None) -> dict[str, Array]:
+    log = {**log_of("four-bar", 1), **{name.replace("_", "."): values for name, values in columns.items()}}
+    return {name: values for name, values in log.items() if values is not None}
+
+
+LOGS = {
+    "no crank": ({"q1_position": None, "q1_effort": None}, "no position of q1; give those of q1, from which"),
+    "torque of a passive joint": ({"q2_effort": np.ones(2001)}, "torques of q2 are not zero, but no drive acts"),
+    "another coupler": ({"q2_position": np.zeros(2001)}, "joint q2 deviates by .* from a motion of q1 alone"),
+}
+
+
+@pytest.mark.parametrize(("columns", "message"), LOGS.values(), ids=LOGS)
+def test_logs_that_do_not_fit_are_refused(columns: dict[str, Array | None], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        excite.identify(Task(robot_of("four-bar"), model="energy"), changed(**columns), choose=False)
+
+
+def test_what_does_not_know_loops_says_so() -> None:
+    robot, log = robot_of("four-bar"), log_of("four-bar", 1)
+    loops = "does not support closed loops, and it has the loop that closes between coupler and rocker; identify it"
+    with pytest.raises(InputError, match=f"the design of a motion {loops}"):
+        excite.design_trajectory(robot)
+    with pytest.raises(InputError, match=f"a plan of runs at constant speed {loops}"):
+        excite.plan_friction(robot)
+    with pytest.raises(InputError, match=f"the identification of servos {loops}"):
+        identify_servos(robot, log)
+    with pytest.raises(InputError, match=f"the identification of a payload {loops}"):
+        excite.identify_payload(robot, log, without=log_of("four-bar", 2))
+    with pytest.raises(InputError, match="joints of a robot with closed loops cannot be locked one by one"):
+        excite.identify(Task(robot, joints=("q1",)), log)
+    with pytest.raises(InputError, match="cannot be chosen"):
+        excite.identify(Task(robot, drives=("q1",)), log)
+
+
+@pytest.mark.slow
+def test_the_whole_way_in_the_shell(here: Here) -> None:
+    def done(*words: str) -> str:
+        ended = here.run(*words)
+        assert ended.returncode == 0, ended
+        return ended.stdout
+
+    written(here.cwd, "bar", linkage("bar", FOUR_BAR))
+    for name, seed in (("run.csv", 1), ("other.csv", 2)):
+        log = log_of("four-bar", seed)
+        head = ",".join(log)
+        np.savetxt(here.cwd / name, np.column_stack(list(log.values())), delimiter=",", header=head, comments="")
+    assert "loops close between coupler and rocker; moved by q1; passive: q2, q3" in done("robots", "bar.xml")
+    done("identify", "bar.xml", "run.csv", "--model", "energy", "--out", "result", "--figures", "none")
+    done("verify", "result", "other.csv", "--figures", "none")
+    done("report", "result", "--out", "page.html")
+    for file, *words in (("bar.yaml", "yaml"), ("own.xml", "mjcf", "--robot-file", "bar.xml"), ("bar.urdf", "urdf")):
+        done("export", "result", "--out", file, "--format", *words)
+    found = excite.load_result(here.cwd / "result")
+    assert found.robot.closures == robot_of("four-bar").closures
+    for file in ("bar.yaml", "own.xml"):
+        again = excite.identify(file, here.cwd / "other.csv", model="energy", choose=False)
+        assert again.reference is not None
+        np.testing.assert_allclose(again.reference.values, found.coefficients, rtol=1e-4, atol=1e-6)
