@@ -37,6 +37,8 @@ from regressors.robot.columns import COMBINATION, FIRST_MOMENT, FRICTION_KINDS, 
 from regressors.samples import Array, Samples
 
 LEVEL, PROBABILITY = 0.99, 0.95
+OFFSET_SHARE = 0.005  # of the root mean square torque: deviation of the offset that a sensor may have
+BIAS_SHARE = 0.02  # of the root mean square force or moment of a wrench
 ROWS_PER_DEGREE = 4  # effective rows of an equation, whose spectrum is estimated at the motion's frequencies alone
 FEWEST_DEGREES = 3
 
