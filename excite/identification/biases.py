@@ -425,9 +425,11 @@ def _likely_constants(observations: Observations, context: Context) -> Array:
     model, base, measured = context.target.model, context.target.base, [part.measured for part in context.prepared]
     size = np.sqrt(np.mean(np.concatenate(measured) ** 2, axis=0))
     if model.channel == "wrench":
-        if context.recipe.bias is not None:
+        bias = np.asarray(context.recipe.bias or ())
+        if context.recipe.bias is not None and not bias.any():  # as stated
             return np.zeros((observations.y.size, 0))
         size = BIAS_SHARE / OFFSET_SHARE * np.repeat(np.linalg.norm(size.reshape(2, 3), axis=1), 3)
+        size = size * (bias == 0.0) if bias.any() else size  # of what is not found
     columns = nuisance_columns(context, constants) * OFFSET_SHARE * size
     own = [k for k, index in enumerate(base.index) if base.columns[int(index)].kind == OFFSET]
     W = observations.matrix[:, own]
