@@ -16,15 +16,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 83_920,
-    "lines of code": 51_820,
-    "files": 384,
-    "classes": 690,
+    "lines": 84_060,
+    "lines of code": 51_880,
+    "files": 385,
+    "classes": 691,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 17,
     "imports inside functions": 62,
     "look-ups of built-in parts by name": 19,
-    "lines of code of tests": 38_200,
+    "lines of code of tests": 38_280,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 141,

@@ -24,6 +24,7 @@ from excite.errors import LostMotionError
 from excite.identification.servo_result import load_servos
 from excite.optimality.design_bound import NAME, stored_bound
 from excite.optimality.sensitivity import sensitivity
+from excite.simulation.sensors import bears_robot
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import motion_source
 from excite.simulation.simulation_files import paths_of
@@ -213,11 +214,12 @@ def simulate_and_write(source: Path, out: Path, **given: Any) -> None:
     load = _load(played.pop("load", None))
     if "servos" in played:
         played["servos"] = load_servos(played["servos"])
-    if load is None and resolved.task.model.channel == "wrench":
+    seen = load is not None or bears_robot(resolved.task)
+    if not seen and resolved.task.model.channel == "wrench":
         remark("excite: note: the design is for a load, but none is simulated; give one with --load")
     try:
         with result_file(out):
-            paths_of(out, wrench=load is not None, replace=given["force"])
+            paths_of(out, wrench=seen, replace=given["force"])
             tell("simulating the motion")
             with progress_of_samples() as progress:
                 simulation = excite.simulate(resolved, settings, load=load, progress=progress, **played)
@@ -232,7 +234,9 @@ def simulate_and_write(source: Path, out: Path, **given: Any) -> None:
         shown = {"robot": record.robot, "rate": settings.rate, "failures": list(record.failures)}
         return {"out": str(out), "files": [str(file) for file in files], **json_of(record), **shown}
 
-    steps = [f"excite identify ROBOT {files[0]} --out DIR"] if record.holds else []
+    of_wrench = resolved.task.model.channel == "wrench"
+    log = next((path for path in files if of_wrench and path.name.endswith(".wrench.csv")), files[0])
+    steps = [f"excite identify ROBOT {log} --out DIR"] if record.holds else []
     show(view_of(record), files, content=content, next_steps=steps, all_in=files[1].name)
     sys.exit(0 if record.holds else NOT_HELD)
 

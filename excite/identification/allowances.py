@@ -83,7 +83,7 @@ def found_columns(estimate: Estimate, context: Context, found: frozenset[str]) -
     columns = [(PRESLIDING, column) for column in sizes]
     if DELAY in found:
         columns += [(DELAY, column) for column in delay_columns(context, estimate.coefficients).T]
-    biases = nuisance_columns(context, constants).T if BIAS in found and context.recipe.bias else ()
+    biases = nuisance_columns(context, constants).T[np.flatnonzero(context.recipe.bias or ())] if BIAS in found else ()
     return columns + [(BIAS, column) for column in biases if np.any(column)]
 
 

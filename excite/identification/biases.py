@@ -26,7 +26,7 @@ with the covariance of c by the residuals that the bumps leave, which are the no
 A constant torque of one joint, the offset of a sensor, is no noise either. Where it shows clearly, it is identified
 along; else a parameter of gravity may take it up. With a prior deviation of such constants o, and what the log tells of
 them beside the parameters, a mean m and a covariance P, an estimate that changes by ``R o`` has the covariance
-``Cov + R (m m' + P) R'`` about the truth. Without choices, only the user can know of it: see `hidden_offset`.
+``Cov + R (m m' + P) R'`` about the truth.
 """
 
 from __future__ import annotations
@@ -56,15 +56,14 @@ from excite.identification.estimator import (
     allowing_for,
     largest_share,
     noted,
-    solve_triangular_system,
 )
 from excite.identification.estimators.least_squares import weighted
-from excite.identification.large_residual import Doubt
 from excite.identification.noise import autocorrelation, effective_samples, noise_origin
 from excite.identification.observations import GroupFactors, Observations, row_stretches
 from excite.identification.preparation import PreparedLog, chosen_method
 from excite.identification.recipe import Recipe
 from excite.identification.streamed_rows import StreamedRows
+from excite.information.half_widths import BIAS_SHARE, OFFSET_SHARE
 from excite.information.target import IdentificationTarget, least_speeds, typical_speed
 from excite.logs.event import within
 from excite.logs.excitation import runs
@@ -391,8 +390,6 @@ class _Beside:
         return np.asarray(self.reach @ (np.outer(mean, mean) + left) @ self.reach.T)
 
 
-_OFFSET = 0.005  # of the root mean square torque: deviation of the offset of a sensor
-_BIAS = 0.02  # of the root mean square force or torque of a wrench
 _WIDER = 1.5  # times as wide, an interval is worth a note
 
 
@@ -414,7 +411,8 @@ def allowing_for_nuisances(estimate: Estimate, observations: Observations, conte
     worst = int(np.argmax(ratio))
     if ratio[worst] < _WIDER:
         return wider
-    share, what = (_BIAS, "forces and torques") if context.target.model.channel == "wrench" else (_OFFSET, "torques")
+    of_wrench = context.target.model.channel == "wrench"
+    share, what = (BIAS_SHARE, "forces and torques") if of_wrench else (OFFSET_SHARE, "torques")
     note = (
         f"an offset of {percent(share, 1)} of the measured {what} (standard deviation) may hide in these logs, which "
         f"the intervals include: that of {estimate.names[worst]} is {ratio[worst]:.2g} times as wide"
@@ -427,10 +425,12 @@ def _likely_constants(observations: Observations, context: Context) -> Array:
     model, base, measured = context.target.model, context.target.base, [part.measured for part in context.prepared]
     size = np.sqrt(np.mean(np.concatenate(measured) ** 2, axis=0))
     if model.channel == "wrench":
-        if context.recipe.bias is not None:
+        bias = np.asarray(context.recipe.bias or ())
+        if context.recipe.bias is not None and not bias.any():  # as stated
             return np.zeros((observations.y.size, 0))
-        size = _BIAS / _OFFSET * np.repeat(np.linalg.norm(size.reshape(2, 3), axis=1), 3)
-    columns = nuisance_columns(context, constants) * _OFFSET * size
+        size = BIAS_SHARE / OFFSET_SHARE * np.repeat(np.linalg.norm(size.reshape(2, 3), axis=1), 3)
+        size = size * (bias == 0.0) if bias.any() else size  # of what is not found
+    columns = nuisance_columns(context, constants) * OFFSET_SHARE * size
     own = [k for k, index in enumerate(base.index) if base.columns[int(index)].kind == OFFSET]
     W = observations.matrix[:, own]
     left = columns - W @ np.linalg.lstsq(W, columns)[0]
@@ -465,54 +465,3 @@ def _unexplained(observations: Observations, G: Array, divisor: Array) -> tuple[
     shown = s[kept, None] * V[kept] * size
     sums = V[kept].T / s[kept] / size[:, None]
     return sums, shown, -np.asarray(scipy.linalg.solve_triangular(R[:p, :p], R[:p, p:]))
-
-
-_LARGEST_OFFSET = 0.01  # of the root mean square torque: as large as an offset may be without anyone's notice
-_ZERO = 1e-3  # of it: a log that shows less has no offset that matters
-
-
-def hidden_offset(estimate: Estimate, observations: Observations, target: IdentificationTarget) -> Doubt | None:
-    """Warning where a constant torque that the logs do not show moves parameters out of their intervals.
-
-    A torque o at joint j that the model lacks changes the estimate by ``(W'VW)^-1 W'V 1_j o``. What the logs do not
-    show is its 99 % interval as one more parameter; more than 1 % of the torque is not thought of.
-    """
-    if estimate.method not in METHODS or target.model.torque_equations() is None:
-        return None
-    offsets = [c.name for c in target.model.standard_columns if c.kind == OFFSET]
-    known = np.flatnonzero((estimate.deviation > 0) & (estimate.deviation < np.inf) & ~np.isin(estimate.names, offsets))
-    if not known.size:
-        return None
-    sums, own, torque = _sums_of_equations(observations, 1 / divisors(estimate) ** 2)
-    half = solve_triangular_system(GroupFactors.of(observations).stacked(divisors(estimate))).half
-    noise = np.median(estimate.half_width[known] / np.linalg.norm(half, axis=1)[known])
-    unexplained = np.maximum(own - np.sum((sums @ half) ** 2, axis=1), _SHOWN**2 * own)
-    size = np.minimum(noise / np.sqrt(np.where(own > 0, unexplained, np.inf)), _LARGEST_OFFSET * torque)
-    size = np.where(size > _ZERO * torque, size, 0.0)
-    moved = np.abs(half @ (half.T @ sums.T))[known] * size / estimate.half_width[known, None]
-    worst, j = np.unravel_index(int(np.argmax(moved)), moved.shape)
-    if not moved[worst, j] > 1:
-        return None
-    names = [estimate.names[known[k]] for k in np.flatnonzero(moved.max(axis=1) > 1)]
-    joint, unit = observations.equations[j]
-    return Doubt(
-        f"an offset of the measured torques would hide in {', '.join(names)}",
-        f"{size[j]:.2g} {unit} on {joint} moves {estimate.names[known[worst]]} by {moved[worst, j]:.2g} times the "
-        "half-width of its interval and shows nowhere in these logs",
-        "check the zeros of the torques, or identify an offset of each drive too (`offset=True`)",
-    )
-
-
-def _sums_of_equations(observations: Observations, weight: Array) -> tuple[Array, Array, Array]:
-    """Sums of the weighted rows of each equation, (r, p), and of their weights, (r,), and its rms torque, (r,)."""
-    equations = np.arange(len(observations.equations))  # weight (groups,)
-    sums, own = np.zeros((equations.size, len(observations.names))), np.zeros(equations.size)
-    squares, counts = own.copy(), own.copy()
-    for rows in observations.blocks():
-        which = (observations.equation[rows, None] == equations).astype(float)
-        weighted_rows = which * weight[observations.group[rows], None]
-        sums += weighted_rows.T @ observations.W[rows]
-        own += weighted_rows.sum(axis=0)
-        squares += observations.y[rows] ** 2 @ which
-        counts += which.sum(axis=0)
-    return sums, own, np.sqrt(squares / np.maximum(counts, 1.0))

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from excite.identification.biases import hidden_offset
 from excite.identification.equations import measured_regressor
 from excite.identification.estimator import Estimate
 from excite.identification.impossible_parameters import (
@@ -86,7 +85,6 @@ def warnings_of(result: Identification) -> tuple[Doubt, ...]:
         method, tried = result.estimate.method, _tried(result)
         checks.append(few_data(len(result.prepared), *errors, method, _excess(result), tried=tried))
         checks.append(_untold_load(result, target))
-        checks.append(hidden_offset(result.estimate, result.observations, result.target))
     return tuple(warning for warning in checks if warning is not None)
 
 

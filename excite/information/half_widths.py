@@ -37,6 +37,8 @@ from regressors.robot.columns import COMBINATION, FIRST_MOMENT, FRICTION_KINDS, 
 from regressors.samples import Array, Samples
 
 LEVEL, PROBABILITY = 0.99, 0.95
+OFFSET_SHARE = 0.005  # of the root mean square torque: deviation of the offset that a sensor may have
+BIAS_SHARE = 0.02  # of the root mean square force or moment of a wrench
 ROWS_PER_DEGREE = 4  # effective rows of an equation, whose spectrum is estimated at the motion's frequencies alone
 FEWEST_DEGREES = 3
 
@@ -96,7 +98,8 @@ def allowed_half_widths(precision: PrecisionTarget, target: IdentificationTarget
             f"precision: the description of {target.robot.name!r} states no value of {', '.join(unknown)}; "
             "give one in `scales`"
         )
-    allowed = np.where(np.isfinite(scale), share * np.nan_to_num(scale), np.inf)
+    known = np.isfinite(scale)
+    allowed = np.where(known, share * np.where(known, scale, 1.0), np.inf)
     if not np.any(np.isfinite(allowed)) and precision.torques is None:
         raise InputError(
             f"precision: it asks nothing of the {base.rank} base parameters, since the description of "

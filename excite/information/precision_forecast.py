@@ -12,6 +12,11 @@ which every drive is faster than v times the typical speed, or its own where tha
     C = V(v) + chi2(p, 1) (V(2 v) - V(v))
 
 is exceeded by no parameter's ``V(v) + d d'`` with probability p.
+
+A sensor of torque may have an offset o, of variance one in the columns G beforehand, which a model without offsets
+lacks. It changes the estimate by ``R o`` with ``R = -W^+ G``, and n runs leave it known by ``P = (1 + n S)^-1`` with
+``S = G'(1 - W W^+)G``. Identification adds ``R (m m' + P) R'`` with its mean m [`excite.identification.biases`], where
+``E(m m') = P n S P`` if there is no offset: counted is ``R (P + chi2(p, 1) P n S P) R'``.
 """
 
 from __future__ import annotations
@@ -27,12 +32,15 @@ import scipy
 
 from excite.information.earlier_precision import InformationInHand
 from excite.information.half_widths import (
+    BIAS_SHARE,
+    OFFSET_SHARE,
     TorquePrecision,
     allowed_half_widths,
     half_width_factor,
     residual_degrees_of_freedom,
     torque_precision,
 )
+from excite.information.prior import prior_of
 from excite.information.target import IdentificationTarget, inverse_half, least_speeds, typical_speed, usual_speeds
 from excite.storage.codec import INLINE, Beside, named
 from excite.tasks.precision_target import PrecisionTarget
@@ -125,6 +133,8 @@ class RunInformation:
         Robot time of one run [s].
     in_hand : InformationInHand, optional
         Of earlier experiments.
+    offsets : (ndarray, ndarray), shapes (b, k) and (k, k), optional
+        R and S of the offsets that measured torques may have.
     """
 
     target: IdentificationTarget
@@ -133,6 +143,7 @@ class RunInformation:
     rows: int
     seconds: float
     in_hand: InformationInHand | None = None
+    offsets: tuple[Array, Array] | None = None
 
     @classmethod
     def of(
@@ -146,10 +157,11 @@ class RunInformation:
     ) -> RunInformation:
         """Of a motion, at the instants that the model requires, for the noise of each equation."""
         W = target.model.assemble(samples)[:, target.base.index]
-        W /= np.tile(noise, W.shape[0] // noise.size)[:, None]
+        sigma = np.tile(noise, W.shape[0] // noise.size)[:, None]
+        W, G = W / sigma, _likely_offsets(target, samples) / sigma
         rows = W.shape[0]
         if target.model.torque_equations() is None or target.model.coulomb_friction() is None:
-            return cls(target, precision, inverse_half(W), rows, seconds, in_hand)
+            return cls(target, precision, inverse_half(W), rows, seconds, in_hand, _offsets(W, G))
         usual, typical = usual_speeds(target.robot, [samples]), typical_speed(target.robot, [samples])
         least = least_speeds(target, samples, np.minimum(usual, typical)).ravel()  # a slower drive by its own speed
         length = np.linalg.norm(W, axis=0)
@@ -162,7 +174,9 @@ class RunInformation:
         size = np.sqrt(np.diag(C))
         values, vectors = np.linalg.eigh(C / np.outer(size, size))
         half = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-        return cls(target, precision, half, int(np.count_nonzero(least >= SLOW)), seconds, in_hand)
+        kept = least >= SLOW
+        offsets = _offsets(W[kept], G[kept])
+        return cls(target, precision, half, int(np.count_nonzero(kept)), seconds, in_hand, offsets)
 
     @cached_property
     def torques(self) -> TorquePrecision | None:
@@ -178,7 +192,7 @@ class RunInformation:
 
     @cached_property
     def deviation(self) -> Array:
-        """Standard deviations after one run, in the order of `allowed`."""
+        """Standard deviations after one run by noise alone, in the order of `allowed`."""
         return self._deviations(self.half)
 
     def _deviations(self, half: Array) -> Array:
@@ -197,17 +211,27 @@ class RunInformation:
 
     def half_widths(self, runs: int) -> Array:
         """Half-widths after a number of runs, in the order of `allowed`."""
-        if self.in_hand is None:
-            return np.asarray(self._factor(runs) * self.deviation / math.sqrt(runs))
-        together = np.vstack([self.in_hand.R, math.sqrt(runs) * np.linalg.pinv(self.half)])
-        return np.asarray(self._factor(runs) * self._deviations(inverse_half(together)))
+        half = self.half / math.sqrt(runs)
+        if self.in_hand is not None:
+            half = inverse_half(np.vstack([self.in_hand.R, math.sqrt(runs) * np.linalg.pinv(self.half)]))
+        return np.asarray(self._factor(runs) * self._deviations(np.hstack([half, self._by_offsets(runs)])))
+
+    def _by_offsets(self, runs: int) -> Array:
+        """Factor of what offsets add to the covariance after a number of runs, shape (b, k)."""
+        if self.offsets is None:
+            return np.zeros((self.target.base.rank, 0))
+        R, S = self.offsets
+        known, vectors = np.linalg.eigh(runs * S)
+        left = 1.0 / (1.0 + np.maximum(known, 0.0))
+        chi2 = scipy.special.chdtri(1, 1.0 - self.precision.probability)
+        return np.asarray(R @ vectors * np.sqrt(left + chi2 * left * (1.0 - left)))
 
     def use(self, runs: int) -> float:
         """Largest half-width over the allowed one after a number of runs."""
         return float(np.max(self.half_widths(runs) / self.allowed))
 
     def fewest_runs(self) -> int:
-        """The fewest runs that meet the target; at least one."""
+        """The fewest runs that meet the target, at least one, or 1e9 where more do not help."""
         low, high = 0, 1
         while self.use(high) > 1.0:
             if high >= _MOST_RUNS:
@@ -232,6 +256,36 @@ class RunInformation:
         f = residual_degrees_of_freedom(float(runs) * self.rows, self.target.base.rank, equations)
         f += 0 if self.in_hand is None else self.in_hand.degrees_of_freedom
         return half_width_factor(f, level=self.precision.level, probability=self.precision.probability)
+
+
+def _likely_offsets(target: IdentificationTarget, samples: Samples) -> Array:
+    """Offsets of the measured torques, as large as they may be, in the rows, shape (m, k).
+
+    Their size is a share of the described torques; of what is not described it is zero.
+    """
+    model, base = target.model, target.base
+    values = np.nan_to_num(prior_of(model, base, None).base_values(np.eye(base.rank)))
+    labels = model.instantaneous().row_labels
+    torques = (model.instantaneous().instants(samples)[:, base.index] @ values).reshape(-1, len(labels))
+    size = OFFSET_SHARE * np.sqrt(np.mean(torques**2, axis=0))
+    if model.channel == "wrench":  # of a force and of a moment
+        units = np.array([unit for _, unit in labels])
+        size = BIAS_SHARE / OFFSET_SHARE * np.sqrt((units[:, None] == units) @ size**2)
+    if model.window is None:
+        return np.tile(np.diag(size), (len(torques), 1))
+    each = (np.broadcast_to(row, torques.shape) for row in np.diag(size))
+    return np.column_stack([model.right_side(samples, signal) for signal in each])
+
+
+_SHOWN = 1e-6  # of a column's length that the parameters do not explain
+
+
+def _offsets(W: Array, G: Array) -> tuple[Array, Array]:
+    """R and S of columns beside those of the parameters, without columns that the parameters are."""
+    by_parameters = np.linalg.lstsq(W, G)[0]
+    left = G - W @ by_parameters
+    kept = np.linalg.norm(left, axis=0) > _SHOWN * np.linalg.norm(G, axis=0)
+    return np.asarray(-by_parameters[:, kept]), np.asarray(left[:, kept].T @ left[:, kept])
 
 
 @dataclass(frozen=True)

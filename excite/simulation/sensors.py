@@ -17,8 +17,10 @@ from excite.tasks.payload import Payload
 from excite.tasks.reference import SampledMotion
 from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
-from regressors.errors import InputError
+from regressors.errors import InputError, listed_names
+from regressors.models.base_wrench import BaseWrenchModel
 from regressors.models.load import EQUATIONS, Sensor
+from regressors.models.nominal import standard_values
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import drive_temperatures, drives_with_friction, temperature_notes
 from regressors.robot.gears import GearFunction
@@ -135,10 +137,20 @@ def joint_log(robot: Robot, run: SimulatedRun, settings: SimulationSettings, rng
     )
 
 
+def bears_robot(task: Task) -> bool:
+    """Whether the sensor is below the robot's base."""
+    return task.model.kind is BaseWrenchModel
+
+
 def wrench_log_of(
-    robot: Robot, task: Task, load: Payload, samples: Samples, settings: SimulationSettings, rng: np.random.Generator
+    robot: Robot,
+    task: Task,
+    load: Payload | None,
+    samples: Samples,
+    settings: SimulationSettings,
+    rng: np.random.Generator,
 ) -> Log:
-    """Wrench and positions at the sensor's own instants; locked joints are measured at their position."""
+    """Wrench of a load, or of the whole robot, and positions at the sensor's own instants; locked joints rest."""
     moving = moving_robot(robot, task)
     count = int(np.floor(samples.time[-1] * settings.wrench_rate * (1 + 1e-12)))
     true = SampledMotion(samples).samples(np.arange(count + 1) / settings.wrench_rate)
@@ -146,14 +158,24 @@ def wrench_log_of(
     q = true.q if settings.encoder is None else quantised(moving, true.q, settings.encoder)
     measured = _whole(task.limits.applied(robot), moving, replace(true, q=noisy(q, settings.position_noise, "", rng)))
     deviation = settings.wrench_noise if len(settings.wrench_noise) == 6 else np.repeat(settings.wrench_noise, 3)
-    wrench = load.wrench(robot, sensor_of(task), whole)
+    if bears_robot(task):
+        model, known = task.changed(equations=None).model.built(moving), standard_values(moving)
+        if unknown := [column.name for column in model.columns if column.name not in known]:
+            raise InputError(
+                f"robot {robot.name!r}: its description does not state {listed_names(unknown, 5)}; the wrench below "
+                "its base cannot be simulated"
+            )
+        wrench = model.instants(true) @ [known[column.name] for column in model.columns]
+    else:
+        assert load is not None
+        wrench = load.wrench(robot, sensor_of(task), whole)
     return Log(
         source=SOURCE,
         sha256="",
         joints=robot.joint_names,
         time=true.time,
         q=measured.q,
-        wrench=noisy(wrench, tuple(map(float, deviation)), "wrench_noise", rng),
+        wrench=noisy(np.asarray(wrench).reshape(-1, 6), tuple(map(float, deviation)), "wrench_noise", rng),
     )
 
 

@@ -124,7 +124,7 @@ def search_for_precision(
         formulation = formulate(robot, task)
         design = solve(formulation, prepare(formulation, "servos"))
         return design if design.interrupted else rehearsed(design, task.objective.precision, report)
-    task = precise_task(task)
+    task = with_offsets(precise_task(task))
     weighting_of(target_of(robot, task), task)  # what no period can change is refused before any is tried
 
     def solved(formulation: Formulation, name: str) -> Design:
@@ -158,6 +158,12 @@ def search_for_precision(
         provenance={**best.provenance, "cpu_seconds": search.seconds},
         precision_search=found,
     )
+
+
+def with_offsets(task: Task) -> Task:
+    """With an offset of every drive among the parameters, which a motion must show lest it hide in others."""
+    unsettled = task.model.channel == "effort" and task.model.offset is False
+    return task.changed(offset=True) if unsettled else task
 
 
 def precise_task(task: Task) -> Task:

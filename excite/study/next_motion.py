@@ -18,7 +18,7 @@ from excite.information.precision_forecast import PrecisionForecast
 from excite.information.prior import base_sizes
 from excite.information.target import IdentificationTarget, inverse_half, target_of
 from excite.storage.records import Shown
-from excite.study.design_for_precision import design_for_precision, precise_task
+from excite.study.design_for_precision import design_for_precision, precise_task, with_offsets
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.robot_of_task import one_model, robot_and_task
 from excite.tasks.stored_files import DESIGN
@@ -184,7 +184,7 @@ def next_motion(
     if all(one.enough for one in now):
         design = None
     elif "period" in options or task.objective.scale == "precision":
-        design = design_trajectory(precise_task(task), progress=progress)
+        design = design_trajectory(with_offsets(precise_task(task)), progress=progress)
     else:
         design = design_for_precision(task, progress=progress, report=report)
     planned = tuple(dict.fromkeys(one.name for one in task.objective.after if one.kind == DESIGN))
@@ -228,4 +228,5 @@ def _with_expected(now: Sequence[PrecisionInHand], design: Design | None) -> tup
     forecast = None if design is None else design.precision
     if forecast is None:
         return tuple(now)
-    return tuple(replace(one, expected=then.half_width) for one, then in zip(now, forecast.parameters, strict=True))
+    then = {parameter.name: parameter.half_width for parameter in forecast.parameters}
+    return tuple(replace(one, expected=then[one.name]) for one in now)

@@ -174,13 +174,17 @@ def _precision(design: Design, forecast: PrecisionForecast) -> Iterator[str]:
         yield from _obstacles(search.out_of_reach)
 
 
+_NEVER = 1e8  # robot time that no one spends [s]
+
+
 def _obstacles(found: Any) -> Iterator[str]:
     """The widest parameters, and what would separate them."""
     yield from (parameter.text for parameter in found.parameters[:_NAMED])
     if len(found.parameters) > _NAMED:
         yield f"too wide also: {', '.join(p.name for p in found.parameters[_NAMED:])}"
     best = "nothing that was tried separates them" if found.best is None else f"what helps most is {found.best.change}"
-    yield f"the same motion would take {found.robot_seconds:.4g} s of robot time; {best}"
+    longer = f"the same motion would take {found.robot_seconds:.4g} s of robot time"
+    yield f"{longer if found.robot_seconds < _NEVER else 'no number of runs of the same motion would do'}; {best}"
 
 
 def _width(p: ParameterPrecision) -> str:

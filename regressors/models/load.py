@@ -87,7 +87,7 @@ def _sensor_motion(robot: Robot, sensor: Sensor, q: ca.SX, dq: ca.SX, ddq: ca.SX
     return next_link(link, fixed, *3 * [ca.SX(1, 1)])
 
 
-class _SensorModel(RegressorModel):
+class SensorModel(RegressorModel):
     """A model of the wrench at a sensor, or of its integrals."""
 
     channel = "wrench"
@@ -95,11 +95,13 @@ class _SensorModel(RegressorModel):
     _per_unit: ClassVar[str] = ""
 
     def __init__(self, robot: Robot, sensor: Sensor | None = None) -> None:
-        self.robot = robot
-        self.sensor = sensor if sensor is not None else Sensor()
+        self._measure(robot, sensor if sensor is not None else Sensor())
         self.sensor.place(robot)
         self.columns = _COLUMNS
-        names = self.sensor.equations
+
+    def _measure(self, robot: Robot, sensor: Sensor) -> None:
+        self.robot, self.sensor = robot, sensor
+        names = sensor.equations
         self.row_labels = tuple((name, ("N" if name[0] == "f" else "Nm") + self._per_unit) for name in names)
         self._equations = [EQUATIONS.index(name) for name in names]
 
@@ -109,7 +111,7 @@ class _SensorModel(RegressorModel):
 
 
 @checked
-class LoadModel(_SensorModel):
+class LoadModel(SensorModel):
     """Wrench at the sensor, ``[F; N] = K phi`` [KD96] eq. (8), (9).
 
     Parameters
@@ -136,7 +138,7 @@ class LoadModel(_SensorModel):
 
 
 @checked
-class LoadIntegralModel(_SensorModel, WindowModel):
+class LoadIntegralModel(SensorModel, WindowModel):
     """Integrals of the wrench over time windows, ``int [F; N] dt = K_I phi`` [KD96] eq. (11)-(13).
 
     In the sensor's rotating axes ``dv/dt`` of eq. (9) is the rate of the components of v plus ``omega x v``; so no

@@ -16,7 +16,11 @@ import excite
 from constraints.geometry import Part, World
 from excite.design.design import Design
 from excite.export.models.robot_yaml import write_robot
+from excite.information.prior import prior_of
 from excite.tasks.task import Task
+from regressors.models.base import base_parameters
+from regressors.models.differential import DifferentialModel
+from regressors.robot.columns import Terms
 from regressors.robot.inertia import from_centre_of_mass
 from regressors.robot.robot import Drive, Joint, Limits, Link, Robot, Transmission
 from regressors.robot.shapes import Capsule
@@ -49,10 +53,12 @@ def two_arms() -> Robot:
     return Robot("torso", tuple(joints), tuple(links), limits, transmission, shapes=shapes, parents=tuple(parents))
 
 
+SERIAL = excite.Search(starts=1, seed=0, executor="serial")
+
+
 @cache
 def design(*, apart: bool = True) -> Design:
-    search = excite.Search(starts=1, seed=0, executor="serial")
-    task = Task(two_arms(), rotor=False, period=8.0, harmonics=4, self_collision=apart, floor=0.0, search=search)
+    task = Task(two_arms(), rotor=False, period=8.0, harmonics=4, self_collision=apart, floor=0.0, search=SERIAL)
     return excite.design_trajectory(task)
 
 
@@ -102,8 +108,10 @@ def test_what_they_weigh_is_found_and_believed() -> None:
 
 
 MJCF = """<mujoco><compiler angle="radian"/><option timestep="0.0005" integrator="RK4"/><worldbody>
-<body name="torso" pos="0 0 0.2"><joint name="waist" axis="0 0 1" damping="0.3"/>
-<inertial pos="0.02 0.01 0.1" mass="6" diaginertia="0.2 0.15 0.1"/>{}{}</body></worldbody></mujoco>"""
+<body name="pedestal"><site name="plate"/><body name="torso" pos="0 0 0.2">
+<joint name="waist" axis="0 0 1" damping="0.3"/>
+<inertial pos="0.02 0.01 0.1" mass="6" diaginertia="0.2 0.15 0.1"/>{}{}</body></body></worldbody>
+<sensor><force site="plate"/><torque site="plate"/></sensor></mujoco>"""
 ARM = """<body name="{0}_upper" pos="0 {1} 0.3"><joint name="{0}_shoulder" axis="0 0 1" damping="0.3"/>
 <inertial pos="0.14 0.01 0.02" mass="2" diaginertia="0.01 0.03 0.03"/>
 <body name="{0}_fore" pos="0.3 0 0"><joint name="{0}_elbow" axis="0 1 0" damping="0.3"/>
@@ -111,7 +119,7 @@ ARM = """<body name="{0}_upper" pos="0 {1} 0.3"><joint name="{0}_shoulder" axis=
 
 
 def recorded(motion: Samples, noise: float, seed: int) -> np.ndarray:
-    """What MuJoCo's own two arms do under computed torques along a motion: rows of a log at 1 kHz."""
+    """What MuJoCo's own two arms do under computed torques along a motion: rows of a log at 1 kHz, the wrench last."""
     arms = (ARM.format(side, sign * APART) for sign, side in zip((1, -1), SIDES, strict=True))
     model = mujoco.MjModel.from_xml_string(MJCF.format(*arms))
     data, M, rows = mujoco.MjData(model), np.zeros((5, 5)), []
@@ -123,13 +131,46 @@ def recorded(motion: Samples, noise: float, seed: int) -> np.ndarray:
         wanted = ddq + 400.0 * (q - data.qpos) + 40.0 * (dq - data.qvel)
         dry = 0.4 * np.tanh(data.qvel / 0.002)
         tau = M @ wanted + data.qfrc_bias + 0.3 * data.qvel + dry
-        if k % 2 == 0:
-            rows.append([data.time, *np.column_stack([data.qpos, data.qvel, tau]).ravel()])
         data.qfrc_applied[:] = tau - dry
+        if k % 2 == 0:
+            mujoco.mj_forward(model, data)
+            rows.append([data.time, *np.column_stack([data.qpos, data.qvel, tau]).ravel(), *data.sensordata])
         mujoco.mj_step(model, data)
     rows = np.array(rows)
-    rows[:, 3::3] += noise * np.random.default_rng(seed).normal(size=(len(rows), 5))
+    rows[:, 3:-6:3] += noise * np.random.default_rng(seed).normal(size=(len(rows), 5))
     return rows
+
+
+@pytest.mark.slow
+def test_the_wrench_below_the_base_tells_the_bodies_without_torques() -> None:
+    robot = two_arms()
+    task = Task(robot, model="base-wrench", period=8.0, harmonics=4, floor=0.0, search=SERIAL)
+    made = excite.design_trajectory(task)
+    motion = made.trajectory.samples(np.arange(0.0, 8.0, 0.0005))
+    rows = recorded(motion, 0.0, 0)
+    base = made.base
+    truth = dict(zip(base.names, prior_of(made.target.model, base, None).base_values(np.eye(base.rank)), strict=True))
+    rigid = DifferentialModel(robot, Terms(rotor=False, coulomb=False, viscous=False))
+    of_torques, samples = base_parameters(rigid), dense(made)
+    Y, torques = rigid.instants(samples)[:, of_torques.index], joint_torques(robot, samples).ravel()
+    inside, bias = [], np.array([0.5, -0.7, 0.0, 0.3, 0.2, -0.4])
+    for seed in range(3):
+        log, other = (_plate(robot, rows, bias, np.random.default_rng([seed, k])) for k in (0, 1))
+        result = excite.identify(robot, log, design=made)
+        estimate = result.estimate
+        off = np.abs(estimate.values - [truth[name] for name in estimate.names])
+        inside.append(off <= estimate.half_width)
+        values = dict(zip(estimate.names, estimate.values, strict=True))
+        assert relative(Y @ [values[name] for name in of_torques.names], torques) < 0.01
+        assert excite.verify(result, other).holds
+        np.testing.assert_allclose(result.recipe.bias, bias, atol=0.1)
+    assert np.mean(inside) >= 0.95  # of 90 intervals of 99 %
+
+
+def _plate(robot: Robot, rows: np.ndarray, bias: np.ndarray, rng: np.random.Generator) -> excite.Log:
+    noise = rng.normal(size=(len(rows), 6)) * np.repeat([1.0, 0.2], 3)
+    joints, wrench = robot.joint_names, rows[:, -6:] + bias + noise
+    return excite.Log.from_arrays(rows[:, 0], rows[:, 1:-6:3], dq=rows[:, 2:-6:3], joints=joints, wrench=wrench)
 
 
 @pytest.mark.slow
@@ -145,7 +186,7 @@ def test_the_whole_way_in_the_shell_with_mujoco_as_the_robot(here: Here) -> None
     motion = made.trajectory.samples(np.arange(0.0, made.trajectory.duration, 0.0005))
     head = ["time", *(f"{name}.{what}" for name in robot.joint_names for what in ("position", "velocity", "effort"))]
     for name, seed in (("run.csv", 1), ("other.csv", 2)):
-        rows = recorded(motion, 0.02, seed)
+        rows = recorded(motion, 0.02, seed)[:, :-6]
         np.savetxt(here.cwd / name, rows, delimiter=",", header=",".join(head), comments="")
     done("identify", "torso.yaml", "run.csv", "--design", "motion", "--out", "result", "--figures", "none")
     done("verify", "result", "other.csv", "--figures", "none")

@@ -34,8 +34,9 @@ from excite.registry import CHOSEN
 from excite.tasks.model_options import without_curve
 from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
-from regressors.errors import InputError
+from regressors.errors import InputError, listed_names
 from regressors.models.differential import standard_of
+from regressors.models.load import EQUATIONS
 from regressors.models.nominal import standard_values
 from regressors.robot.columns import ASYMMETRY, LOAD_SHARE, OFFSET, ROOT, ROTOR, STRIBECK
 from regressors.robot.friction.curves import FrictionCurves
@@ -290,42 +291,48 @@ def _beside(scoring: Scoring, recipe: Recipe, signals: Callable[[PreparedLog], A
 
 def _factors(scoring: Scoring, statistics: BlockStatistics, errors: LeftOut, count: int) -> Array | None:
     """Factors of the curves, or None where they are not determined, or are none of friction."""
-    if not _last_are_told_apart(statistics, errors.weights, count, _HIDDEN):
+    if not np.all(_told_apart(statistics, errors.weights, count) > _HIDDEN):
         return None
     factors = 1.0 + scoring.fitted(statistics, errors.weights)[-count:]
     return factors if np.all((factors > 1.0 / _LARGEST_FACTOR) & (factors < _LARGEST_FACTOR)) else None
 
 
-def _last_are_told_apart(statistics: BlockStatistics, weights: Array, count: int, least: float) -> bool:
-    """Whether the other columns leave at least a share of each of the last ones, scaled to length one."""
+def _told_apart(statistics: BlockStatistics, weights: Array, count: int) -> Array:
+    """Share of each of the last columns that all others leave, shape (count,)."""
     both = np.tensordot(weights, statistics.total, axes=1)[:-1, :-1]
     length = np.sqrt(np.diag(both))
-    if np.any(length[-count:] == 0.0):
-        return False
     length = np.where(length > 0.0, length, 1.0)
-    left = 1.0 / np.diag(np.linalg.pinv(both / np.outer(length, length), hermitian=True))[-count:]
-    return bool(np.all(left > least**2))
+    both = both / np.outer(length, length)
+    left = []
+    for k in range(len(both) - count, len(both)):
+        own, others = both[k, k], np.delete(both[k], k)
+        known = np.linalg.pinv(np.delete(np.delete(both, k, 0), k, 1), hermitian=True)
+        left.append(own - others @ known @ others)
+    return np.sqrt(np.maximum(left, 0.0))
 
 
-_TOLD_APART = 0.05  # of a bias that the parameters of the load must leave
+_TOLD_APART = 0.05  # of a bias that the parameters must leave
 
 
 def choose_bias(scoring: Scoring, recipe: Recipe) -> tuple[Recipe, Choice]:
-    """The bias of the force/torque sensor as constants, where the motion tells it from the load."""
-    target = scoring.target
-    statistics = _beside(scoring, recipe, constants)
-    used = np.diag(statistics.total.sum(axis=0))[target.base.rank : -1] > 0  # components that have equations
-    few = statistics.of_columns([*range(target.base.rank), *(target.base.rank + np.flatnonzero(used))])
-    none, fitted = left_out(statistics.of_columns(range(target.base.rank))), left_out(few)
-    listed, count = candidates_of({"none": none, "constants": fitted}), int(used.sum())
-    if not _last_are_told_apart(few, fitted.weights, count, _TOLD_APART):
-        reason = "no bias is subtracted, since the motion hardly tells it from the load: tare the sensor"
-        return recipe, Choice("bias", "none", listed, reason)
-    bias = np.zeros(used.size)
-    bias[used] = least_squares_of_products(few.total, fitted.weights)[-count:]
+    """The bias of the force/torque sensor as constants, of the components where the motion tells it from the bodies."""
+    rank, statistics = scoring.target.base.rank, _beside(scoring, recipe, constants)
+    none = left_out(statistics.of_columns(range(rank)))
+    used = np.flatnonzero(np.diag(statistics.total.sum(axis=0))[rank:-1] > 0)  # components that have equations
+    every = statistics.of_columns([*range(rank), *(rank + used)])
+    shown = used[_told_apart(every, none.weights, used.size) > _HIDDEN]  # the others are parameters too
+    few = statistics.of_columns([*range(rank), *(rank + shown)])
+    if not shown.size or np.any(_told_apart(few, none.weights, shown.size) <= _TOLD_APART):
+        reason = "no bias is subtracted, since the motion hardly tells it from the bodies: tare the sensor"
+        return recipe, Choice("bias", "none", candidates_of({"none": none}), reason)
+    fitted, bias = left_out(few), np.zeros(len(EQUATIONS))
+    bias[shown] = least_squares_of_products(few.total, fitted.weights)[-shown.size :]
     values = tuple(float(f"{b:.6g}") for b in bias)
+    hidden = listed_names([EQUATIONS[k] for k in used if k not in shown])
     reason = (
         f"a bias of the sensor is subtracted, {', '.join(f'{b:.3g}' for b in values)} N and Nm, which the intervals "
         f"include; error in cross-validation {fitted.percent} instead of {none.percent}"
+        + (f"; {hidden}: the motion hardly tells a bias from the bodies, tare the sensor" if hidden else "")
     )
+    listed = candidates_of({"none": none, "constants": fitted})
     return replace(recipe, bias=values), Choice("bias", values, listed, reason)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -18,7 +17,6 @@ from excite.identification.biases import (
     allowing_for_standstill,
     fails_near_standstill,
     fast_rows,
-    hidden_offset,
     motion_noise,
     standstill_candidates,
     without_standstill,
@@ -261,23 +259,6 @@ def test_intervals_reach_the_truth_although_the_estimate_is_biased(exact: Log, m
     assert sum(missed(r) for r in without) > 8
 
 
-def test_an_offset_that_does_not_show_moves_a_parameter_as_the_warning_says() -> None:
-    log = noisy(played(three_joints(5), 3), 1.0, 0.0, 1)
-    result, along = found(TASK, log), found(TASK.changed(offset=True), log)
-    warning = hidden_offset(result.estimate, result.observations, result.target)
-    assert warning is not None
-    stated = re.search(r"(\S+) Nm on (\S+) moves (\S+) by (\S+) times", warning.cause)
-    assert stated is not None
-    offset, joint, name, times = stated.groups()
-    k = result.names.index(name)
-    column = np.array([joint == label for label, _ in result.observations.equations])
-    shifted = found(TASK, replace(log, effort=log.effort + float(offset) * column, sha256="shifted"))
-    change = abs(shifted.estimate.values[k] - result.estimate.values[k])
-    assert change == pytest.approx(float(times) * result.estimate.half_width[k], rel=0.1)
-    assert along.estimate.half_width[k] > 1.2 * result.estimate.half_width[k]
-    assert hidden_offset(along.estimate, along.observations, along.target) is None
-
-
 def test_a_hidden_offset_is_in_the_intervals_that_count_it() -> None:
     clean = played(three_joints(5), 3)
     size = np.sqrt(np.mean(clean.effort**2, axis=0))
@@ -320,8 +301,3 @@ def test_windows_in_which_a_drive_sticks_are_allowed_for(noisy_log: Log) -> None
     held = found(energy, sticking(noisy_log, 300.0), recipe=EXACTLY)
     assert not said
     assert any("where friction is uncertain" in note for note in held.estimate.notes)
-
-
-def test_no_offset_is_hidden_where_no_torque_has_noise(log: Log) -> None:
-    result = found(TASK, log)
-    assert hidden_offset(result.estimate, result.observations, result.target) is None

@@ -165,20 +165,42 @@ def _rows(design: excite.Design) -> tuple[np.ndarray, np.ndarray]:
     return W / np.tile(design.task.objective.noise, len(samples.q))[:, None], samples.dq
 
 
-def test_the_forecast_allows_for_estimates_without_slow_rows(design: excite.Design) -> None:
-    """Estimates by least squares from rows faster than 0.2 and 0.4 of the typical speed of drives, many times."""
-    run, (W, dq) = design.run_information, _rows(design)
+def _least_speeds(dq: np.ndarray) -> np.ndarray:
+    """Speed of the slowest drive in every row of the IRp-6, over the typical one or its own."""
     speed = np.abs(np.column_stack([dq[:, 0], dq[:, 1], dq[:, 1] + dq[:, 2]]))  # z_3 = q_2 + q_3
     usual = np.sqrt(np.mean(speed**2, axis=0))
     speed /= np.minimum(usual, np.median(usual))
-    least = np.stack([speed[:, 0], speed[:, 1:].min(axis=1), speed[:, 2]], axis=1)
-    noise = np.random.default_rng(2).normal(size=(len(W), 2000))
-    near, far = (np.flatnonzero(least.ravel() >= share) for share in (0.2, 0.4))
+    return np.stack([speed[:, 0], speed[:, 1:].min(axis=1), speed[:, 2]], axis=1).ravel()
+
+
+def test_the_forecast_allows_for_estimates_without_slow_rows(design: excite.Design) -> None:
+    """Estimates by least squares from rows faster than 0.2 and 0.4 of the typical speed of drives, many times."""
+    run, (W, dq) = design.run_information, _rows(design)
+    noise, least = np.random.default_rng(2).normal(size=(len(W), 2000)), _least_speeds(dq)
+    near, far = (np.flatnonzero(least >= share) for share in (0.2, 0.4))
     first, other = (np.linalg.lstsq(W[rows], noise[rows], rcond=None)[0] for rows in (near, far))
     variance = np.diag(np.linalg.inv(W[near].T @ W[near]))[:, None] + (other - first) ** 2
     within = np.mean(variance <= run.deviation[:13, None] ** 2, axis=1)
     assert run.rows == near.size < 0.95 * len(W)
     assert np.all(np.abs(within - 0.95) < 0.02)
+
+
+def test_the_forecast_allows_for_offsets_that_runs_do_not_show(design: excite.Design) -> None:
+    """What the posterior of offsets of 0.5 % of the torques adds, by normal equations of many noisy logs."""
+    run, (W, dq) = design.run_information, _rows(design)
+    noise = np.tile(design.task.objective.noise, len(dq))
+    torques = W * noise[:, None] @ prior_of(run.target.model, run.target.base, None).base_values(np.eye(13))
+    G = np.tile(np.diag(0.005 * np.sqrt(np.mean(torques.reshape(-1, 3) ** 2, axis=0))), (len(dq), 1)) / noise[:, None]
+    fast = _least_speeds(dq) >= 0.2
+    A, R = np.hstack([W, G])[fast], np.linalg.lstsq(W[fast], G[fast])[0]
+    for runs in (1, 400):
+        left = np.linalg.inv(runs * A.T @ A + np.diag([0.0] * 13 + [1.0] * 3))
+        pulls = np.random.default_rng(4).multivariate_normal(np.zeros(16), runs * A.T @ A, 4000)
+        added = (pulls @ left[:, 13:] @ R.T) ** 2 + np.diag(R @ left[13:, 13:] @ R.T)
+        factor = run._factor(runs)
+        counted = ((run.half_widths(runs) / factor) ** 2 - run.deviation**2 / runs)[:13]
+        within = np.mean(added <= counted * (1 + 1e-9), axis=0)
+        assert np.all((within > 0.93) & (counted < 5.0 * added.mean(axis=0)))
 
 
 def test_a_motion_whose_coupled_drives_take_turns_promises_no_precision(irp6: IdentificationTarget) -> None:

@@ -129,8 +129,8 @@ def test_the_runs_are_the_fewest_that_are_expected_to_be_enough(result: excite.I
 @pytest.mark.slow
 def test_a_sequence_ends_where_it_is_expected_to(result: excite.Identification) -> None:
     step = excite.next_motion("irp6", 0.2, after=result, period=4, search=SEARCH)
-    assert step.runs == 1
-    log = excite.simulate(step.design, noise=4.0, seed=3)
+    assert 1 <= step.runs <= 5
+    log = excite.simulate(step.design, noise=4.0, seed=3, periods=step.runs)
     second = excite.identify("irp6", log, design=step.design, estimator="weighted", choose=False)
     assert excite.next_motion("irp6", 0.2, after=(result, second)).enough
 
@@ -269,7 +269,7 @@ def test_nothing_between_promises_more_when_information_only_adds() -> None:
 @pytest.fixture(scope="module")
 def design() -> excite.Design:
     return excite.design_trajectory(
-        "irp6", search=ONE, precision=0.06, noise=2.0, criterion="max-deviation", scale="precision"
+        "irp6", search=ONE, precision=0.07, noise=2.0, offset=True, criterion="max-deviation", scale="precision"
     )
 
 
@@ -286,7 +286,7 @@ def test_fewest_runs_are_enough_and_one_less_is_not(design: excite.Design) -> No
     run, forecast = design.run_information, design.precision
     n = run.fewest_runs()
     assert run.use(n) <= 1.0 < run.use(n - 1)
-    freedom = residual_degrees_of_freedom(n * run.rows, 13, 3)
+    freedom = residual_degrees_of_freedom(n * run.rows, 16, 3)
     assert run.half_widths(n) == pytest.approx(half_width_factor(freedom) * run.deviation / math.sqrt(n))
     assert (forecast.runs, forecast.met, len(forecast.too_wide)) == (n, True, 0)
     short = run.forecast(2.5 * run.seconds)
