@@ -41,10 +41,10 @@ def repetition(design: excite.Design, seed: int, runs: int, apart: bool, breakaw
         logs = excite.simulate(design, seed=1000 * seed, periods=runs, **options)
     estimate = excite.identify(design.robot, logs, design=design).estimate
     base = design.target.base
-    truth = prior_of(design.target.model, base, None).base_values(np.eye(base.rank))
+    truth = np.nan_to_num(prior_of(design.target.model, base, None).base_values(np.eye(base.rank)))  # offsets are zero
     place = [estimate.names.index(name) for name in base.names]
     half, value = estimate.half_width[place], estimate.values[place]
-    allowed = np.array([p.allowed for p in design.precision.parameters], dtype=float)
+    allowed = np.array([p.allowed or np.inf for p in design.precision.parameters])  # nothing is asked of offsets
     predicted = np.array([p.half_width for p in design.precision.parameters])
     return {
         "use": float(np.max(half / allowed)),

@@ -28,6 +28,7 @@ ROBOTS: Mapping[str, tuple[str, Mapping[str, Any], float]] = {
     "ur": ("ur10e", {}, 1.0),
     "franka": ("panda", {}, 0.1),
     "xarm": ("xarm_description/urdf/xarm7.urdf", {"acceleration": 8.0}, 0.5),
+    "whole-robots": ("go2_description/urdf/go2.urdf", {"acceleration": 40.0}, 0.02),
     "desktop-arm": ("so101", {"acceleration": 20.0}, 0.02),
 }
 INSTANTS, COLOURS_KEPT = 401, 48

@@ -72,7 +72,10 @@ def played(
     swing: float,
     period: float = 4.0,
 ) -> dict[str, Array]:
-    """What MuJoCo's linkage does while its crank follows a random motion: a log at 500 Hz with noisy torques."""
+    """What MuJoCo's linkage does while its crank follows a random motion: a log at 500 Hz with noisy torques.
+
+    Beside it the torques of the closure at all joints, without noise.
+    """
     model, rng, rows = mujoco.MjModel.from_xml_string(text), np.random.default_rng(seed), []
     data, numbers, step = mujoco.MjData(model), np.arange(1, 5), model.opt.timestep
     w, phases = 2 * np.pi / period * numbers, rng.uniform(0, 2 * np.pi, 4)
@@ -83,10 +86,11 @@ def played(
     data.qpos[:], data.qvel[:] = before[1], (before[2] - before[0]) / 2e-6 * wanted[1][0]
     for k, (q, dq, ddq) in enumerate(zip(*wanted, strict=True)):
         data.ctrl[0] = 60.0 * (q - data.qpos[0]) + 4.0 * (dq - data.qvel[0]) + 0.05 * ddq
-        if k % 10 == 0:
-            rows.append([k * step, *data.qpos, data.ctrl[0]])
+        before = [k * step, *data.qpos, data.ctrl[0]]
         mujoco.mj_step(model, data)
+        if k % 10 == 0:
+            rows.append([*before, *data.qfrc_constraint])  # at the same instant
     table = np.array(rows)
-    table[:, -1] += noise * rng.normal(size=len(table))
-    names = ("time", "q1.position", "q2.position", "q3.position", "q1.effort")
+    table[:, 4] += noise * rng.normal(size=len(table))
+    names = ("time", "q1.position", "q2.position", "q3.position", "q1.effort", *(f"q{k}.closure" for k in (1, 2, 3)))
     return dict(zip(names, table.T, strict=True))
