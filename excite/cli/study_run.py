@@ -24,7 +24,6 @@ from excite.errors import LostMotionError
 from excite.identification.servo_result import load_servos
 from excite.optimality.design_bound import NAME, stored_bound
 from excite.optimality.sensitivity import sensitivity
-from excite.simulation.sensors import bears_robot
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import motion_source
 from excite.simulation.simulation_files import paths_of
@@ -214,7 +213,7 @@ def simulate_and_write(source: Path, out: Path, **given: Any) -> None:
     load = _load(played.pop("load", None))
     if "servos" in played:
         played["servos"] = load_servos(played["servos"])
-    seen = load is not None or bears_robot(resolved.task)
+    seen = load is not None or resolved.task.model.bears_robot
     if not seen and resolved.task.model.channel == "wrench":
         remark("excite: note: the design is for a load, but none is simulated; give one with --load")
     try:

@@ -18,7 +18,6 @@ from excite.tasks.reference import SampledMotion
 from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
 from regressors.errors import InputError, listed_names
-from regressors.models.base_wrench import BaseWrenchModel
 from regressors.models.load import EQUATIONS, Sensor
 from regressors.models.nominal import standard_values
 from regressors.robot.friction.curves import FrictionCurves
@@ -137,11 +136,6 @@ def joint_log(robot: Robot, run: SimulatedRun, settings: SimulationSettings, rng
     )
 
 
-def bears_robot(task: Task) -> bool:
-    """Whether the sensor is below the robot's base."""
-    return task.model.kind is BaseWrenchModel
-
-
 def wrench_log_of(
     robot: Robot,
     task: Task,
@@ -158,7 +152,7 @@ def wrench_log_of(
     q = true.q if settings.encoder is None else quantised(moving, true.q, settings.encoder)
     measured = _whole(task.limits.applied(robot), moving, replace(true, q=noisy(q, settings.position_noise, "", rng)))
     deviation = settings.wrench_noise if len(settings.wrench_noise) == 6 else np.repeat(settings.wrench_noise, 3)
-    if bears_robot(task):
+    if task.model.bears_robot:
         model, known = task.changed(equations=None).model.built(moving), standard_values(moving)
         if unknown := [column.name for column in model.columns if column.name not in known]:
             raise InputError(

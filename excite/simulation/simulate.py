@@ -14,7 +14,7 @@ from excite.information.target import friction_of_moving
 from excite.simulation.control import ControlledRobot, RampedDrive, broken_loose, controller_of
 from excite.simulation.integration import Progress, Steps, simulated_run, steps_for
 from excite.simulation.plant import Plant, plant_of
-from excite.simulation.sensors import bears_robot, friction_at, joint_log, sensor_notes, sensor_of, wrench_log_of
+from excite.simulation.sensors import friction_at, joint_log, sensor_notes, sensor_of, wrench_log_of
 from excite.simulation.servo_motion import simulate_servos
 from excite.simulation.settings import AUTO, SimulationSettings, impacts_on, one_each
 from excite.simulation.simulation import Simulation, simulation_outcome, torque_uses, true_parameters
@@ -155,7 +155,7 @@ def simulate_motion(
     lead = _lead(motion, settings)
     wait = lead / settings.rate
     reference = Repeated(motion, settings.periods, wait)
-    check_size(settings, reference.duration, moving.n, wrench=load is not None or bears_robot(task))
+    check_size(settings, reference.duration, moving.n, wrench=load is not None or task.model.bears_robot)
     announce("the simulation", _SECONDS * reference.duration * settings.rate * moving.n)
     plant, notes = plant_of(moving, friction)
     notes = (*temperature_notes, *notes)
@@ -169,7 +169,7 @@ def simulate_motion(
     rng = np.random.default_rng(settings.seed)
     log = joint_log(moving, simulated, settings, rng)
     wrench_log = None
-    if load is not None or bears_robot(task):
+    if load is not None or task.model.bears_robot:
         wrench_log = wrench_log_of(loaded, task, load, simulated.samples, settings, rng)
     truth = {**true_parameters(plant), **({} if load is None else load.values())}
     played = Repeated(motion, settings.periods)

@@ -184,6 +184,11 @@ class ModelChoice:
         return not isinstance(self.model, OwnPart) and bool(self.kind.keeps_all_links)
 
     @property
+    def bears_robot(self) -> bool:
+        """True if the model explains the wrench below the base of the whole robot."""
+        return not isinstance(self.model, OwnPart) and bool(self.kind.bears_robot)
+
+    @property
     def known_friction(self) -> FrictionCurves | None:
         """Friction curves; raises `InputError` where a file of results names their file only."""
         if isinstance(self.friction_curves, UnopenedFile):

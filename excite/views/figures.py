@@ -150,10 +150,10 @@ def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
     engine, canvas, before = figure.get_layout_engine(), figure.canvas, figure.dpi
     FigureCanvasAgg(figure)
     figure.dpi = dpi
-    for axis in (axis for ax in figure.axes for axis in (ax.xaxis, ax.yaxis) if not axis.label.get_text()):
-        axis.set_label_coords(0.5, 0.5)  # to find a place beside the numbers takes longer than to draw them
     try:
         if engine is not None:
+            for axis in (axis for ax in figure.axes for axis in (ax.xaxis, ax.yaxis) if not axis.label.get_text()):
+                axis.set_label_coords(0.5, 0.5)  # to find a place beside the numbers takes longer than to draw them
             # in a column, what is written at the ends of curves may reach further when the panel is narrower
             for ax in figure.axes:
                 if ax.get_axes_locator() is None and (column_width() == float("inf") or not ax.texts):

@@ -45,6 +45,7 @@ class BaseWrenchModel(SensorModel):
     """
 
     keeps_all_links = False
+    bears_robot = True
 
     def __init__(self, robot: Robot, sensor: Sensor | None = None) -> None:
         if sensor is not None and sensor.link is not None:

@@ -72,6 +72,8 @@ class RegressorModel(ABC):
         Channel of a log that `right_side` needs: ``effort``, ``wrench`` or ``command``.
     keeps_all_links : bool
         True if no link may be merged with the one before, even where the joint between them is locked.
+    bears_robot : bool
+        True if the wrench is that of the whole robot, below its base.
     rows_are_joint_torques : bool
         True if there is one row per joint, its torque [Nm or N], affine in the acceleration.
     equations_can_be_chosen : bool
@@ -88,6 +90,7 @@ class RegressorModel(ABC):
     window: Window | None = None
     channel: ClassVar[Channel] = "effort"
     keeps_all_links: ClassVar[bool] = False
+    bears_robot: ClassVar[bool] = False
     rows_are_joint_torques: ClassVar[bool] = False
     equations_can_be_chosen: ClassVar[bool] = True
     jax_form: ClassVar[str | None] = None
