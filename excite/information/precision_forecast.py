@@ -45,6 +45,7 @@ from excite.information.target import IdentificationTarget, inverse_half, least_
 from excite.storage.codec import INLINE, Beside, named
 from excite.tasks.precision_target import PrecisionTarget
 from regressors.errors import InputError
+from regressors.robot.columns import OFFSET
 from regressors.samples import Array, Samples
 
 _MOST_RUNS = 10**9
@@ -161,7 +162,7 @@ class RunInformation:
         W, G = W / sigma, _likely_offsets(target, samples) / sigma
         rows = W.shape[0]
         if target.model.torque_equations() is None or target.model.coulomb_friction() is None:
-            return cls(target, precision, inverse_half(W), rows, seconds, in_hand, _offsets(W, G))
+            return cls(target, precision, inverse_half(W), rows, seconds, in_hand, _offsets(target, W, G))
         usual, typical = usual_speeds(target.robot, [samples]), typical_speed(target.robot, [samples])
         least = least_speeds(target, samples, np.minimum(usual, typical)).ravel()  # a slower drive by its own speed
         length = np.linalg.norm(W, axis=0)
@@ -175,7 +176,7 @@ class RunInformation:
         values, vectors = np.linalg.eigh(C / np.outer(size, size))
         half = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
         kept = least >= SLOW
-        offsets = _offsets(W[kept], G[kept])
+        offsets = _offsets(target, W[kept], G[kept])
         return cls(target, precision, half, int(np.count_nonzero(kept)), seconds, in_hand, offsets)
 
     @cached_property
@@ -280,11 +281,12 @@ def _likely_offsets(target: IdentificationTarget, samples: Samples) -> Array:
 _SHOWN = 1e-6  # of a column's length that the parameters do not explain
 
 
-def _offsets(W: Array, G: Array) -> tuple[Array, Array]:
-    """R and S of columns beside those of the parameters, without columns that the parameters are."""
+def _offsets(target: IdentificationTarget, W: Array, G: Array) -> tuple[Array, Array]:
+    """R and S of columns beside those of the parameters, without those that are offsets among these."""
+    own = W[:, [k for k, index in enumerate(target.base.index) if target.base.columns[int(index)].kind == OFFSET]]
+    kept = np.linalg.norm(G - own @ np.linalg.lstsq(own, G)[0], axis=0) > _SHOWN * np.linalg.norm(G, axis=0)
     by_parameters = np.linalg.lstsq(W, G)[0]
     left = G - W @ by_parameters
-    kept = np.linalg.norm(left, axis=0) > _SHOWN * np.linalg.norm(G, axis=0)
     return np.asarray(-by_parameters[:, kept]), np.asarray(left[:, kept].T @ left[:, kept])
 
 
