@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from played import LOAD, periodic, played, three_joints
 
+from excite.identification.choices.friction_terms import _told_apart
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
 from excite.logs.log import Log
@@ -54,3 +56,11 @@ def test_it_has_six_components_and_needs_a_wrench() -> None:
         identified(0.3, bias=(1.0, 2.0))
     with pytest.raises(InputError, match="`bias` is for the wrench of a sensor, which it does not have"):
         identify("irp6", played(three_joints(), 3, seconds=4.0), bias=tuple(BIAS))
+
+
+def test_a_constant_that_is_a_parameter_is_not_told_apart() -> None:
+    """Of the last two columns, one that is the first one, and one of which the first explains cos(60 deg)."""
+    W = np.array([[1.0, 1.0, 0.5], [0.0, 0.0, np.sqrt(0.75)], [0.0, 0.0, 0.0]])
+    total = np.pad(W.T @ W, (0, 1))[None]
+    left = _told_apart(SimpleNamespace(total=total), np.ones(1), 2)
+    np.testing.assert_allclose(left, [0.0, np.sqrt(0.75)], atol=1e-7)
