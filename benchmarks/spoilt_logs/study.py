@@ -88,7 +88,7 @@ def errors(result: excite.Identification) -> np.ndarray:
 
 def judged(case: Spoilt, said: str) -> str:
     """Whether the sentence names kind and joints, or values that mend the log."""
-    if case.kind == "untold load" and "if the robot carried" in said and "spoilt" not in said:
+    if case.kind == "untold load" and "seems to carry something" in said and "spoilt" not in said:
         mass = float(re.search(r"a load of ([\d.e+-]+) kg", said)[1])
         return "named" if abs(np.log(mass / case.truth[0])) < np.log(1.4) else "wrong"
     refused_for = {"repeated rows": "`drop='repeated'`", "lost rows": "rows were lost"}

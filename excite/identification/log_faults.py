@@ -118,10 +118,12 @@ _CLIPPED = 10  # rows in succession, and 1 % of all
 def _clipped(names: tuple[str, ...], y: Array) -> Iterator[Fault]:
     """Joints whose largest torque is held exactly, as no noisy value is."""
     for name, column in zip(names, y.T, strict=True):
+        within_range = column[(column > column.min()) & (column < column.max())]
+        varied = np.unique(within_range).size > 0.2 * within_range.size
         for level in (column.max(), column.min()):
             at = np.flatnonzero(column == level)
             longest = max((run.size for run in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)), default=0)
-            if longest >= _CLIPPED and at.size > 0.01 * column.size and np.unique(column).size > 0.2 * column.size:
+            if varied and longest >= _CLIPPED and at.size > 0.01 * column.size:
                 rows = f"{at.size} rows, {longest} of them in succession"
                 cure = "record them over their whole range, or leave these rows out (`rows`)"
                 yield Fault("clipped", (name,), f"the torques of {name} are cut off at {level:.4g} in {rows}", cure)
@@ -349,12 +351,16 @@ def load_that_explains(
         phi = np.linalg.lstsq((K * weight[:, None]).reshape(-1, phi.size), (y * weight).ravel(), rcond=1e-8)[0]
         deviation = np.sqrt(np.mean((y - K @ phi) ** 2, axis=0))
     after = float(np.linalg.norm(y - K @ phi) / np.linalg.norm(measured[some]))
-    mass, *moment = phi[:4].tolist()
-    centre = [x / mass if mass else np.inf for x in moment]
-    if not (after < _EXPLAINED * before and abs(mass) > _LIGHTEST and np.linalg.norm(centre) < _FARTHEST):
+    mass = float(phi[0])
+    if not (after < _EXPLAINED * before and is_load(phi if mass > 0 else -phi)):
         return None
-    place = ", ".join(f"{x:.3f}" for x in centre)
+    place = ", ".join(f"{x:.3f}" for x in phi[1:4] / mass)
     return mass, (
         f"a load of {abs(mass):.3g} kg at the last link, its centre at ({place}) m, would lower the "
         f"difference from {percent(before)} to {percent(after)} of the torque"
     )
+
+
+def is_load(phi: Array) -> bool:
+    """Whether the mass and the centre of ten parameters are those of a load."""
+    return bool(phi[0] > _LIGHTEST and np.linalg.norm(phi[1:4]) < _FARTHEST * phi[0])

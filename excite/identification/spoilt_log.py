@@ -35,6 +35,7 @@ from excite.identification.log_faults import (
     gain_fault,
     gains_fault,
     gravity_fault,
+    is_load,
     late_from_fault,
     lengths_fault,
     moved_fault,
@@ -62,7 +63,9 @@ GAIN = 0.4  # in the logarithm of the errors of all joints together that a fault
 _GAIN_EACH = 0.15  # that it concerns: what a model lacks of friction gains up to a third of it by a delay
 MARGIN = 0.25  # and on the next fault
 _ONE_JOINT = 1.2  # factor by which the error of one joint at least must fall
+_NEARLY, _SHARE = 2.0, 0.5  # of a factor of a unit; of a joint's torque, what the described parameters make at least
 _EXPLAINED = 0.5  # a larger error of the joints explains nothing, as where noise hides the accelerations
+_SAME_SIGNS = ({"torque gain", "gains"}, {"zero", "gravity"})  # kinds of which a log may not tell which it is
 SPOILT = "the log is spoilt:"
 _NOISY, _SMALL = 1.5, 0.01  # an error of one joint of more than so many times the noise, and of the torque, is searched
 _DELAYS = np.array([-0.03, -0.01, 0.01, 0.03, 0.06, 0.1])  # [s]
@@ -70,6 +73,7 @@ _IN_MOTION = 0.1  # of the root mean square speed of each drive
 _OF_LOG = 0.1  # of the shortest log: longer delays are not searched
 _LOG_GAIN, _OFF, _SHOWN = (-14.0, 14.0), 1.5, 0.1  # a factor shows where so many times it explains so much less
 _OBLIQUE, _TURNS = np.array([3.0, 4.0, -5.0]), 4  # gravity along no axis; steps of its direction
+_STEPS = (1.0, 0.5, 0.25, 0.0)  # shares of one that are tried
 _SPLITS = 10  # instants from which on something may have changed, before the best is refined
 _SHORT = 0.02  # lengths that are not fitted [m]
 _LENGTH_ROUNDS, _COMMON, _STEP = 7, 2, 1e-3  # of their fit, those with one factor for all, and of the differences
@@ -96,6 +100,9 @@ def spoilt_log(
         return Doubt(f"{SPOILT} {fault.what}", "no sound log has this, whatever the robot", fault.cure, about="torques")
     search = FaultSearch.of(target, parts, friction)
     none = search.plain.fit(NO_FAULT)
+    for fault in search.in_other_units(none):
+        cause = "its bodies and its friction would be so many times those described, and no others are"
+        return Doubt(f"{SPOILT} {fault.what}", cause, fault.cure, about="torques")
     if not doubtful and not np.any(none.errors > np.maximum(_NOISY * search.noise, _SMALL)):
         return None
     fits = [search.with_load(), *search.fits(), *FaultSearch.of(target, parts, friction, _IN_MOTION).late_joints(none)]
@@ -109,7 +116,7 @@ def named(none: Fault, fits: list[Fault]) -> Doubt | None:
     ranked = sorted(fits, key=lambda fit: fit.size)
     best = ranked[0]
     close = [fit for fit in ranked[1:] if fit.size - best.size <= MARGIN]
-    alike = [best, *(fit for fit in close if fit.joints == best.joints)]
+    alike = [best, *(fit for fit in close if fit.joints == best.joints or {fit.kind, best.kind} in _SAME_SIGNS)]
     ratios = [fit for fit in close if fit.kind == best.kind == "torque gain"]  # only a ratio shows, in every joint
     alike += [fit for fit in ratios if np.all(fit.errors < _ONE_JOINT * np.maximum(best.errors, LEAST_ERROR))]
     falls = float(np.max(none.errors / np.maximum(best.errors, LEAST_ERROR)))
@@ -212,7 +219,25 @@ class FaultSearch:
         """Fit where the robot may carry a load that is not described."""
         n = self.samples.q.shape[1]
         K = PayloadModel(self.target.robot).instants(self.samples).reshape(-1, n, 10)
-        return Equations.of(self, self.samples, self.columns, self.measured, K).fit(UNTOLD_LOAD)
+        fit = Equations.of(self, self.samples, self.columns, self.measured, K).fit(UNTOLD_LOAD)
+        return fit if is_load(fit.parameters[-10:]) else NO_FAULT
+
+    def in_other_units(self, none: Fault) -> Iterator[Fault]:
+        """The torques of a joint where bodies and friction, beside the other joints', are a unit off those described.
+
+        Where its own friction explains most of its torque, no other joint says so.
+        """
+        known = self.described
+        if known is None or none.error > _EXPLAINED:
+            return
+        W, x = self.columns, none.parameters[: known.size] * (inertial_columns(self.target.base) | (known != 0))
+        share = np.linalg.norm(W @ x, axis=0) / np.linalg.norm(self.measured, axis=0)
+        ratio = np.sum((W @ known) * (W @ x), axis=0) / np.maximum(np.sum((W @ known) ** 2, axis=0), _NOTHING)
+        ratio = np.log(np.maximum(ratio, _NOTHING) / max(float(np.median(ratio)), _NOTHING))
+        for log_gain in np.log([1e-3, 1e3]).tolist():
+            odd = np.flatnonzero((np.abs(ratio + log_gain) < np.log(_NEARLY)) & (share > _SHARE))
+            if odd.size == 1 < ratio.size:
+                yield gain_fault(self.target.robot.joint_names, int(odd[0]), log_gain)
 
     def with_lengths(self) -> Fault:
         """The lengths between joints that fit best, by the Gauss-Newton method with free bodies."""
@@ -300,12 +325,12 @@ class FaultSearch:
         fit = partial(self._in_gravity, 0)
         grid = [length * np.array(g) / np.linalg.norm(g) for g in product((-1.0, 0.0, 1.0), repeat=3) if any(g)]
         found = []
-        for half in (down, -down):
-            tilted = min((g for g in grid if g @ half > 0), key=lambda g: fit(g).size)
+        for way in (1.0, 0.0, -1.0):  # as on the floor, on a wall, under a ceiling
+            tilted = min((g for g in grid if np.sign(np.round(g @ down, 6)) == way), key=lambda g: fit(g).size)
             for _ in range(_TURNS):
                 tilted = self._turned(0, tilted)
             found.append(tilted)
-        best, other = sorted(found, key=lambda g: fit(g).size)
+        best, other, _ = sorted(found, key=lambda g: fit(g).size)
         return [fit(best), *([fit(other)] if gravity_fault(best, other).kind != NO_FAULT.kind else [])]
 
     @cached_property
@@ -332,8 +357,10 @@ class FaultSearch:
 
     def _turned(self, split: int, gravity: Array) -> Array:
         """A better gravity from an instant on, linear in its change, by the Gauss-Newton method."""
-        turned = gravity + self._in_gravity(split, gravity, self._in_gravity(split, gravity)).parameters[-3:]
-        return np.asarray(turned * np.linalg.norm(gravity) / np.linalg.norm(turned))
+        step = self._in_gravity(split, gravity, self._in_gravity(split, gravity)).parameters[-3:]
+        turned = [gravity + share * step for share in _STEPS]
+        turned = [g * np.linalg.norm(gravity) / np.linalg.norm(g) for g in turned]
+        return min(turned, key=lambda g: self._in_gravity(split, g).size)
 
     def _moved(self) -> Fault:
         """The best gravity after the best instant."""
