@@ -70,6 +70,16 @@ CASES = {
         "the torques of q2 are in mNm, not in Nm",
         "`unit: [Nm, mNm, Nm]`",
     ),
+    "torque unit of a joint that friction explains": (
+        effort(lambda y: y * np.array([1e-3, 1, 1])),
+        "the torques of q1 are in kNm, not in Nm",
+        "`unit: [kNm, Nm, Nm]`",
+    ),
+    "torques cut off in most rows": (
+        effort(lambda y: np.column_stack([np.clip(y[:, 0], -10.0, 10.0), y[:, 1:]])),
+        "the torques of q1 are cut off at 10 in",
+        "record them over their whole range",
+    ),
     "currents": (
         effort(lambda y: y * np.array([0.3, 0.05, 0.15])),
         "the torques of q2, q3 are 0.05, 0.15 times what the described robot would need, as currents or drive units",
@@ -102,6 +112,15 @@ def test_a_fault_is_named_with_what_mends_it(case: str) -> None:
 @pytest.mark.parametrize("gravity", [(9.81, 0.0, 0.0), (5.0, 5.0, -6.8)])
 def test_a_base_that_is_mounted_otherwise_is_named_with_its_gravity(gravity: tuple[float, float, float]) -> None:
     (doubt,) = estimate_parameters(irp6().replace(gravity=np.array(gravity)), TASK, (sound(),), EXACT).doubts
+    stated = numbers(r"gravity=([-.\d]+),([-.\d]+),([-.\d]+)`", doubt.cure)
+    np.testing.assert_allclose(stated, irp6().gravity, atol=0.3)
+
+
+def test_a_ceiling_is_named_beside_the_zero_that_looks_like_it() -> None:
+    log = noisy(played(three_joints(3), 3, seconds=4.0), 0.1, 1e-6, 3)
+    (doubt,) = estimate_parameters(irp6().replace(gravity=np.array([0.0, 0.0, 9.81])), TASK, (log,), EXACT).doubts
+    (zero,) = numbers(r"the zero of q2 is off by (.+) degrees, or the base is tilted by 1", doubt.what)
+    assert abs(zero) == pytest.approx(180.0, abs=3.0)
     stated = numbers(r"gravity=([-.\d]+),([-.\d]+),([-.\d]+)`", doubt.cure)
     np.testing.assert_allclose(stated, irp6().gravity, atol=0.3)
 
