@@ -38,6 +38,7 @@ from excite.information.nearly_unidentifiable import (
     hardly_excited_note,
     nearly_unidentifiable,
     nearly_unidentifiable_note,
+    slow_motion_note,
 )
 from excite.information.weighting import known_with
 from excite.registry import part
@@ -256,6 +257,8 @@ def certify(
     transfers = approach_and_return(robot, task, target.robot.joint_names, ends, formulation.transfer_limits)
     hardly = nearly_unidentifiable(target, samples, noise)
     notes = (*formulation.notes, *(transfers.notes if transfers is not None else ()))
+    if note := slow_motion_note(target, samples, uses, task.trajectory.period):
+        notes = (*notes, note)
     if note := hardly_excited_note(target, samples, task.objective.noise):
         notes = (note, *notes)
     if hardly:

@@ -13,13 +13,15 @@ of a tenth of its torque limit, which is about what friction takes of it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from constraints.certificate import LimitUse
 from excite.information.matrix import noise_per_row
 from excite.information.prior import base_sizes
 from excite.information.target import FACTOR, IdentificationTarget, inverse_half
+from regressors.errors import percent
 from regressors.models.base import Base
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
@@ -31,6 +33,8 @@ _ALONE = 3.0  # a column of which projection leaves this part, or more, is small
 _PARTNER = 0.3  # part of a column's length that another one takes back
 _NAMED = 4
 _HARDLY = 0.02  # of a joint's friction or noise: torque of masses that does not excite it
+_OF_SPEED = (("velocity", 1.0), ("acceleration", 1 / 2), ("jerk", 1 / 3), ("torque", 1 / 2))  # powers of their use
+_SLOW = 2.0  # times as fast, with half the deviations, is worth a note
 _LIKELY_FRICTION = 0.1  # of a joint's torque limit
 
 
@@ -176,6 +180,31 @@ def hardly_excited_note(target: IdentificationTarget, samples: Samples, noise: t
     return (
         f"friction and noise hide the masses behind {'; '.join(listed)}. Remedy: carry a known load off the joint's "
         "axis (`payload`), tilt the robot (`mount`) where gravity does not act on the joint, or move faster or longer."
+    )
+
+
+def slow_motion_note(
+    target: IdentificationTarget, samples: Samples, uses: tuple[LimitUse, ...], period: float
+) -> str | None:
+    """Note that the same path in less time would tell far more in the same robot time; None where speed is limited.
+
+    Of s times the speed: ``(det W_s' W_s / det W' W)^(-1 / 2b)`` is the mean ratio of the deviations.
+    """
+    used = {name: max((use.use for use in uses if use.quantity == name), default=0.0) for name, _ in _OF_SPEED}
+    faster = min((used[name] ** -power for name, power in _OF_SPEED if used[name]), default=1.0)
+    if not used["velocity"] or faster < _SLOW:
+        return None
+    sped = replace(samples, time=samples.time / faster, dq=samples.dq * faster, ddq=samples.ddq * faster**2)
+    W, W_s = (target.model.assemble(each)[:, target.base.index] for each in (samples, sped))
+    own, other = (np.log(np.abs(np.diag(np.linalg.qr(X, mode="r")))) for X in (W, W_s))
+    ratio = float(np.exp(np.mean(own - other)))
+    if not ratio < 1 / _SLOW:
+        return None
+    return (
+        f"the motion uses at most {percent(used['velocity'])} of the velocity limits: its path in "
+        f"{period / faster:.2g} s instead of {period:g} s would make the predicted deviations {ratio:.2g} times as "
+        f"large (mean) in the same robot time. Design the motion with `period` {period / faster:.2g} and `criterion` "
+        "trace; the condition number does not count this."
     )
 
 

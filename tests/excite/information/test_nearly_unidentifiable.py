@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import excite
+from constraints.certificate import LimitUse
 from excite.cli.summary import print_view
 from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
@@ -21,6 +22,7 @@ from excite.information.nearly_unidentifiable import (
     hardly_excited_note,
     nearly_unidentifiable,
     rounded_angles,
+    slow_motion_note,
 )
 from excite.information.prior import standard_sizes
 from excite.information.target import FACTOR, IdentificationTarget, target_of
@@ -276,3 +278,24 @@ def test_a_design_says_what_rounding_it_left_out_and_its_identification_does_the
     assert any("exist by rounding only" in note for note in found.estimate.notes)
     kept = excite.identify(robot, run, design=designed())
     assert kept.estimate.names == designed().base.names
+
+
+# --- motions that are slower than they need to be ---------------------------------------------------------------------
+
+
+def slow_motion(**used: float) -> str | None:
+    """Of an arm without gravity and friction, whose torques grow with the square of the speed."""
+    target = target_of(arm().replace(gravity=np.zeros(3)), Task(arm(), friction=False))
+    uses = tuple(LimitUse(f"joint {q}", "", 0.0, 0.0, 1.0, 1.0 - use, use, quantity=q) for q, use in used.items())
+    return slow_motion_note(target, random_states(target.robot, 200, seed=0), uses, 10.0)
+
+
+def test_a_slow_motion_says_what_its_path_would_tell_in_less_time() -> None:
+    note = slow_motion(velocity=0.2, torque=0.01)
+    assert note is not None
+    assert "at most 20 % of the velocity limits" in note
+    assert "its path in 2 s instead of 10 s would make the predicted deviations 0.04 times" in note  # 1 / 5^2
+    assert slow_motion(velocity=0.2, acceleration=0.1) is not None
+    assert slow_motion(velocity=0.2, acceleration=0.5) is None
+    assert slow_motion(velocity=0.6) is None
+    assert slow_motion(acceleration=0.1) is None  # nothing is known of the speed
