@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.identification.equations import measured_regressor
 from excite.identification.estimator import Estimate
@@ -128,17 +130,25 @@ def _possible(result: Identification) -> str:
 
 
 def known_text(result: Identification) -> str:
-    """How many parameters are known."""
-    count, known = len(result.names), int(np.sum(result.estimate.relative_deviation < WELL))
-    found = f"all {count} are" if known == count else f"{known} of {count} are"
-    return f"{found} known to {100 * WELL:g} %" + f", {count - known} are not" * (known < count)
+    """How many parameters are known; an offset that may be zero is none that is missing."""
+    counted = ~_offsets(result)
+    count, known = int(counted.sum()), int(np.sum(result.estimate.relative_deviation[counted] < WELL))
+    found = f"all {count}" if known == count else f"{known} of {count}"
+    aside = " (offsets aside)" * (not counted.all())
+    return f"{found}{aside} are known to {100 * WELL:g} %" + f", {count - known} are not" * (known < count)
+
+
+def _offsets(result: Identification) -> NDArray[np.bool_]:
+    """Which parameters are offsets of drives, by the names of `regressors.robot.columns.drive_column`."""
+    return np.array([re.fullmatch(r"F\d+o", name) is not None for name in result.names], dtype=bool)
 
 
 def unknown_texts(result: Identification) -> Iterator[str]:
     """Which parameters may be zero, and which do not show, with what would show them: a sentence each."""
     estimate = result.estimate
     with np.errstate(invalid="ignore"):
-        vague = [n for n, d in zip(result.names, estimate.relative_deviation, strict=True) if np.isfinite(d) and d > 1]
+        uncertain = np.isfinite(estimate.relative_deviation) & (estimate.relative_deviation > 1) & ~_offsets(result)
+        vague = np.array(result.names)[uncertain].tolist()
     if vague:
         yield f"may be zero, as far as these logs show: {', '.join(vague)}"
     if estimate.unseen:

@@ -13,7 +13,7 @@ from pinocchio_chains import chain_model
 from played import EXACT, TASK, found, noisy, played, three_joints
 from recordings import REAL, real_log
 
-from excite.identification.doubts import expected_error, few_data, other_motion
+from excite.identification.doubts import answers, expected_error, few_data, known_text, other_motion
 from excite.identification.equations import measured_regressor
 from excite.identification.estimator import hide_parameters
 from excite.identification.identify import identify
@@ -89,6 +89,15 @@ def test_neither_a_good_result_nor_noise_of_the_torques_is_doubted() -> None:
     residual = np.linalg.norm(result.estimate.residual(result.observations)) / np.linalg.norm(result.observations.y)
     assert residual > 0.5
     assert not any("residual" in doubt.what for doubt in result.doubts)
+
+
+def test_offsets_that_may_be_zero_are_no_parameters_that_are_missing() -> None:
+    log = noisy(played(three_joints(), 3, seconds=4.0), 1e-3, 1e-6, 3)
+    result = found(Task("irp6", offset=True), log, recipe=EXACT)
+    assert {"F1o", "F2o", "F3o"} < set(result.names)
+    assert known_text(result) == "all 13 (offsets aside) are known to 5 %"
+    assert not any("F1o" in text for text in answers(result))
+    assert known_text(found(TASK, log, recipe=EXACT)) == "all 13 are known to 5 %"
 
 
 @pytest.mark.slow
