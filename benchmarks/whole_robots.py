@@ -1,9 +1,10 @@
 """Mechanisms with closed loops, and robots on a six-axis sensor: intervals, and torques that results predict.
 
-``python benchmarks/whole_robots.py [--seeds 20]``: four-bar and parallelogram in MuJoCo, driven at the crank and
-identified by the energy model, by the projected differential one, and by one that is told the torques of the closure at
-every joint, as no robot measures them. Then robots whose wrench below the base Pinocchio computes, identified without
-torques. Plain defaults, noise of the torques and of the wrench; each result predicts the torques of another motion.
+``python benchmarks/whole_robots.py [--seeds 20]``: a four-bar, a parallelogram, a delta and a quadruped on four ideal
+feet in MuJoCo, identified by the energy model, by the projected differential one, and by one that is told the torques
+of the closures at every joint, as no robot measures them. Then robots whose wrench below the base Pinocchio computes,
+identified without torques. Plain defaults, noise of the torques and of the wrench; each result predicts the torques of
+another motion.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import os
 import sys
 import tempfile
 import time
-from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ import numpy as np
 import pinocchio as pin
 import record
 from linkages import FOUR_BAR, PARALLELOGRAM, linkage, played, written
+from mechanisms import delta, played as mechanism_played, quadruped
 from pinocchio_chains import chain_model, joint_torques
 from public_arms import TREES
 
@@ -32,27 +34,29 @@ from excite.information.prior import prior_of
 from excite.tasks.task import Task
 from regressors.models.base import base_parameters
 from regressors.models.differential import DifferentialModel
+from regressors.models.partial import of_loops
 from regressors.readers.library import load_robot
 from regressors.robot.columns import Terms
 from regressors.robot.robot import Robot
-from regressors.robot.symbolic.loops import loops_of
 from regressors.samples import Array, Samples
 
 NOISE = 0.05  # of the torques of linkages, which reach 3 to 6 Nm [Nm]
 WRENCH = np.repeat([1.0, 0.2], 3)  # deviation of its noise [N, Nm]
 BIAS = 0.01  # deviation of its bias, of the root mean square force and moment
 LINKAGES = {"four-bar": (FOUR_BAR, "", 0.2, 2.2), "parallelogram": (PARALLELOGRAM, 'range="-0.8 1.8"', 0.5, 1.1)}
+PERIOD = 12.0  # of the motions of delta and quadruped [s]
 TOLD = "told the closure"
 RIGID = Terms(rotor=False, coulomb=False, viscous=False)
 
 
 def inside(result: Any) -> dict[str, bool]:
-    """Whether each interval holds the described value, which was simulated; of what was chosen besides, zero."""
+    """Whether the interval of each parameter that shows holds the described value; of what was chosen besides, zero."""
     target, base = result.target, result.target.base
     truth = dict(zip(base.names, prior_of(target.model, base, None).base_values(np.eye(base.rank)), strict=True))
     estimate = result.estimate
     off = np.abs(estimate.values - [truth.get(name, 0.0) for name in estimate.names])
-    return dict(zip(estimate.names, (off <= estimate.half_width).tolist(), strict=True))
+    held = dict(zip(estimate.names, (off <= estimate.half_width).tolist(), strict=True))
+    return {name: holds for name, holds in held.items() if name not in estimate.unseen}
 
 
 def off_by(found: Array, true: Array) -> float:
@@ -60,46 +64,58 @@ def off_by(found: Array, true: Array) -> float:
     return float(np.linalg.norm(found - true) / np.linalg.norm(true))
 
 
-def told(name: str, log: dict[str, Array], rng: np.random.Generator) -> dict[str, Array]:
-    """The log of the tree that is left when the loop is cut, with what the closure does at every joint."""
-    own = {joint: log[f"{joint}.closure"] + NOISE * rng.normal(size=log["time"].size) for joint in ("q2", "q3")}
-    positions = {column: values for column, values in log.items() if not column.endswith(("closure", "effort"))}
-    efforts = {"q1.effort": log["q1.effort"] + log["q1.closure"], **{f"{joint}.effort": x for joint, x in own.items()}}
+def told(robot: Robot, log: dict[str, Array], beside: dict[str, Array], rng: np.random.Generator) -> dict[str, Array]:
+    """The log of the tree that is left when the loops are cut, with what the closures do at every joint."""
+    positions, efforts = {"time": log["time"]}, {}
+    for joint in robot.joint_names:
+        positions[f"{joint}.position"] = (log | beside)[f"{joint}.position"]
+        own = NOISE * rng.normal(size=log["time"].size)
+        efforts[f"{joint}.effort"] = beside[f"{joint}.closure"] + log.get(f"{joint}.effort", own)
     return positions | efforts
 
 
-def drive_torque(robot: Robot, result: Any, samples: Samples) -> Array:
-    """Torque at the crank by a result, ``N' tau`` of all joints that it has equations of."""
-    target = result.target_of_instants
-    rows = target.model.instants(samples)[:, target.base.index] @ result.coefficients
-    if rows.size == samples.time.size:
-        return np.asarray(rows)
-    unit = replace(samples, dq=np.ones_like(samples.dq), ddq=0 * samples.ddq)
-    return np.asarray(np.sum(rows.reshape(samples.q.shape) * loops_of(robot).rates(unit).dq, axis=1))
+def drive_torques(robot: Robot, result: Any, samples: Samples) -> Array:
+    """Torques by a result, ``N' tau`` of all joints that it has equations of, shape (N, k)."""
+    target, motion = result.target_of_instants, of_loops(robot)
+    rows = target.model.instants(samples)[:, target.base.index] @ np.nan_to_num(result.coefficients)
+    rows = rows.reshape(samples.time.size, -1)
+    return np.asarray(rows if rows.shape[1] == len(motion.labels) else motion.torques(samples.q, rows))
 
 
-def linkages(seeds: int) -> list[dict[str, Any]]:
-    """Every linkage by every model."""
+def _of_linkage(name: str, noise: float, seed: int) -> tuple[dict[str, Array], dict[str, Array]]:
+    """A log of a linkage, and what its closure does."""
+    lengths, limits, middle, swing = LINKAGES[name]
+    text = linkage(name, lengths, limits=limits)
+    log = played(lengths, text, noise, seed, middle=middle, swing=swing)
+    beside = {column: values for column, values in log.items() if column.endswith("closure")}
+    return {column: values for column, values in log.items() if column not in beside}, beside
+
+
+def loops(seeds: int) -> list[dict[str, Any]]:
+    """Every robot with closed loops by every model."""
     runs = []
-    for name, (lengths, limits, middle, swing) in LINKAGES.items():
-        text = linkage(name, lengths, limits=limits)
+    texts = {name: linkage(name, lengths, limits=limits) for name, (lengths, limits, *_) in LINKAGES.items()}
+    for name, text in {**texts, "delta": delta(), "quadruped": quadruped()}.items():
         with tempfile.TemporaryDirectory() as folder:
             robot = load_robot(written(Path(folder), name, text))
+        play = _of_linkage if name in LINKAGES else partial(mechanism_played, period=PERIOD)
         tree = robot.replace(closures=(), passive=())
-        other = played(lengths, text, 0.0, 977, middle=middle, swing=swing)
-        along = excite.identify(Task(robot), other, choose=False).prepared[0]  # its motion, filtered
+        along = excite.identify(Task(robot), play(name, 0.0, 977)[0], choose=False).prepared[0]  # its motion, filtered
+        true = of_loops(robot).torques(along.samples.q, along.measured)
         for seed in range(seeds):
-            log = played(lengths, text, NOISE, seed, middle=middle, swing=swing)
+            log, beside = play(name, NOISE, seed)
             given = {
                 "energy": (Task(robot, model="energy"), log),
                 "differential": (Task(robot), log),
-                TOLD: (Task(tree), told(name, log, np.random.default_rng([seed, 1]))),
+                TOLD: (Task(tree), told(robot, log, beside, np.random.default_rng([seed, 1]))),
             }
             for model, (task, measured) in given.items():
+                begin = time.process_time()
                 result = excite.identify(task, measured)
-                error = off_by(drive_torque(robot, result, along.samples), along.measured[:, 0])
-                runs.append({"robot": name, "model": model, "inside": inside(result), "error": error})
-        print(name, flush=True)
+                spent = time.process_time() - begin
+                error = off_by(drive_torques(robot, result, along.samples), true)
+                runs.append({"robot": name, "model": model, "inside": inside(result), "error": error, "cpu": spent})
+            print(name, seed, *(f"{run['error']:.2%}" for run in runs[-3:]), flush=True)
     return runs
 
 
@@ -149,25 +165,25 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=20)
     seeds, before = parser.parse_args().seeds, record.load()
-    of_loops, of_wrench = linkages(seeds), on_a_plate(seeds)
+    closed, of_wrench = loops(seeds), on_a_plate(seeds)
     rows = []
-    for name in LINKAGES:
-        for model in ("energy", "differential", TOLD):
-            some = [run for run in of_loops if (run["robot"], run["model"]) == (name, model)]
-            rows.append([name, model, *_shares(some)])
+    for name, model in dict.fromkeys((run["robot"], run["model"]) for run in closed):
+        some = [run for run in closed if (run["robot"], run["model"]) == (name, model)]
+        rows.append([name, model, *_shares(some), f"{np.median([run['cpu'] for run in some]):.1f}"])
     plates = []
     for name in dict.fromkeys(run["robot"] for run in of_wrench):
         some = [run for run in of_wrench if run["robot"] == name]
         spent = (f"{np.median([run[what] for run in some]):.1f}" for what in ("design", "cpu"))
         plates.append([name, *_shares(some), *spent])
-    head = ["parameters", "inside [%]", "worst parameter [%]", "torque error [%]"]
+    head = ["parameters that show", "inside [%]", "worst parameter [%]", "torque error [%]"]
     text = (
         f"Intervals of 99 % that hold the truth over {seeds} logs, and the median error of the torques of another "
-        f"motion without noise.\n\nClosed loops:\n\n{record.table(['linkage', 'model', *head], rows)}\n\n"
+        "motion without noise.\n\nClosed loops:\n\n"
+        f"{record.table(['robot', 'model', *head, 'identify [CPU s]'], rows)}\n\n"
         "A six-axis sensor below the base, no torques of joints:\n\n"
         f"{record.table(['robot', *head, 'design [CPU s]', 'identify [CPU s]'], plates)}"
     )
-    record.save("whole_robots", before, {"loops": of_loops, "wrench": of_wrench}, text, LIMITATIONS)
+    record.save("whole_robots", before, {"loops": closed, "wrench": of_wrench}, text, LIMITATIONS)
 
 
 def _shares(runs: list[dict[str, Any]]) -> list[str]:
@@ -175,7 +191,12 @@ def _shares(runs: list[dict[str, Any]]) -> list[str]:
     by_name = {name: [holds for other, holds in held if other == name] for name, _ in held}
     error, mean = np.median([run["error"] for run in runs]), np.mean([holds for _, holds in held])
     worst = 100 * min(np.mean(each) for each in by_name.values() if len(each) == len(runs))  # not what some chose
-    return [str(len(runs[0]["inside"])), f"{100 * mean:.1f}", f"{worst:.0f}", f"{100 * error:.2g}"]
+    return [
+        f"{np.median([len(run['inside']) for run in runs]):.0f}",
+        f"{100 * mean:.1f}",
+        f"{worst:.0f}",
+        f"{100 * error:.2g}",
+    ]
 
 
 LIMITATIONS = (

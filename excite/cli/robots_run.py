@@ -99,7 +99,8 @@ def _print(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
     if whole.closures:
         closed = ", ".join(" and ".join(closure.bodies) for closure in whole.closures)
         passive = f"; passive: {', '.join(whole.passive)}" if whole.passive else ""
-        out.print(f"loops close between {closed}; moved by {', '.join(moving)}{passive}", soft_wrap=True)
+        how = "determined by" if whole.n > len(moving) + len(whole.passive) else "moved by"
+        out.print(f"loops close between {closed}; {how} {', '.join(moving)}{passive}", soft_wrap=True)
     if limits := _limits(whole):
         print_table("limits", ("coordinate", *QUANTITIES), limits)
     else:

@@ -17,10 +17,12 @@ def with_every_joint(log: Log, robot: Robot) -> Log:
     """The log with the dependent joints that it lacks, from the independent ones; passive joints have no torque."""
     loops, names = loops_of(robot), robot.joint_names
     absent = [name for name in names if name not in log.joints]
-    if missing := [name for name in loops.names if name in absent]:
+    driven = [names[k] for k in sorted({*loops.independent, *loops.driven})]
+    if missing := [name for name in driven if name in absent]:
         raise InputError(
-            f"{log.source}: no position of {listed_names(missing)}; give those of {listed_names(loops.names)}, from "
-            "which the loops determine all others, or of all joints"
+            f"{log.source}: no position of {listed_names(missing)}; give those of {listed_names(driven)}, from which "
+            "the loops determine all others, or of all joints; or state in the description of the robot which joints no "
+            "drive acts on (`passive`)"
         )
     acting = [name for name in robot.passive if name in log.joints and _acts(log, name)]
     if acting:

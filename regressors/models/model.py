@@ -435,13 +435,9 @@ class PartialModel(RegressorModel):
         return ca.mtimes(self.motion.directions(q)[:, self.used].T, self.model.rows(q, dq, ddq))
 
     def right_side(self, samples: Samples, measured: Array) -> Array:
-        """Torques of the moving coordinates that are used, ``N' tau``; `measured` has shape (N, n) [Nm or N].
-
-        Of closed loops N changes along the motion, but there it multiplies the torques of passive joints, which are
-        zero.
-        """
-        torque = np.asarray(measured, dtype=float) @ self.motion.matrix[:, self.used]
-        return np.asarray(torque.reshape(-1))
+        """Torques of the moving coordinates that are used, ``N' tau``; `measured` has shape (N, n) [Nm or N]."""
+        torque = self.motion.torques(samples.q, np.asarray(measured, dtype=float))
+        return np.ascontiguousarray(torque[:, self.used]).reshape(-1)
 
     def torque_equations(self) -> TorqueEquations | None:
         """Torque equations of the moving coordinates that are used; None where loops bend the motion."""

@@ -7,7 +7,8 @@ own coordinate, so that joints behind a coupling may move (the IRp-6's motor 2 a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import ClassVar
 
 import casadi as ca
@@ -17,7 +18,8 @@ from regressors.errors import InputError
 from regressors.quantities import place_of
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import sparse
-from regressors.robot.symbolic.loops import Loops, loops_of
+from regressors.robot.symbolic.loops import Loops, dense, loops_of
+from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array, Samples
 
 
@@ -40,6 +42,10 @@ class PartialMotion:
         """``dq / ds`` in a configuration, shape (n, k)."""  # q (n, 1)
         return sparse(self.matrix)
 
+    def torques(self, q: Array, measured: Array) -> Array:
+        """``N' tau`` of the torques of all joints, shape (N, k)."""  # q, measured (N, n)
+        return np.asarray(measured @ self.matrix)
+
     def states(self, states: Samples) -> Samples:
         """Projection of states onto those that this motion can reach."""
         project = self.matrix @ np.linalg.pinv(self.matrix)
@@ -56,8 +62,24 @@ class ClosedMotion(PartialMotion):
     loops: Loops
 
     def directions(self, q: ca.SX) -> ca.SX:
-        """``N(q)``, shape (n, k)."""  # q (n, 1)
-        return self.loops.directions(q)
+        """``N(q)``, shape (n, k); with drives at dependent joints too, ``N (N_d' N_d)^(-1/2)`` of these drives' rows.
+
+        White noise of all torques is then white in all equations.
+        """  # q (n, 1)
+        N = self.loops.directions(q)
+        if not self.loops.redundant:
+            return N
+        driven = N[list(self.loops.driven), :]
+        return ca.solve(ca.chol(ca.mtimes(driven.T, driven)).T, N.T).T
+
+    @cached_property
+    def _directions(self) -> VectorisedFunction:
+        q = ca.SX.sym("q", self.loops.robot.n)
+        return VectorisedFunction([q], self.directions(q))
+
+    def torques(self, q: Array, measured: Array) -> Array:
+        """``N(q)' tau``, shape (N, k), of the torques of all joints."""  # q, measured (N, n)
+        return np.asarray(np.einsum("tjk,tj->tk", dense(self._directions, q), measured))
 
     def states(self, states: Samples) -> Samples:
         """States with the dependent joints where the independent ones put them."""
@@ -71,8 +93,8 @@ def of_loops(robot: Robot) -> ClosedMotion:
     loops = loops_of(robot)
     units = tuple(robot.joints[k].unit for k in loops.independent)
     q = ca.SX(ca.DM(loops.reference))
-    N = np.array(ca.DM(ca.densify(ca.evalf(loops.directions(q)))))
-    return ClosedMotion(loops.names, units, N, loops.reference, loops)
+    motion = ClosedMotion(loops.names, units, np.eye(robot.n)[:, loops.independent], loops.reference, loops)
+    return replace(motion, matrix=np.array(ca.DM(ca.densify(ca.evalf(motion.directions(q))))))
 
 
 def of_joints(robot: Robot, moving: Sequence[int]) -> PartialMotion:

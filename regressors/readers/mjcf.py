@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -28,7 +28,7 @@ from regressors.readers.moving_part import MovingPart, carried, resting_rotation
 from regressors.readers.urdf import robot_of_tree
 from regressors.readers.urdf_tree import UrdfTree
 from regressors.robot.closures import Closure
-from regressors.robot.inertia import Array
+from regressors.robot.inertia import Array, parameter_names
 from regressors.robot.robot import BASE, Drive, Limits, Robot, Transmission
 
 _LEFT_OUT = {"springs": ("jnt_stiffness", "jnt_stiffnesspoly"), "damping that is not linear": ("dof_dampingpoly",)}
@@ -55,13 +55,16 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: Tips = None, sn
     - Gravity is that of ``<option>``, in the axes of the base; zero where the file disables it.
     - A joint that an equality constraint couples to another one is a mimic joint, one that it holds is fixed.
     - Bodies that an equality ``connect`` or ``weld`` holds together close a loop; moving joints without an actuator are
-      then passive, and home is where the file puts the joints.
+      then passive, and home is where the file puts the joints. A free joint of a body, of which parts are held to the
+      world, becomes three slides and three hinges.
     - Not read: contacts, tendons, fluids, ``gravcomp`` (a part of the controller), and how actuators are controlled.
     """
     path = Path(path)
     model, tree = tree_of_mjcf(path, snap_angles=snap_angles)
     joints = names_of(model, "joint")
     robot = robot_of_tree(tree, base, tip)
+    if base is None and tip is None and (feet := _feet(model, robot)):
+        robot = robot_of_tree(tree, base, feet)
     ends = (tree.root if base is None else base, tuple(link.name for link in robot.tips))
     driven = [name for name, acting in zip(joints, joint_actuators(model), strict=True) if acting]
     passive = tuple(name for name in robot.joint_names if name not in driven)
@@ -74,6 +77,7 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: Tips = None, sn
         closures = tuple(_closure(tie, tree, robot, ends[0]) for tie in ties)
         robot = robot.replace(closures=closures, passive=passive, home=np.array(start) if any(start) else None)
     return robot.replace(
+        structure=replace(robot.structure, zero=frozenset(_without_body(robot, names_of(model, "body")))),
         transmission=_transmission(model, robot, joints),
         gravity=_gravity(model, tree, base),
         source=f"MJCF {path.name}{_left_out(model, robot, joints)}",
@@ -100,13 +104,59 @@ def compiled(path: Path) -> Any:
     try:
         regular_size(path)  # a device or a pipe would be read for ever
         check_mjcf_size(path)
-        return mujoco.MjModel.from_xml_path(str(path))
+        return _on_feet(mujoco.MjModel.from_xml_path(str(path)), path)
     except InputError:
         raise
     except OSError as error:
         raise InputError(f"cannot read {str(path)!r}: {error.strerror}") from error
     except ValueError as error:
         raise InputError(f"{path.name}: MuJoCo does not compile it: {' '.join(str(error).split())}") from error
+
+
+_SIX = (*((axis, "slide") for axis in "xyz"), *((axis, "hinge") for axis in "zyx"))  # joints in place of a free one
+
+
+def _on_feet(model: Any, path: Path) -> Any:
+    """The model; a body that moves freely, of which a part is held to the world, is moved by six joints without drives.
+
+    They are named such as ``trunk_x`` and ``trunk_turn_x``, and zero where the file puts the body.
+    """
+    import mujoco
+
+    held = {model.body_rootid[body] for tie in equalities(model)[2] for body in _on_world(model, tie)}
+    if not held:
+        return model
+    spec = mujoco.MjSpec.from_file(str(path))
+    free = [joint for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]
+    for joint in [joint for joint in free if model.body(joint.parent.name).id in held]:
+        body = joint.parent
+        spec.delete(joint)
+        for axis, kind in _SIX:
+            turn = "_turn" * (kind == "hinge")
+            moved = mujoco.mjtJoint.mjJNT_HINGE if turn else mujoco.mjtJoint.mjJNT_SLIDE
+            body.add_joint(name=f"{body.name}{turn}_{axis}", type=moved, axis=[float(a == axis) for a in "xyz"])
+    for key in list(spec.keys):  # poses of the joints as they were
+        spec.delete(key)
+    return spec.compile()
+
+
+def _on_world(model: Any, tie: Tie) -> list[int]:
+    """The body that a constraint holds to the world, if it does."""
+    numbers = [model.body(name).id for name in tie.bodies]
+    return [number for number in numbers if number] if tie.places is not None and 0 in numbers else []
+
+
+def _feet(model: Any, robot: Robot) -> tuple[str, ...]:
+    """Bodies that are held to the world, unless the robot has all of them."""
+    feet = [model.body(number).name for tie in equalities(model)[2] for number in _on_world(model, tie)]
+    return () if {*feet} <= {link.name for link in robot.links} else tuple(dict.fromkeys(feet))
+
+
+def _without_body(robot: Robot, bodies: list[str]) -> Iterator[str]:
+    """Parameters of the links that stand between the joints of one body."""
+    for number, link in zip(robot.link_numbers, robot.links, strict=True):
+        if link.name not in bodies:
+            yield from parameter_names(number)
 
 
 def _loop_refused(tie: Tie, tree: UrdfTree, robot: Robot, ends: tuple[str, tuple[str, ...]]) -> InputError:

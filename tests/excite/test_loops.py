@@ -13,6 +13,7 @@ import scipy
 from commands import Here
 from identified import relative
 from linkages import FOUR_BAR, PARALLELOGRAM, linkage, played, written
+from mechanisms import LEGS, delta, played as mechanism_played, quadruped
 
 import excite
 from excite.export.models.robot_yaml import robot_text
@@ -21,6 +22,8 @@ from excite.identification.servos import identify_servos
 from excite.information.target import target_of
 from excite.tasks.task import Task
 from regressors.errors import InputError
+from regressors.models.base import random_states
+from regressors.models.partial import of_loops
 from regressors.readers.description import parse_description
 from regressors.readers.library import load_robot
 from regressors.robot.robot import Robot
@@ -142,6 +145,70 @@ def test_friction_of_passive_joints_is_found_where_it_is_asked_for() -> None:
     assert plain.training_error > 1.2 * asked.training_error
     wide, usual = (dict(zip(one.names, one.estimate.half_width, strict=True)) for one in (plain, asked))
     assert wide["m1c1x"] > 3.0 * usual["m1c1x"]
+
+
+# ---------------------------------------------------------------- a delta, and a quadruped on its feet
+
+
+@cache
+def mechanism(name: str) -> Robot:
+    with TemporaryDirectory() as folder:
+        return load_robot(written(Path(folder), name, delta() if name == "delta" else quadruped()))
+
+
+def test_a_body_that_moves_freely_and_stands_on_its_feet_has_six_joints_without_drives() -> None:
+    robot = mechanism("quadruped")
+    assert robot.joint_names[6:] == LEGS
+    assert robot.passive == robot.joint_names[:6]
+    assert [joint.kind for joint in robot.joints[:6]] == 3 * ["prismatic"] + 3 * ["revolute"]
+    np.testing.assert_allclose([joint.axis for joint in robot.joints[:6]], np.eye(3)[[0, 1, 2, 2, 1, 0]])
+    assert "m5c5x" in robot.structure.zero  # of a link between two joints of the trunk
+    assert "m6c6x" not in robot.structure.zero
+    assert [closure.bodies[1] for closure in robot.closures] == 4 * ["base"]
+    moved = robot.links[5].theta
+    assert moved is not None
+    assert moved[0] == 6.9
+
+
+def test_white_noise_of_more_drives_than_move_on_their_own_is_white_in_the_equations() -> None:
+    motion = of_loops(mechanism("quadruped"))
+    assert motion.loops.redundant
+    q = motion.loops.states(random_states(mechanism("quadruped"), 3)).q
+    rows = np.array([[motion.torques(one[None], np.eye(18)[[k]])[0] for k in motion.loops.driven] for one in q])
+    np.testing.assert_allclose(np.swapaxes(rows, 1, 2) @ rows, np.broadcast_to(np.eye(6), (3, 6, 6)), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["delta", "quadruped"])
+def test_true_parameters_have_the_torques_of_all_drives_but_for_what_the_closures_bear(name: str) -> None:
+    robot = mechanism(name)
+    log, _ = mechanism_played(name, 0.0, 7, period=2.0)
+    result = excite.identify(Task(robot, friction=False), log, choose=False)
+    target, part = result.target_of_instants, result.prepared[0]
+    assert result.reference is not None
+    predicted = target.model.instants(part.samples)[:, target.base.index] @ result.reference.values
+    projected = of_loops(robot).torques(part.samples.q, part.measured).ravel()
+    assert relative(predicted, projected) < 4e-3
+    if of_loops(robot).loops.redundant:  # what the drives bear against each other turns with the legs
+        standing = part.measured @ of_loops(robot).matrix
+        assert relative(predicted, standing.ravel()) > 0.02
+
+
+def test_a_drive_that_follows_others_is_in_the_log_too() -> None:
+    log, _ = mechanism_played("quadruped", 0.0, 7, period=0.5)
+    absent = {name: values for name, values in log.items() if not name.startswith("fl2")}
+    with pytest.raises(InputError, match="no position of fl2; give those of fl1, fl2, fl3, fr1, "):
+        excite.identify(mechanism("quadruped"), absent, choose=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["delta", "quadruped"])
+def test_mechanisms_are_identified_and_confirmed_by_another_log(name: str) -> None:
+    log, other = (mechanism_played(name, NOISE, seed)[0] for seed in (1, 2))
+    result = excite.identify(mechanism(name), log, choose=False)
+    assert np.mean(within(result)) >= 0.95
+    judged = excite.verify(result, other)
+    assert judged.verdict.holds
+    assert set(judged.verdict.confirmed) == set(of_loops(mechanism(name)).labels)
 
 
 def test_robot_yaml_holds_the_loops() -> None:

@@ -163,11 +163,11 @@ def near_described(model: RegressorModel, described: Mapping[str, float], within
 
 
 def _whole_bodies(model: RegressorModel) -> Iterator[tuple[int | None, list[int]]]:
-    """Owner of each body with all ten parameters, and their places among the standard ones."""
-    columns = model.standard_columns
+    """Owner of each body with all ten parameters, and their places among the standard ones; a link may have no body."""
+    columns, none = model.standard_columns, model.robot.structure.zero
     for owner in dict.fromkeys(c.owner for c in columns if c.kind in BODY_KINDS):
         ten = [k for k, c in enumerate(columns) if c.kind in BODY_KINDS and c.owner == owner]
-        if len(ten) == PARAMETERS_PER_LINK:
+        if len(ten) == PARAMETERS_PER_LINK and not all(columns[k].name in none for k in ten):
             yield owner, ten
 
 

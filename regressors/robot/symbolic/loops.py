@@ -62,6 +62,16 @@ class Loops:
         """Names of the independent joints."""
         return tuple(self.robot.joint_names[k] for k in self.independent)
 
+    @property
+    def driven(self) -> tuple[int, ...]:
+        """Joints that drives act on."""
+        return tuple(k for k, name in enumerate(self.robot.joint_names) if name not in self.robot.passive)
+
+    @property
+    def redundant(self) -> bool:
+        """Whether drives act on more joints than the loops leave free."""
+        return len(self.driven) > len(self.independent)
+
     def directions(self, q: ca.SX) -> ca.SX:
         """``N(q)`` of ``dq = N dq_i``, shape (n, k)."""  # q (n, 1)
         x = ca.SX.sym("x", self.robot.n)
@@ -88,7 +98,7 @@ class Loops:
     def rates(self, samples: Samples) -> Samples:
         """Closed configurations with the rates that those of the independent joints give all others."""
         given = (x[:, self.independent] for x in (samples.dq, samples.ddq, samples.dddq))
-        values = _dense(self._rates, samples.q, *given)
+        values = dense(self._rates, samples.q, *given)
         return Samples(samples.time, samples.q, *(np.ascontiguousarray(values[:, :, k]) for k in range(3)))
 
     def closed(self, q: Array) -> tuple[Array, Array]:
@@ -104,7 +114,7 @@ class Loops:
         """Configurations, how far each is open, and J_d, shape (N, r, m)."""
         q, dependent, active = np.array(q, dtype=float), np.array(self.dependent), np.arange(len(q))
         for _ in range(_STEPS):
-            g, J = _split(_dense(self._constraint, q[active]))
+            g, J = _split(dense(self._constraint, q[active]))
             J_d = J[:, :, dependent]
             A = np.swapaxes(J_d, 1, 2) @ J_d
             A += _DAMPING * np.trace(A, axis1=1, axis2=2)[:, None, None] * np.eye(len(dependent))
@@ -114,7 +124,7 @@ class Loops:
             active = active[size > _CONVERGED]
             if not active.size:
                 break
-        g, J = _split(_dense(self._constraint, q))
+        g, J = _split(dense(self._constraint, q))
         return q, np.abs(g).max(axis=1), J[:, :, dependent]
 
     def reached(self, independent: Array) -> tuple[Array, Array]:
@@ -169,16 +179,16 @@ class Loops:
 def loops_of(robot: Robot) -> Loops:
     """The loops of a robot: a closed configuration near home, and independent joints by the rank of J in it.
 
-    Dependent joints are passive ones, so that the drives move the independent joints.
+    Dependent joints are passive ones before all others, so that as few drives as there can be follow others.
     """
     constraint = _constraint(robot)
     q = robot.home if robot.home is not None else np.clip(np.zeros(robot.n), robot.limits.lower, robot.limits.upper)
     q, labels = np.array(q), " and ".join(closure.label for closure in robot.closures)
     for _ in range(_STEPS):
-        g, J = _split(_dense(constraint, q[None]))
+        g, J = _split(dense(constraint, q[None]))
         step = np.linalg.pinv(J[0], rcond=_RANK) @ g[0]
         q -= step * min(1.0, _STEP / max(float(np.abs(step).max()), _STEP))
-    g, J = _split(_dense(constraint, q[None]))
+    g, J = _split(dense(constraint, q[None]))
     here = f"robot {robot.name!r}: {labels}"
     if not np.abs(g).max() <= CLOSED:
         raise InputError(
@@ -190,11 +200,6 @@ def loops_of(robot: Robot) -> Loops:
     passive = np.array([name in robot.passive for name in robot.joint_names])
     _, _, pivots = scipy.linalg.qr(J[0] * np.where(passive, 1.0, 1e-6), mode="economic", pivoting=True)
     dependent: Index = np.sort(pivots[:rank])
-    if driven := [robot.joint_names[k] for k in dependent if not passive[k]]:
-        raise InputError(
-            f"{here} makes {listed_names(driven)} follow other joints, but drives act there too; drives on more joints "
-            "than the loops leave free are not supported: state as `passive` the joints that no drive acts on"
-        )
     independent = tuple(k for k in range(robot.n) if k not in dependent)
     if not independent:
         raise InputError(f"{here} leaves no joint free, so nothing moves; check the loops, and which joints move")
@@ -218,7 +223,7 @@ def _determinant(first: Array, second: Array) -> Array:
     return np.asarray(np.linalg.det(np.swapaxes(first, 1, 2) @ second))
 
 
-def _dense(function: VectorisedFunction, *inputs: Array) -> Array:
+def dense(function: VectorisedFunction, *inputs: Array) -> Array:
     """Values at every instant, shape (N, rows, columns)."""  # inputs (N, k)
     values = np.zeros((len(inputs[0]), *function.shape))
     found = function.seldom(*(np.ascontiguousarray(x.T) for x in inputs))

@@ -44,7 +44,8 @@ def motion(robot: Robot) -> Samples:
 def torques(robot: Robot, samples: Samples) -> np.ndarray:
     """The model's rows times what the description states, shape (N, n)."""
     model, known = DifferentialModel(robot), standard_values(robot)
-    theta = [known.get(column.name, 0.0) for column in model.standard_columns]
+    definition, names = model.definition()
+    theta = definition @ [known.get(name, 0.0) for name in names]
     return (model.assemble(samples) @ theta).reshape(samples.q.shape)
 
 
