@@ -21,8 +21,8 @@ def with_every_joint(log: Log, robot: Robot) -> Log:
     if missing := [name for name in driven if name in absent]:
         raise InputError(
             f"{log.source}: no position of {listed_names(missing)}; give those of {listed_names(driven)}, from which "
-            "the loops determine all others, or of all joints; or state in the description of the robot which joints no "
-            "drive acts on (`passive`)"
+            "the loops determine all others, or of all joints; or state in the description of the robot which joints "
+            "have no drive (`passive`)"
         )
     acting = [name for name in robot.passive if name in log.joints and _acts(log, name)]
     if acting:

@@ -202,13 +202,27 @@ def test_a_drive_that_follows_others_is_in_the_log_too() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["delta", "quadruped"])
-def test_mechanisms_are_identified_and_confirmed_by_another_log(name: str) -> None:
+def test_mechanisms_are_identified_confirmed_by_another_log_and_written_into_their_file(
+    name: str, tmp_path: Path
+) -> None:
     log, other = (mechanism_played(name, NOISE, seed)[0] for seed in (1, 2))
     result = excite.identify(mechanism(name), log, choose=False)
     assert np.mean(within(result)) >= 0.95
     judged = excite.verify(result, other)
     assert judged.verdict.holds
     assert set(judged.verdict.confirmed) == set(of_loops(mechanism(name)).labels)
+    own = written(tmp_path, name, delta() if name == "delta" else quadruped())
+    result.save(tmp_path / "result")
+    excite.export_model(tmp_path / "result", "mjcf", tmp_path / "new.xml", robot_file=own)
+    again = excite.identify(load_robot(tmp_path / "new.xml"), other, choose=False)
+    assert again.reference is not None
+    assert again.names == result.names
+    target, samples = again.target_of_instants, again.prepared[0].samples
+    stated, found = (
+        target.model.instants(samples)[:, target.base.index] @ np.nan_to_num(values)
+        for values in (again.reference.values, result.coefficients)
+    )
+    assert relative(stated, found) < 0.02
 
 
 def test_robot_yaml_holds_the_loops() -> None:

@@ -288,6 +288,8 @@ def open_mjcf(model: DrivenRobot, file: Path) -> tuple[XmlDocument, Any, dict[st
     bodies = {element.attributes.get("name"): element for element in every_body}
 
     def write(body: str, theta: Array, _: float) -> None:
+        if body not in bodies and not np.any(theta):  # between the joints of one body
+            return
         _set_inertial(document, _found(bodies, body, "body", document), theta, _anchor(compiled, body))
 
     notes = share_inertia(tree, joints, model, write)
