@@ -49,6 +49,7 @@ from excite.logs.signals.method import interpolated
 from regressors.errors import percent
 from regressors.models.base import base_parameters, few_states, random_states
 from regressors.models.load import PayloadModel
+from regressors.models.nominal import standard_values
 from regressors.robot.columns import COULOMB, OFFSET, ROTOR, VISCOUS
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import drives_with_friction, friction_rows, moving_drive_numbers
@@ -63,7 +64,7 @@ GAIN = 0.4  # in the logarithm of the errors of all joints together that a fault
 _GAIN_EACH = 0.15  # that it concerns: what a model lacks of friction gains up to a third of it by a delay
 MARGIN = 0.25  # and on the next fault
 _ONE_JOINT = 1.2  # factor by which the error of one joint at least must fall
-_NEARLY, _SHARE = 2.0, 0.5  # of a factor of a unit; of a joint's torque, what the described parameters make at least
+_NEARLY, _SHARE = 2.0, 0.5  # of a factor of a unit; of a joint's torque, what its friction makes at least
 _EXPLAINED = 0.5  # a larger error of the joints explains nothing, as where noise hides the accelerations
 _SAME_SIGNS = ({"torque gain", "gains"}, {"zero", "gravity"})  # kinds of which a log may not tell which it is
 SPOILT = "the log is spoilt:"
@@ -73,6 +74,7 @@ _IN_MOTION = 0.1  # of the root mean square speed of each drive
 _OF_LOG = 0.1  # of the shortest log: longer delays are not searched
 _LOG_GAIN, _OFF, _SHOWN = (-14.0, 14.0), 1.5, 0.1  # a factor shows where so many times it explains so much less
 _OBLIQUE, _TURNS = np.array([3.0, 4.0, -5.0]), 4  # gravity along no axis; steps of its direction
+_TILT, _AROUND = np.deg2rad(20.0), np.arange(0.0, 2 * np.pi, np.pi / 3)  # of a base that moved, at first
 _STEPS = (1.0, 0.5, 0.25, 0.0)  # shares of one that are tried
 _SPLITS = 10  # instants from which on something may have changed, before the best is refined
 _SHORT = 0.02  # lengths that are not fitted [m]
@@ -101,7 +103,7 @@ def spoilt_log(
     search = FaultSearch.of(target, parts, friction)
     none = search.plain.fit(NO_FAULT)
     for fault in search.in_other_units(none):
-        cause = "its bodies and its friction would be so many times those described, and no others are"
+        cause = "its friction would be so many times that described, and no other is"
         return Doubt(f"{SPOILT} {fault.what}", cause, fault.cure, about="torques")
     if not doubtful and not np.any(none.errors > np.maximum(_NOISY * search.noise, _SMALL)):
         return None
@@ -122,7 +124,8 @@ def named(none: Fault, fits: list[Fault]) -> Doubt | None:
     falls = float(np.max(none.errors / np.maximum(best.errors, LEAST_ERROR)))
     needed = max(GAIN, _GAIN_EACH * len(best.joints))
     clear = none.size - best.size > needed and falls > _ONE_JOINT and best.error < _EXPLAINED
-    if not (clear and len(close) < len(alike) <= 2) or best.kind == UNTOLD_LOAD.kind:  # which is no fault of the log
+    few = len(alike) <= 2 or {fit.kind for fit in alike} == _SAME_SIGNS[0]
+    if not (clear and len(close) < len(alike) and few) or best.kind == UNTOLD_LOAD.kind:  # which is no fault of the log
         return None
     return Doubt(
         f"{SPOILT} {', or '.join(fault.what for fault in alike)}",
@@ -223,16 +226,18 @@ class FaultSearch:
         return fit if is_load(fit.parameters[-10:]) else NO_FAULT
 
     def in_other_units(self, none: Fault) -> Iterator[Fault]:
-        """The torques of a joint where bodies and friction, beside the other joints', are a unit off those described.
+        """The torques of a joint whose friction, beside the other joints', is a unit off the described one.
 
         Where its own friction explains most of its torque, no other joint says so.
         """
-        known = self.described
-        if known is None or none.error > _EXPLAINED:
+        known = standard_values(self.target.robot)
+        columns = [self.target.base.columns[j] for j in self.target.base.index]
+        friction = np.array([known.get(c.name, 0.0) * (c.kind in (COULOMB, VISCOUS)) for c in columns])
+        if none.error > _EXPLAINED:
             return
-        W, x = self.columns, none.parameters[: known.size] * (inertial_columns(self.target.base) | (known != 0))
-        share = np.linalg.norm(W @ x, axis=0) / np.linalg.norm(self.measured, axis=0)
-        ratio = np.sum((W @ known) * (W @ x), axis=0) / np.maximum(np.sum((W @ known) ** 2, axis=0), _NOTHING)
+        described, found = self.columns @ friction, self.columns @ (none.parameters[: friction.size] * (friction != 0))
+        share = np.linalg.norm(found, axis=0) / np.linalg.norm(self.measured, axis=0)
+        ratio = np.sum(described * found, axis=0) / np.maximum(np.sum(described**2, axis=0), _NOTHING)
         ratio = np.log(np.maximum(ratio, _NOTHING) / max(float(np.median(ratio)), _NOTHING))
         for log_gain in np.log([1e-3, 1e3]).tolist():
             odd = np.flatnonzero((np.abs(ratio + log_gain) < np.log(_NEARLY)) & (share > _SHARE))
@@ -373,6 +378,9 @@ class FaultSearch:
 
         level = self._in_gravity(0, gravity)
         split = min(self._splits[::stride], key=lambda split: self._in_gravity(split, gravity, level).size)
+        across = np.linalg.norm(gravity) * scipy.linalg.null_space(gravity[None])
+        tilted = (gravity * np.cos(_TILT) + np.sin(_TILT) * across @ (np.cos(a), np.sin(a)) for a in _AROUND)
+        gravity = min((gravity, *tilted), key=lambda g: size(g, split))
         for _ in range(_TURNS):
             gravity = self._turned(split, gravity)
             split = _refined(split, stride // 2, partial(size, gravity))
