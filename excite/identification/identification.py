@@ -23,6 +23,7 @@ from excite.identification.prediction import instantaneous_target, prediction, r
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from excite.identification.result import FitCurves, FitData, FitFacts, PlayedDesign, ReferenceValues, RepetitionSummary
+from excite.identification.symmetry import Symmetry
 from excite.information.target import IdentificationTarget
 from excite.storage.codec import INLINE, OBJECT, named
 from excite.storage.records import Shown, chosen, short
@@ -79,6 +80,8 @@ class Identification(Shown):
         Whether the estimates of each log are shown.
     repetitions : RepetitionSummary, optional
         Of the experiment in simulation.
+    symmetry : Symmetry, optional
+        Whether limbs that are tied are equal.
     folder : Path, optional
         Where it was read from; None where it is new.
     """
@@ -119,6 +122,7 @@ class Identification(Shown):
     scatter: LogScatter | None = None
     each: bool = False
     repetitions: RepetitionSummary | None = None
+    symmetry: Symmetry | None = None
     folder: Path | None = field(default=None, metadata=OBJECT)
 
     def __post_init__(self) -> None:
