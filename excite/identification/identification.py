@@ -374,14 +374,15 @@ def _as_recorded(part: PreparedLog) -> bool:
 
 
 def torque_target(result: Identification) -> IdentificationTarget:
-    """Identification target of a result of joint torques, with the model at single instants."""
-    if result.task.model.channel == "wrench":
+    """Identification target of a result of a robot's bodies, with the model at single instants."""
+    of_robot = result.task.model.bears_robot
+    if result.task.model.channel == "wrench" and not of_robot:
         raise InputError(
             f"{result.name} is a result of a load, which has no robot to write: give its parameters (see result.json) "
             "as `payload` of a design or a simulation, or identify the robot from joint torques and export that result"
         )
     target = result.target_of_instants
-    if target.motion.straight and target.model.torque_equations() is None:
+    if target.motion.straight and target.model.torque_equations() is None and not of_robot:
         raise InputError(
             f"{result.name} is of a model whose equations are not joint torques, so it has no robot to write"
         )

@@ -111,3 +111,5 @@ def test_the_wrench_below_the_torso_tells_both_sides_too(tmp_path: Path) -> None
     given = {"model": "base-wrench", "choose": False}
     tied, apart = (excite.identify(arms(), log, symmetric=one, **given) for one in (True, False))
     assert tied.symmetry.differences[0].body.startswith("right")
+    excite.export_model(apart, "urdf", tmp_path / "arms.urdf")
+    assert off(tmp_path / "arms.urdf", robot) < 0.01
