@@ -72,7 +72,7 @@ def mirrored_bodies(robot: Robot) -> tuple[str, ...]:
     """Names of the bodies that mirror each other, two in each text, and how far their axes are off."""
     return tuple(
         f"{robot.bodies[pair.left].name} and {robot.bodies[pair.right].name}"
-        + (f" (their axes are {pair.off:.1g} m or rad off)" if pair.off else "")
+        + (f" ({1000 * pair.off:.1g} mm or mrad off)" if pair.off else "")
         for pair in _Tree(robot).pairs()
     )
 
