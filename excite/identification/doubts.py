@@ -75,6 +75,7 @@ def _found(result: Identification, target: IdentificationTarget) -> tuple[Doubt,
         checks.append(
             impossible_parameters(result.estimate, result.target.base, _shares(result), noisy, _tried(result))
         )
+        checks.append(None if result.symmetry is None else result.symmetry.doubt)
     return tuple(doubt for doubt in checks if doubt is not None)
 
 
@@ -115,14 +116,15 @@ WELL = 0.05  # relative deviation of a parameter that is well known
 
 def answers(result: Identification) -> tuple[str, ...]:
     """Whether a possible robot has the parameters of a result, how many are known, and which are not: sentences."""
-    return _possible(result), f"parameters: {known_text(result)}", *unknown_texts(result)
+    limbs = () if result.symmetry is None else (result.symmetry.text,)
+    return _possible(result), *limbs, f"parameters: {known_text(result)}", *unknown_texts(result)
 
 
 def _possible(result: Identification) -> str:
     bodies = [doubt.what for doubt in result.doubts if doubt.about == "bodies"]
     if bodies:
         return f"bodies: no possible robot has these parameters: {bodies[0]}"
-    if result.doubts:
+    if any(doubt.about == "torques" for doubt in result.doubts):
         return "bodies: not checked, since the torques are not explained"
     if result.estimate.method == "physical":
         return "bodies: physically possible, since the estimator allows no others"

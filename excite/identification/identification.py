@@ -23,6 +23,7 @@ from excite.identification.prediction import instantaneous_target, prediction, r
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from excite.identification.result import FitCurves, FitData, FitFacts, PlayedDesign, ReferenceValues, RepetitionSummary
+from excite.identification.symmetry import Symmetry
 from excite.information.target import IdentificationTarget
 from excite.storage.codec import INLINE, OBJECT, named
 from excite.storage.records import Shown, chosen, short
@@ -79,6 +80,8 @@ class Identification(Shown):
         Whether the estimates of each log are shown.
     repetitions : RepetitionSummary, optional
         Of the experiment in simulation.
+    symmetry : Symmetry, optional
+        Whether limbs that are tied are equal.
     folder : Path, optional
         Where it was read from; None where it is new.
     """
@@ -119,6 +122,7 @@ class Identification(Shown):
     scatter: LogScatter | None = None
     each: bool = False
     repetitions: RepetitionSummary | None = None
+    symmetry: Symmetry | None = None
     folder: Path | None = field(default=None, metadata=OBJECT)
 
     def __post_init__(self) -> None:
@@ -370,14 +374,15 @@ def _as_recorded(part: PreparedLog) -> bool:
 
 
 def torque_target(result: Identification) -> IdentificationTarget:
-    """Identification target of a result of joint torques, with the model at single instants."""
-    if result.task.model.channel == "wrench":
+    """Identification target of a result of a robot's bodies, with the model at single instants."""
+    of_robot = result.task.model.bears_robot
+    if result.task.model.channel == "wrench" and not of_robot:
         raise InputError(
             f"{result.name} is a result of a load, which has no robot to write: give its parameters (see result.json) "
             "as `payload` of a design or a simulation, or identify the robot from joint torques and export that result"
         )
     target = result.target_of_instants
-    if target.motion.straight and target.model.torque_equations() is None:
+    if target.motion.straight and target.model.torque_equations() is None and not of_robot:
         raise InputError(
             f"{result.name} is of a model whose equations are not joint torques, so it has no robot to write"
         )

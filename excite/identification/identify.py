@@ -30,6 +30,7 @@ from excite.identification.recipe import Recipe
 from excite.identification.result import check_played, played_design, provenance_of
 from excite.identification.spoilt_log import SPOILT
 from excite.identification.streamed_rows import HELD
+from excite.identification.symmetry import symmetry_of
 from excite.information.target import friction_of_moving
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
@@ -172,11 +173,13 @@ def identify(
         if calibrate and known_mass is not None:
             with_load = read_logs(loaded, robot, mapping, tuple(drop), progress)
             result = calibrated(result, read, with_load, known_mass, gains, commanded=commanded)
+        if task.model.symmetric:
+            progress("comparing left and right")
+            apart = _estimated(robot, _untied(chosen), read, known, may_fall_back=False)[1]
+            apart = _allowing_for_choices(apart, chosen)
+            result = replace(result, symmetry=symmetry_of(result.target, apart.target, apart.estimate))
     hidden = _implausible(_allowing_for_terms(result, chosen))
-    if chosen.choices:
-        context = Context(result.target, result.prepared, result.recipe)
-        result = replace(result, estimate=allowing_for_nuisances(result.estimate, result.observations, context))
-    result = _allowing_for_terms(result, chosen)
+    result = _allowing_for_choices(result, chosen)
     if hidden.any():
         result = replace(result, estimate=hide_parameters(result.estimate, hidden))
     spent = time.monotonic() - began, time.process_time() - cpu
@@ -227,6 +230,22 @@ def _estimated(
     )
     chosen = replace(chosen, recipe=recipe, choices=tuple(choices))
     return chosen, estimate_parameters(robot, chosen.task, logs, recipe, **known, found=found)
+
+
+def _allowing_for_choices(result: Identification, chosen: Chosen) -> Identification:
+    """Intervals that hold although settings and terms of drives were chosen by the same data."""
+    if chosen.choices:
+        context = Context(result.target, result.prepared, result.recipe)
+        result = replace(result, estimate=allowing_for_nuisances(result.estimate, result.observations, context))
+    return _allowing_for_terms(result, chosen)
+
+
+def _untied(chosen: Chosen) -> Chosen:
+    """The settings without `symmetric`, by an estimator whose covariance is that of its values."""
+    recipe = chosen.recipe
+    if recipe.chosen_estimator().name == "physical":
+        recipe = replace(recipe, estimator="weighted", described_within=None)
+    return replace(chosen, task=chosen.task.changed(symmetric=False), recipe=recipe)
 
 
 def _allowing_for_terms(result: Identification, chosen: Chosen) -> Identification:

@@ -27,7 +27,7 @@ class Doubt:
     what: str  # what cannot be right, with its numbers
     cause: str  # why, as far as the data show it
     cure: str  # what to do, with options in backticks
-    about: Literal["bodies", "torques"] = "bodies"  # which question it answers with no
+    about: Literal["bodies", "torques", "limbs"] = "bodies"  # which question it answers with no
 
     @property
     def text(self) -> str:

@@ -335,7 +335,7 @@ def load_that_explains(
     Its mass [kg], negative where the load is missing, and a sentence on its mass and place, and what it explains.
     """
     # difference, measured (N, n)
-    if not every_joint_moves(target):
+    if not (every_joint_moves(target) and target.robot.is_chain):  # the last links of a tree may all carry one
         return None
     size = float(np.linalg.norm(measured))
     before = float(np.linalg.norm(difference)) / size if size > 0 else 0.0

@@ -107,7 +107,8 @@ def spoilt_log(
         return Doubt(f"{SPOILT} {fault.what}", cause, fault.cure, about="torques")
     if not doubtful and not np.any(none.errors > np.maximum(_NOISY * search.noise, _SMALL)):
         return None
-    fits = [search.with_load(), *search.fits(), *FaultSearch.of(target, parts, friction, _IN_MOTION).late_joints(none)]
+    fits = [*search.fits(), *FaultSearch.of(target, parts, friction, _IN_MOTION).late_joints(none)]
+    fits += [search.with_load()] if target.robot.is_chain else []
     fits = [fit for fit in fits if not timed or fit.kind != "late" or fit.longest > LONGEST]
     best = min(fits, key=lambda fit: fit.size)
     return named(none, fits if np.all(best.errors < _NOISY * search.noise) else [*fits, search.with_lengths()])

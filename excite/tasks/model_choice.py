@@ -11,7 +11,7 @@ from functools import partial
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
-from excite.registry import WINDOWS, OwnPart, part
+from excite.registry import WINDOWS, OwnPart, name_of, part
 from excite.tasks.installation import Triple
 from excite.tasks.model_options import FURTHER_TERMS, DriveChoice, check_choice, numbers_of, options_of_model
 from excite.tasks.option import essential, option, strict
@@ -75,6 +75,9 @@ class ModelChoice:
         Rotor inertias as parameters at the drive coordinate, ``Iar = n^2 Ia`` with the gear ratio n (the largest one of
         a ball screw), which have the size of links' inertias; else the motors' own, ``Ia``. Parameters that the robot's
         description names, such as the IRp-6's X1, contain the motors' own as they say.
+    symmetric : bool
+        One set of parameters for limbs that mirror each other, such as two arms; offsets stay each drive's own. See
+        `regressors.models.mirrored_limbs`.
     friction_curves : FrictionCurves, optional
         Friction that is known beforehand, by drive [KD96] section 4. These drives then have no friction parameters, the
         others keep theirs; torque limits use the curves.
@@ -148,6 +151,9 @@ class ModelChoice:
         "Standard parameters whose torque the drives carry, for load shares; the robot's own if not given.",
         hidden=True,
         late=True,
+    )
+    symmetric: bool = option(
+        False, "flag", "One set of parameters for limbs that mirror each other, left and right.", late=True
     )
     friction_curves: FrictionCurves | UnopenedFile | None = option(
         None, "file", "Known friction curves; friction of the other drives is identified.", metavar="FILE"
@@ -249,7 +255,25 @@ class ModelChoice:
         Parameters
         ----------
         robot : Robot
+
+        Raises
+        ------
+        InputError
+            `symmetric` of a robot without mirrored limbs, or of a model that is not of their bodies.
         """
+        if not self.symmetric:
+            return self._built(robot)
+        from regressors.models.mirrored_limbs import with_mirrored_limbs
+
+        tied = with_mirrored_limbs(robot)
+        model, first = self._built(tied), next(iter(tied.structure.mirrored))
+        if first in model.names or first not in model.definition()[1]:
+            raise InputError(
+                f"`symmetric` ties bodies of two limbs, which the {name_of(self.model)} model does not; leave it out"
+            )
+        return model
+
+    def _built(self, robot: Robot) -> RegressorModel:
         kind = self.kind
         if not isinstance(kind, type):
             whole: RegressorModel = kind

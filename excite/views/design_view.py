@@ -18,6 +18,7 @@ from excite.study.period_search import runs_text
 from excite.views.comparison_view import bound_view
 from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, number, texts
 from regressors.errors import listed_names, percent
+from regressors.models.mirrored_limbs import mirrored_bodies
 
 _ASKED = ("robot", "model", "trajectory", "period", "criterion", "starts", "seed")
 _CONDITION = "condition, base gautier"
@@ -123,11 +124,12 @@ def _asked(design: Design) -> Iterator[str]:
         worth = f"; {good}: another {more} ({longer:.2g} s) would gain about {100 * design.search.left:.1g} %"
     elif len(ends := sorted(start.value for start in design.starts)) > 1:
         worth = f"; the two best starts differ by {percent(abs(ends[1] / ends[0] - 1))}"
+    tied = f" (one set for {listed_names(mirrored_bodies(design.target.robot))})" if task.model.symmetric else ""
     yield (
         f"{design.robot.name}: {name_of(task.model.model)} model, {', '.join(design.target.motion.labels)} move, "
-        f"{design.base.rank} base parameters; {task.trajectory.period:g} s, {design.trajectory.family.described}; "
-        f"minimised: {minimised}{value}; {number(design.number_of_starts, 'start')}, "
-        f"{design.provenance['cpu_seconds']:.1f} s CPU{worth}"
+        f"{design.base.rank} base parameters{tied}; {task.trajectory.period:g} s, "
+        f"{design.trajectory.family.described}; minimised: {minimised}{value}; "
+        f"{number(design.number_of_starts, 'start')}, {design.provenance['cpu_seconds']:.1f} s CPU{worth}"
     )
 
 

@@ -21,8 +21,9 @@ import numpy as np
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.load import Sensor, SensorModel
-from regressors.models.reduction import Reduction, inertial_columns
-from regressors.robot.robot import Robot
+from regressors.models.reduction import Reduction, reduction_by
+from regressors.robot.columns import Terms
+from regressors.robot.robot import Robot, Structure
 from regressors.robot.symbolic.kinematics import bodies, body_regressor, sparse
 from regressors.samples import Array, Samples
 
@@ -54,7 +55,8 @@ class BaseWrenchModel(SensorModel):
                 "and state its frame in that of the base by `sensor_xyz` and `sensor_rpy`"
             )
         self._measure(robot, sensor if sensor is not None else Sensor())
-        self.reduction = Reduction.none(inertial_columns(robot))
+        mirrored = Structure(mirrored=robot.structure.mirrored)
+        self.reduction: Reduction = reduction_by(robot.replace(structure=mirrored), Terms.inertial_only())
         self.columns = self.reduction.columns
 
     @property
@@ -71,7 +73,7 @@ class BaseWrenchModel(SensorModel):
             F = ca.mtimes(body.rotation, force)
             N = ca.mtimes(body.rotation, moment) + ca.mtimes(ca.skew(body.origin - t), F)
             blocks.append(ca.vertcat(ca.mtimes(R.T, F), ca.mtimes(R.T, N)))
-        return ca.horzcat(*blocks)[self._equations, :]
+        return self.reduction.apply(ca.horzcat(*blocks)[self._equations, :])
 
     def right_side(self, samples: Samples, measured: Array) -> Array:
         """The wrench, selected equations; `measured` has shape (N, 6) or (N, r) [N, Nm]."""

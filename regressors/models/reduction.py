@@ -6,7 +6,7 @@ written in; then ``Y S = Y_X B`` and the columns in X are ``Y S R`` with any R t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -27,7 +27,7 @@ from regressors.robot.columns import (
     drive_column,
 )
 from regressors.robot.inertia import parameter_names
-from regressors.robot.robot import Aggregates, Robot, drive_numbers
+from regressors.robot.robot import Aggregates, Robot, Structure, drive_numbers
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.samples import Array, Index, Samples
 
@@ -77,18 +77,29 @@ class Reduction:
         return ca.sparsify(ca.mtimes(Y, sparse(self.matrix)))
 
 
+def free_parameters(structure: Structure, names: Sequence[str]) -> tuple[list[str], Array, Array]:
+    """Names of those that are free, S of ``theta = S phi``, and its inverse, in which mirrored limbs have no part."""
+    leader = {name: group[0] for group in structure.equal for name in group[1:]}
+    tied = {name: terms for name, terms in structure.mirrored.items() if terms.keys() <= set(names)}
+    free = [name for name in names if not (name in structure.zero or name in leader or name in tied)]
+    own = np.array([[leader.get(name, name) == one for one in free] for name in names], dtype=float)
+    own = own.reshape(len(names), len(free))
+    S, place = own.copy(), {name: k for k, name in enumerate(names)}
+    for name, row in place.items():
+        terms = {} if name in structure.zero else tied.get(leader.get(name, name), {})
+        S[row] += sum((coefficient * own[place[one]] for one, coefficient in terms.items()), np.zeros(len(free)))
+    return free, S, (own / own.sum(axis=0)).T
+
+
 def _zero_and_equal(robot: Robot, standard: tuple[Column, ...]) -> tuple[tuple[Column, ...], Array, Array]:
     names = [column.name for column in standard]
     structure = robot.structure
-    leader = {name: group[0] for group in structure.equal for name in group[1:]}
     possible = {column.name for column in standard_columns(robot)}  # a model may leave out some columns of drives
-    for name in (*structure.zero, *leader, *leader.values()):
+    for name in (*structure.zero, *(name for group in structure.equal for name in group)):
         if name not in names and name not in possible:
             raise UnknownName("parameter", name, names)
-    kept = [c for c in standard if c.name not in structure.zero and c.name not in leader]
-    S = np.array([[leader.get(name, name) == column.name for column in kept] for name in names], dtype=float)
-    value = (S / S.sum(axis=0)).T
-    return tuple(kept), S, value
+    free, S, value = free_parameters(structure, names)
+    return tuple(column for column in standard if column.name in set(free)), S, value
 
 
 def _reflected(robot: Robot, columns: tuple[Column, ...]) -> tuple[tuple[Column, ...], Array]:

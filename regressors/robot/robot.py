@@ -243,6 +243,8 @@ class Structure:
     zero: frozenset[str] = frozenset()  # standard parameters known to vanish, such as ``m2c2y`` of a symmetric link
     equal: tuple[tuple[str, ...], ...] = ()  # groups of standard parameters that share one value
     aggregates: tuple[Aggregates, ...] = ()  # combinations that replace standard parameters, per set of moving joints
+    # parameters of limbs that mirror others, as ``{standard parameter of the other: coefficient}``; no file states them
+    mirrored: Mapping[str, Mapping[str, float]] = field(default_factory=dict, metadata={"derived": True})
 
 
 @checked
@@ -524,7 +526,8 @@ def _check_tree(robot: Robot) -> None:
 def plain(value: object) -> object:
     """Nested dicts and lists of plain values, which JSON holds, and which can be compared."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        fields = {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        stated = (f.name for f in dataclasses.fields(value) if not f.metadata.get("derived"))
+        fields = {name: plain(getattr(value, name)) for name in stated}
         untyped = isinstance(value, Robot | Joint | Link | Branch | Limits)
         return fields if untyped else {"type": type(value).__name__, **fields}
     if isinstance(value, np.ndarray):

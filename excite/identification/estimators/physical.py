@@ -113,8 +113,8 @@ def _needed(standard: StandardProblem) -> NDArray[np.bool_]:
 
 
 def _free(S: Array, theta: Array) -> Array:
-    """Free parameters nearest standard ones, ``S^+ theta``, shape (f,); no two columns of S have a row in common."""
-    return np.asarray(S.T @ theta / np.sum(S**2, axis=0))
+    """Free parameters nearest standard ones, ``S^+ theta``, shape (f,)."""
+    return np.asarray(np.linalg.lstsq(S, theta, rcond=None)[0])
 
 
 def _inside(standard: StandardProblem) -> Array:
@@ -173,7 +173,7 @@ def _possible_set(standard: StandardProblem, origin: Array, slope: Array, share:
 
 def _free_scale(standard: StandardProblem) -> Array:
     """Sizes of the free parameters, shape (f,)."""
-    return np.asarray((standard.S * standard.scale[:, None]).max(axis=0))
+    return np.asarray((np.abs(standard.S) * standard.scale[:, None]).max(axis=0))
 
 
 def _active(standard: StandardProblem, theta: Array) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ from regressors.errors import InputError, UnknownName
 from regressors.models.base import Base
 from regressors.models.model import RegressorModel
 from regressors.models.nominal import standard_values
+from regressors.models.reduction import free_parameters
 from regressors.robot.columns import BODY_KINDS, COULOMB, ROTOR, VISCOUS
 from regressors.robot.inertia import PARAMETERS_PER_LINK, from_pseudo_inertia, pseudo_inertia
 from regressors.samples import Array, Index
@@ -113,21 +114,8 @@ def problem_of_factor(
         k = names.index(name)
         prior[k], deviation[k] = known_within
     positive = np.array([k for k, c in enumerate(model.standard_columns) if c.kind in _POSITIVE], dtype=np.intp)
-    S = _structure(model, names)
+    _, S, _ = free_parameters(model.robot.structure, names)
     return StandardProblem(names, A, R @ A, r, S, bodies, positive, scale, prior, deviation)
-
-
-def _structure(model: RegressorModel, names: tuple[str, ...]) -> Array:
-    """Matrix of ``theta = S phi``, one column per parameter that is free."""
-    structure = model.robot.structure
-    leader = {name: group[0] for group in structure.equal for name in group[1:]}
-    free = [name for name in names if name not in structure.zero and name not in leader]
-    S = np.zeros((len(names), len(free)))
-    for row, name in enumerate(names):
-        target = leader.get(name, name)
-        if target in free:
-            S[row, free.index(target)] = 1.0
-    return S
 
 
 def _bodies(
