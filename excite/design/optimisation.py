@@ -257,7 +257,8 @@ def certify(
     transfers = approach_and_return(robot, task, target.robot.joint_names, ends, formulation.transfer_limits)
     hardly = nearly_unidentifiable(target, samples, noise)
     notes = (*formulation.notes, *(transfers.notes if transfers is not None else ()))
-    if note := slow_motion_note(target, samples, uses, task.trajectory.period):
+    used = {use.quantity: use.use for use in sorted(uses, key=lambda use: use.use)}  # the largest of each
+    if note := slow_motion_note(target, samples, used, task.trajectory.period):
         notes = (*notes, note)
     if note := hardly_excited_note(target, samples, task.objective.noise):
         notes = (note, *notes)

@@ -13,11 +13,11 @@ of a tenth of its torque limit, which is about what friction takes of it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from constraints.certificate import LimitUse
 from excite.information.matrix import noise_per_row
 from excite.information.prior import base_sizes
 from excite.information.target import FACTOR, IdentificationTarget, inverse_half
@@ -184,15 +184,16 @@ def hardly_excited_note(target: IdentificationTarget, samples: Samples, noise: t
 
 
 def slow_motion_note(
-    target: IdentificationTarget, samples: Samples, uses: tuple[LimitUse, ...], period: float
+    target: IdentificationTarget, samples: Samples, used: Mapping[str, float], period: float
 ) -> str | None:
     """Note that the same path in less time would tell far more in the same robot time; None where speed is limited.
 
     Of s times the speed: ``(det W_s' W_s / det W' W)^(-1 / 2b)`` is the mean ratio of the deviations.
     """
-    used = {name: max((use.use for use in uses if use.quantity == name), default=0.0) for name, _ in _OF_SPEED}
-    faster = min((used[name] ** -power for name, power in _OF_SPEED if used[name]), default=1.0)
-    if not used["velocity"] or faster < _SLOW:
+    if not used.get("velocity"):  # largest share of each kind of limits
+        return None
+    faster = min(used[name] ** -power for name, power in _OF_SPEED if used.get(name))
+    if faster < _SLOW:
         return None
     sped = replace(samples, time=samples.time / faster, dq=samples.dq * faster, ddq=samples.ddq * faster**2)
     W, W_s = (target.model.assemble(each)[:, target.base.index] for each in (samples, sped))

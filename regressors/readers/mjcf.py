@@ -19,8 +19,10 @@ from regressors.quantities import Tips
 from regressors.readers.mjcf_tree import (
     Tie,
     equalities,
+    feet_of,
     joint_actuators,
     names_of,
+    on_feet,
     reflected,
     tree_of_model,
 )
@@ -63,7 +65,8 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: Tips = None, sn
     model, tree = tree_of_mjcf(path, snap_angles=snap_angles)
     joints = names_of(model, "joint")
     robot = robot_of_tree(tree, base, tip)
-    if base is None and tip is None and (feet := _feet(model, robot)):
+    feet = feet_of(model) if base is None and tip is None else ()
+    if not {*feet} <= {link.name for link in robot.links}:
         robot = robot_of_tree(tree, base, feet)
     ends = (tree.root if base is None else base, tuple(link.name for link in robot.tips))
     driven = [name for name, acting in zip(joints, joint_actuators(model), strict=True) if acting]
@@ -104,52 +107,13 @@ def compiled(path: Path) -> Any:
     try:
         regular_size(path)  # a device or a pipe would be read for ever
         check_mjcf_size(path)
-        return _on_feet(mujoco.MjModel.from_xml_path(str(path)), path)
+        return on_feet(mujoco.MjModel.from_xml_path(str(path)), path)
     except InputError:
         raise
     except OSError as error:
         raise InputError(f"cannot read {str(path)!r}: {error.strerror}") from error
     except ValueError as error:
         raise InputError(f"{path.name}: MuJoCo does not compile it: {' '.join(str(error).split())}") from error
-
-
-_SIX = (*((axis, "slide") for axis in "xyz"), *((axis, "hinge") for axis in "zyx"))  # joints in place of a free one
-
-
-def _on_feet(model: Any, path: Path) -> Any:
-    """The model; a body that moves freely, of which a part is held to the world, is moved by six joints without drives.
-
-    They are named such as ``trunk_x`` and ``trunk_turn_x``, and zero where the file puts the body.
-    """
-    import mujoco
-
-    held = {model.body_rootid[body] for tie in equalities(model)[2] for body in _on_world(model, tie)}
-    if not held:
-        return model
-    spec = mujoco.MjSpec.from_file(str(path))
-    free = [joint for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]
-    for joint in [joint for joint in free if model.body(joint.parent.name).id in held]:
-        body = joint.parent
-        spec.delete(joint)
-        for axis, kind in _SIX:
-            turn = "_turn" * (kind == "hinge")
-            moved = mujoco.mjtJoint.mjJNT_HINGE if turn else mujoco.mjtJoint.mjJNT_SLIDE
-            body.add_joint(name=f"{body.name}{turn}_{axis}", type=moved, axis=[float(a == axis) for a in "xyz"])
-    for key in list(spec.keys):  # poses of the joints as they were
-        spec.delete(key)
-    return spec.compile()
-
-
-def _on_world(model: Any, tie: Tie) -> list[int]:
-    """The body that a constraint holds to the world, if it does."""
-    numbers = [model.body(name).id for name in tie.bodies]
-    return [number for number in numbers if number] if tie.places is not None and 0 in numbers else []
-
-
-def _feet(model: Any, robot: Robot) -> tuple[str, ...]:
-    """Bodies that are held to the world, unless the robot has all of them."""
-    feet = [model.body(number).name for tie in equalities(model)[2] for number in _on_world(model, tie)]
-    return () if {*feet} <= {link.name for link in robot.links} else tuple(dict.fromkeys(feet))
 
 
 def _without_body(robot: Robot, bodies: list[str]) -> Iterator[str]:

@@ -6,8 +6,9 @@ joints that follow others or are held are part of the tree; what else they tie i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -271,3 +272,44 @@ def _ends_of_tendons(model: Any, tendons: Sequence[int]) -> tuple[list[int], lis
             elif kind == mujoco.mjtWrap.mjWRAP_SITE:
                 bodies.append(int(model.site_bodyid[what]))
     return joints, bodies
+
+
+_SIX = (*((axis, "") for axis in "xyz"), *((axis, "_turn") for axis in "zyx"))  # slides and hinges of a free body
+
+
+def on_feet(model: Any, path: Path) -> Any:
+    """The model; a body that moves freely, of which a part is held to the world, is moved by six joints without drives.
+
+    They are named such as ``trunk_x`` and ``trunk_turn_x``, and zero where the file puts the body.
+    """
+    held = {int(model.body_rootid[body]) for body in _held_to_world(model)}
+    free = {int(model.jnt_bodyid[k]) for k in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)}
+    if not held & free:
+        return model
+    spec, names = mujoco.MjSpec.from_file(str(path)), names_of(model, "body")
+    spec.compile()  # which numbers what the file has
+    for joint in [joint for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]:
+        body = joint.parent
+        if body.id in held:
+            spec.delete(joint)
+            for axis, turn in _SIX:
+                kind = mujoco.mjtJoint.mjJNT_HINGE if turn else mujoco.mjtJoint.mjJNT_SLIDE
+                line = [float(axis == one) for one in "xyz"]
+                body.add_joint(name=f"{names[body.id]}{turn}_{axis}", type=kind, axis=line)
+    for key in list(spec.keys):  # poses of the joints as they were
+        spec.delete(key)
+    return spec.compile()
+
+
+def feet_of(model: Any) -> tuple[str, ...]:
+    """Bodies that are held to the world."""
+    names = names_of(model, "body")
+    return tuple(dict.fromkeys(names[body] for body in _held_to_world(model)))
+
+
+def _held_to_world(model: Any) -> Iterator[int]:
+    names = names_of(model, "body")
+    for tie in equalities(model)[2]:
+        numbers = [names.index(name) for name in tie.bodies]
+        if tie.places is not None and 0 in numbers:
+            yield from (number for number in numbers if number)

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import excite
-from constraints.certificate import LimitUse
 from excite.cli.summary import print_view
 from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
@@ -286,8 +285,7 @@ def test_a_design_says_what_rounding_it_left_out_and_its_identification_does_the
 def slow_motion(**used: float) -> str | None:
     """Of an arm without gravity and friction, whose torques grow with the square of the speed."""
     target = target_of(arm().replace(gravity=np.zeros(3)), Task(arm(), friction=False))
-    uses = tuple(LimitUse(f"joint {q}", "", 0.0, 0.0, 1.0, 1.0 - use, use, quantity=q) for q, use in used.items())
-    return slow_motion_note(target, random_states(target.robot, 200, seed=0), uses, 10.0)
+    return slow_motion_note(target, random_states(target.robot, 200, seed=0), used, 10.0)
 
 
 def test_a_slow_motion_says_what_its_path_would_tell_in_less_time() -> None:
