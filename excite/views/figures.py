@@ -15,7 +15,8 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.backends.backend_mixed import MixedModeRenderer
+from matplotlib.backends.backend_svg import FigureCanvasSVG, RendererSVG
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
@@ -138,18 +139,16 @@ def _save(figure: Figure, stream: IO[bytes], form: str) -> None:
     if form != "png":
         figure.savefig(stream, format=form, metadata=_UNDATED[form])
         return
-    with rc_context(_PNG_FONTS), _laid_out(figure, size_of("savefig.dpi")):
-        pil_kwargs = {"compress_level": _PNG_COMPRESSION}
-        canvas: Any = FigureCanvasAgg(figure)
-        canvas.print_png(stream, metadata=_UNDATED[form], pil_kwargs=pil_kwargs)
+    with rc_context(_PNG_FONTS), _laid_out(figure, FigureCanvasAgg, size_of("savefig.dpi")) as canvas:
+        canvas.print_png(stream, metadata=_UNDATED[form], pil_kwargs={"compress_level": _PNG_COMPRESSION})
 
 
 @contextmanager
-def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
-    """Place a figure's panels at the resolution of its file; `savefig` would draw everything twice for that."""
-    engine, canvas, before = figure.get_layout_engine(), figure.canvas, figure.dpi
-    FigureCanvasAgg(figure)
+def _laid_out(figure: Figure, canvas_of: Callable[[Figure], Any], dpi: float) -> Iterator[Any]:
+    """Place a figure's panels as its canvas measures text; `savefig` would draw everything twice for that."""
+    engine, before = figure.get_layout_engine(), (figure.dpi, figure.canvas)
     figure.dpi = dpi
+    canvas = canvas_of(figure)
     try:
         if engine is not None:
             for axis in (axis for ax in figure.axes for axis in (ax.xaxis, ax.yaxis) if not axis.label.get_text()):
@@ -162,11 +161,11 @@ def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
             for ax in figure.axes:
                 vars(ax).pop("get_tightbbox", None)  # that of its class is back
             figure.set_layout_engine("none")
-        yield
+        yield canvas
     finally:
         figure.set_layout_engine(engine)
-        figure.dpi = before
-        figure.set_canvas(canvas)
+        figure.dpi = before[0]
+        figure.set_canvas(before[1])
 
 
 def _around(ax: Axes, measure: Any, known: list[Array], renderer: Any, **how: Any) -> Bbox:
@@ -201,14 +200,31 @@ _SVG: Any = {"svg.fonttype": "none", "svg.hashsalt": "excite", "text.hinting": "
 def svg_text(figure: Figure, prefix: str, label: str) -> str:
     """A figure as an ``<svg>`` element without inline styles, to stand in a page; very long curves are pictures."""
     literal(figure)
-    stream = io.StringIO()
-    with rc_context(_SVG), _laid_out(figure, DPI):
+    with rc_context(_SVG), _laid_out(figure, _PageCanvas, _PageCanvas.fixed_dpi) as canvas:
         for line in (line for ax in figure.axes for line in ax.lines):
             path, place = line.get_path(), line.get_transform()
             line.set_rasterized(len(path) > LONG and len(path.cleaned(place, simplify=True)) > LONG)
-        canvas: Any = FigureCanvasSVG(figure)
-        canvas.print_svg(stream, metadata=_UNDATED["svg"])
-    return _element(stream.getvalue(), prefix, label)
+        return _element(canvas.drawn(), prefix, label)
+
+
+class _PageCanvas(FigureCanvasSVG):
+    """Places panels by the renderer that draws them, which measures each text once."""
+
+    def __init__(self, figure: Figure) -> None:
+        super().__init__(figure)
+        (width, height), self._stream = figure.get_size_inches(), io.StringIO()
+        vectors = RendererSVG(72 * width, 72 * height, self._stream, image_dpi=DPI, metadata=_UNDATED["svg"])
+        self._renderer = MixedModeRenderer(figure, width, height, DPI, vectors)
+
+    def get_renderer(self) -> MixedModeRenderer:
+        """What measures text, for the layout."""
+        return self._renderer
+
+    def drawn(self) -> str:
+        """The file."""
+        self.figure.draw(self._renderer)
+        self._renderer.finalize()
+        return self._stream.getvalue()
 
 
 def _element(text: str, prefix: str, label: str) -> str:
