@@ -131,7 +131,7 @@ def write_figure_files(
             for form in formats:
                 with replacing(staged / f"{name}.{form}", "wb") as stream:
                     _save(figure, stream, form)
-            figure.clear()  # a figure refers to itself: without this its memory waits for the collector
+            _release(figure)
     return [folder / name for name in names]
 
 
@@ -141,6 +141,12 @@ def _save(figure: Figure, stream: IO[bytes], form: str) -> None:
         return
     with rc_context(_PNG_FONTS), _laid_out(figure, FigureCanvasAgg, size_of("savefig.dpi")) as canvas:
         canvas.print_png(stream, metadata=_UNDATED[form], pil_kwargs={"compress_level": _PNG_COMPRESSION})
+
+
+def _release(figure: Figure) -> None:
+    """Take a figure apart: its parts refer to each other, and their memory would wait for the collector."""
+    for part in (part for ax in figure.axes for part in (ax.xaxis, ax.yaxis, ax)):
+        vars(part).clear()  # `Figure.clear` would make new ones
 
 
 @contextmanager
@@ -200,31 +206,25 @@ _SVG: Any = {"svg.fonttype": "none", "svg.hashsalt": "excite", "text.hinting": "
 def svg_text(figure: Figure, prefix: str, label: str) -> str:
     """A figure as an ``<svg>`` element without inline styles, to stand in a page; very long curves are pictures."""
     literal(figure)
-    with rc_context(_SVG), _laid_out(figure, _PageCanvas, _PageCanvas.fixed_dpi) as canvas:
+    stream = io.StringIO()
+    with rc_context(_SVG), _laid_out(figure, partial(_page_canvas, stream), FigureCanvasSVG.fixed_dpi) as canvas:
         for line in (line for ax in figure.axes for line in ax.lines):
             path, place = line.get_path(), line.get_transform()
             line.set_rasterized(len(path) > LONG and len(path.cleaned(place, simplify=True)) > LONG)
-        return _element(canvas.drawn(), prefix, label)
+        figure.draw(canvas.get_renderer())
+        canvas.get_renderer().finalize()
+    _release(figure)
+    return _element(stream.getvalue(), prefix, label)
 
 
-class _PageCanvas(FigureCanvasSVG):
-    """Places panels by the renderer that draws them, which measures each text once."""
-
-    def __init__(self, figure: Figure) -> None:
-        super().__init__(figure)
-        (width, height), self._stream = figure.get_size_inches(), io.StringIO()
-        vectors = RendererSVG(72 * width, 72 * height, self._stream, image_dpi=DPI, metadata=_UNDATED["svg"])
-        self._renderer = MixedModeRenderer(figure, width, height, DPI, vectors)
-
-    def get_renderer(self) -> MixedModeRenderer:
-        """What measures text, for the layout."""
-        return self._renderer
-
-    def drawn(self) -> str:
-        """The file."""
-        self.figure.draw(self._renderer)
-        self._renderer.finalize()
-        return self._stream.getvalue()
+def _page_canvas(stream: IO[str], figure: Figure) -> Any:
+    """A canvas for SVG whose renderer, which measures each text once, draws and lays out."""
+    canvas: Any = FigureCanvasSVG(figure)
+    (width, height), dpi = figure.get_size_inches(), figure.dpi
+    vectors = RendererSVG(dpi * width, dpi * height, stream, image_dpi=DPI, metadata=_UNDATED["svg"])
+    renderer = MixedModeRenderer(figure, width, height, DPI, vectors)
+    canvas.get_renderer = lambda: renderer
+    return canvas
 
 
 def _element(text: str, prefix: str, label: str) -> str:

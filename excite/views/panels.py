@@ -71,8 +71,7 @@ def panels(
     first = rows * parts  # row of the further panels
     figure, grid = _grid(first - (-further // columns), columns, panel, title, notes)
     axes = [
-        [figure.add_subplot(grid[parts * row + k // columns, k % columns]) for k in range(count)]
-        for row in range(rows)
+        [figure.add_subplot(grid[parts * row + k // columns, k % columns]) for k in range(count)] for row in range(rows)
     ]
     if further:
         axes.append([figure.add_subplot(grid[first + k // columns, k % columns]) for k in range(further)])
