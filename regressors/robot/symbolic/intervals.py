@@ -94,7 +94,6 @@ _BINARY: dict[int, Callable[[Interval, Interval], Interval]] = {
 
 
 _KNOWN = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *_UNARY, *_BINARY}
-_EXACT = {ca.OP_NEG, ca.OP_TWICE, ca.OP_SIGN, ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX}
 _CHUNK = 4096
 
 
@@ -129,6 +128,7 @@ def _run(f: ca.Function, operations: list[int], low: Sequence[Array], high: Sequ
         elif op == ca.OP_CONST:
             value = np.full(out.shape[2], f.instruction_constant(k))
             work[o[0]] = (value, value)
+        elif op in _UNARY:
+            work[o[0]] = _wider(*_UNARY[op](work[i[0]]))
         else:
-            ends = _UNARY[op](work[i[0]]) if op in _UNARY else _BINARY[op](work[i[0]], work[i[1]])
-            work[o[0]] = ends if op in _EXACT else _wider(*ends)
+            work[o[0]] = _wider(*_BINARY[op](work[i[0]], work[i[1]]))
