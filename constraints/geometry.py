@@ -235,9 +235,8 @@ def _radius(ends: Array, points: Array) -> float:
     a, line = ends[:3], ends[3:] - ends[:3]
     square, off = float(line @ line), points - a
     t = np.minimum(np.maximum(off @ line / square, 0.0), 1.0) if square > 0 else np.zeros(len(points))
-    off -= t[:, None] * line
-    off *= off
-    return math.sqrt((off[:, 0] + off[:, 1] + off[:, 2]).max())
+    x, y, z = (off - t[:, None] * line).T
+    return math.sqrt((x * x + y * y + z * z).max())
 
 
 def _volume(ends: Array, points: Array) -> float:

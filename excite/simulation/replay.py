@@ -146,13 +146,12 @@ def _substeps(rates: ModelMotion, states: Array, step: float, width: float | Non
             )
         return needed, width
     widths = (1e-3 * _WIDER ** np.arange(31)).tolist()
-    needed_at = cache(lambda k: rates.fastest(probes, widths[k]) * step / _REACH)
+    needs = cache(lambda k: rates.fastest(probes, widths[k]) * step / _REACH)
     narrow, wide, k = -1, len(widths) - 1, 4  # too narrow and wide enough; what friction needs falls like 1 / width
     while wide - narrow > 1:
-        narrow, wide = (narrow, k) if needed_at(k) <= _FEW_SUBSTEPS else (k, wide)
-        k += int(np.ceil(np.log(max(needed_at(k), 1e-9) / _FEW_SUBSTEPS) / np.log(_WIDER)))
-        k = min(max(k, narrow + 1), wide - 1)
-    return min(int(np.ceil(max(needed_at(wide), 1.0))), _MOST_SUBSTEPS), widths[wide]
+        narrow, wide = (narrow, k) if needs(k) <= _FEW_SUBSTEPS else (k, wide)
+        k = int(np.clip(k + np.ceil(np.emath.logn(_WIDER, max(needs(k), 1e-9) / _FEW_SUBSTEPS)), narrow + 1, wide - 1))
+    return min(int(np.ceil(max(needs(wide), 1.0))), _MOST_SUBSTEPS), widths[wide]
 
 
 def _inputs(torque: Array, starts: tuple[int, ...], length: int, substeps: int) -> Array:

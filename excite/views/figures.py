@@ -128,7 +128,7 @@ def write_figure_files(
         amend_result(folder, kind) as staged,
     ):
         for name, figure in made.items():
-            for form in formats:
+            for form in sorted(formats, key="png".__eq__):  # for which the figure is used up
                 with replacing(staged / f"{name}.{form}", "wb") as stream:
                     _save(figure, stream, form)
             _release(figure)
@@ -139,7 +139,8 @@ def _save(figure: Figure, stream: IO[bytes], form: str) -> None:
     if form != "png":
         figure.savefig(stream, format=form, metadata=_UNDATED[form])
         return
-    with rc_context(_PNG_FONTS), _laid_out(figure, FigureCanvasAgg, size_of("savefig.dpi")) as canvas:
+    with rc_context(_PNG_FONTS):
+        canvas = _placed(figure, FigureCanvasAgg, size_of("savefig.dpi"))
         canvas.print_png(stream, metadata=_UNDATED[form], pil_kwargs={"compress_level": _PNG_COMPRESSION})
 
 
@@ -149,29 +150,25 @@ def _release(figure: Figure) -> None:
         vars(part).clear()  # `Figure.clear` would make new ones
 
 
-@contextmanager
-def _laid_out(figure: Figure, canvas_of: Callable[[Figure], Any], dpi: float) -> Iterator[Any]:
-    """Place a figure's panels as its canvas measures text; `savefig` would draw everything twice for that."""
-    engine, before = figure.get_layout_engine(), (figure.dpi, figure.canvas)
+def _placed(figure: Figure, canvas_of: Callable[[Figure], Any], dpi: float) -> Any:
+    """The canvas of a file, with the panels placed as it measures text; `savefig` would draw everything twice for that.
+
+    The figure is of no use for other files then.
+    """
     figure.dpi = dpi
-    canvas = canvas_of(figure)
-    try:
-        if engine is not None:
-            for axis in (axis for ax in figure.axes for axis in (ax.xaxis, ax.yaxis) if not axis.label.get_text()):
-                axis.set_label_coords(0.5, 0.5)  # to find a place beside the numbers takes longer than to draw them
-            # in a column, what is written at the ends of curves may reach further when the panel is narrower
-            for ax in figure.axes:
-                if ax.get_axes_locator() is None and (column_width() == float("inf") or not ax.texts):
-                    ax.get_tightbbox = partial(_around, ax, type(ax).get_tightbbox, [])  # type: ignore[method-assign]
-            engine.execute(figure)
-            for ax in figure.axes:
-                vars(ax).pop("get_tightbbox", None)  # that of its class is back
-            figure.set_layout_engine("none")
-        yield canvas
-    finally:
-        figure.set_layout_engine(engine)
-        figure.dpi = before[0]
-        figure.set_canvas(before[1])
+    canvas, engine = canvas_of(figure), figure.get_layout_engine()
+    if engine is not None:
+        for axis in (axis for ax in figure.axes for axis in (ax.xaxis, ax.yaxis) if not axis.label.get_text()):
+            axis.set_label_coords(0.5, 0.5)  # to find a place beside the numbers takes longer than to draw them
+        # in a column, what is written at the ends of curves may reach further when the panel is narrower
+        for ax in figure.axes:
+            if ax.get_axes_locator() is None and (column_width() == float("inf") or not ax.texts):
+                ax.get_tightbbox = partial(_around, ax, type(ax).get_tightbbox, [])  # type: ignore[method-assign]
+        engine.execute(figure)
+        for ax in figure.axes:
+            vars(ax).pop("get_tightbbox", None)  # that of its class is back
+        figure.set_layout_engine("none")
+    return canvas
 
 
 def _around(ax: Axes, measure: Any, known: list[Array], renderer: Any, **how: Any) -> Bbox:
@@ -207,7 +204,8 @@ def svg_text(figure: Figure, prefix: str, label: str) -> str:
     """A figure as an ``<svg>`` element without inline styles, to stand in a page; very long curves are pictures."""
     literal(figure)
     stream = io.StringIO()
-    with rc_context(_SVG), _laid_out(figure, partial(_page_canvas, stream), FigureCanvasSVG.fixed_dpi) as canvas:
+    with rc_context(_SVG):
+        canvas = _placed(figure, partial(_page_canvas, stream), FigureCanvasSVG.fixed_dpi)
         for line in (line for ax in figure.axes for line in ax.lines):
             path, place = line.get_path(), line.get_transform()
             line.set_rasterized(len(path) > LONG and len(path.cleaned(place, simplify=True)) > LONG)
@@ -220,9 +218,9 @@ def svg_text(figure: Figure, prefix: str, label: str) -> str:
 def _page_canvas(stream: IO[str], figure: Figure) -> Any:
     """A canvas for SVG whose renderer, which measures each text once, draws and lays out."""
     canvas: Any = FigureCanvasSVG(figure)
-    (width, height), dpi = figure.get_size_inches(), figure.dpi
-    vectors = RendererSVG(dpi * width, dpi * height, stream, image_dpi=DPI, metadata=_UNDATED["svg"])
-    renderer = MixedModeRenderer(figure, width, height, DPI, vectors)
+    (width, height), size = figure.get_size_inches(), figure.bbox.size
+    vectors = RendererSVG(*size, stream, image_dpi=DPI, metadata=_UNDATED["svg"])  # type: ignore[no-untyped-call]
+    renderer = MixedModeRenderer(figure, width, height, DPI, vectors)  # type: ignore[no-untyped-call]
     canvas.get_renderer = lambda: renderer
     return canvas
 
