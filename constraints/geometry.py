@@ -233,9 +233,10 @@ def _outermost(points: Array) -> Array:
 
 def _radius(ends: Array, points: Array) -> float:
     a, line = ends[:3], ends[3:] - ends[:3]
-    square = float(line @ line)
-    t = np.minimum(np.maximum((points - a) @ line / square, 0.0), 1.0) if square > 0 else np.zeros(len(points))
-    return math.sqrt(((points - a - t[:, None] * line) ** 2).sum(axis=1).max())
+    square, off = float(line @ line), points - a
+    t = np.minimum(np.maximum(off @ line / square, 0.0), 1.0) if square > 0 else np.zeros(len(points))
+    x, y, z = (off - t[:, None] * line).T
+    return math.sqrt((x * x + y * y + z * z).max())
 
 
 def _volume(ends: Array, points: Array) -> float:

@@ -176,17 +176,21 @@ class NonlinearConstraint(Constraint):
 
         The layout of a search, which evaluates one motion after the other.
         """
-        nonzeros, count = self.function(*motion), len(self.lower)
+        nonzeros, count = self._evaluated(motion), len(self.lower)
         if len(nonzeros) == count:
             return nonzeros
         values = np.zeros((count, nonzeros.shape[1]))
         values[self.function.row] = nonzeros
         return values
 
+    def _evaluated(self, motion: Sequence[Array]) -> Array:
+        """Nonzeros of g: most limits are far from their bounds, so that a search looks at them a few times."""
+        return self.function.seldom(*motion)
+
     def slopes_at_instants(self, motion: Sequence[Array]) -> Callable[[Index, Index, Index], Array]:
         """``dg / d(q, dq, ddq)`` as in `at_instants`, by numbers of functions, of instants and of columns."""
         # numbers (rows,), (rows,) and (c,); result (rows, c)
-        nonzeros = self.jacobian(*motion)
+        nonzeros = self.jacobian.seldom(*motion)
         padded = np.concatenate([nonzeros, np.zeros((1, nonzeros.shape[1]))])
 
         def slopes(function: Index, instant: Index, columns: Index) -> Array:
@@ -229,6 +233,10 @@ class StackedConstraint(NonlinearConstraint):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.parts,)
+
+    def _evaluated(self, motion: Sequence[Array]) -> Array:
+        """Nonzeros of g at every step of a search."""
+        return self.function(*motion)
 
     def _shown(self, values: Array) -> Array:
         split = np.split(values, self._first[1:-1], axis=-1)

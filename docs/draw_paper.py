@@ -33,7 +33,6 @@ from excite.views.style import (
     figure_of,
     log_scale,
     significant,
-    tidy,
 )
 
 OUT = Path(__file__).resolve().parent / "figures"
@@ -44,8 +43,7 @@ LIMITS = {"position": (-0.69813, 0.69813), "velocity": 1.137, "acceleration": 1.
 
 
 def panel(ax: Axes, title: str, horizontal: str, vertical: str) -> Axes:
-    """A tidy panel with its names."""
-    tidy(ax)
+    """A panel with its names."""
     ax.set_title(title, loc="left", fontsize=LABEL, color=DARK)
     ax.set_xlabel(horizontal, fontsize=NOTE, color=DARK)
     ax.set_ylabel(vertical, fontsize=NOTE, color=DARK)

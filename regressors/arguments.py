@@ -95,8 +95,8 @@ def evaluated(thing: Any) -> dict[str, Any]:
 @cache
 def _import_names(module: str) -> None:
     """Import into a module what it imports for annotations only, which type checkers and `evaluated` need."""
-    space = vars(sys.modules[module])
-    for node in ast.parse(inspect.getsource(sys.modules[module])).body:
+    space, source = vars(sys.modules[module]), inspect.getsource(sys.modules[module])
+    for node in ast.parse(source).body if "if TYPE_CHECKING" in source else ():
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
             exec(compile(ast.Module(node.body, []), str(space["__file__"]), "exec"), space)
 

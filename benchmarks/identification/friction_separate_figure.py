@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from excite.views.style import BLUE, DARK, GREY, LABEL, NOTE, VERMILLION, figure_of, tidy
+from excite.views.style import BLUE, DARK, GREY, LABEL, NOTE, VERMILLION, drawing_style, figure_of
 from regressors.samples import Array
 
 COLUMNS = (("energy, 5 ms", "energy model, windows of 5 ms"), ("differential", "differential model"))
@@ -18,6 +18,7 @@ ROWS = (
 WAYS = (("all at once", "friction identified all at once", VERMILLION), ("separate", "friction measured before", BLUE))
 
 
+@drawing_style("screen")
 def figure(time: Array, drawn: dict[tuple[str, str, str], list[Array]], true: float) -> Figure:
     """Recursive estimates of X1: one repetition as a line, the middle 90 % of all as a band.
 
@@ -48,7 +49,6 @@ def figure(time: Array, drawn: dict[tuple[str, str, str], list[Array]], true: fl
 
 
 def _panel(ax: Axes, time: Array, paths: dict[str, Array], true: float) -> None:
-    tidy(ax)
     for way, label, colour in WAYS:
         seen = np.isfinite(paths[way]).all(axis=0)
         low, high = np.percentile(paths[way][:, seen], (5, 95), axis=0)

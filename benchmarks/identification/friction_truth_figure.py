@@ -11,13 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from excite.friction.friction_fit import Characteristic
-from excite.views.style import BLUE, DARK, GREY, LABEL, NOTE, VERMILLION, figure_of, tidy
+from excite.views.style import BLUE, DARK, GREY, LABEL, NOTE, VERMILLION, drawing_style, figure_of
 from regressors.samples import Array
 
 ASKED = (97.5, 100.0)  # [%]
 MARKS = (("o", VERMILLION, "windows"), ("^", GREY, "break-aways at rest"))
 
 
+@drawing_style("screen")
 def figure(
     one_each: Sequence[Characteristic], alone: Sequence[dict[str, Any]], planned: Sequence[dict[str, Any]]
 ) -> Figure:
@@ -47,7 +48,6 @@ def figure(
 
 def _curve(ax: Axes, found: Characteristic) -> None:
     """Torques over velocity."""
-    tidy(ax)
     for v, torque, _, truth in _sides(found):
         ax.plot(v, torque, color=BLUE, linewidth=1.4, label="fit" if v[0] > 0 else None)
         ax.plot(v, truth, color=DARK, linewidth=1.0, linestyle="--", label="truth" if v[0] > 0 else None)
@@ -59,7 +59,6 @@ def _curve(ax: Axes, found: Characteristic) -> None:
 
 def _miss(ax: Axes, found: Characteristic) -> None:
     """The same less the truth, with the band."""
-    tidy(ax)
     ax.axhline(0.0, color=DARK, linewidth=0.9, linestyle="--")
     for v, torque, half, truth in _sides(found):
         ax.fill_between(v, torque - half - truth, torque + half - truth, color=BLUE, alpha=0.25, linewidth=0,
@@ -83,7 +82,6 @@ def _sides(found: Characteristic) -> Iterator[tuple[Array, Array, Array, Array]]
 
 
 def _coverage(ax: Axes, planned: dict[str, Any], alone: dict[str, Any]) -> None:
-    tidy(ax)
     names = planned["parameters"]
     rows = np.arange(len(names))[::-1]
     ax.axvspan(*ASKED, color=GREY, alpha=0.2, linewidth=0, label="99 % +- 1.5 %")

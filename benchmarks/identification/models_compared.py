@@ -25,7 +25,19 @@ from excite.logs.log import Log
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion
 from excite.tasks.task import Task
-from excite.views.style import BLUE, DARK, DPI, GREEN, LABEL, NOTE, PURPLE, VERMILLION, figure_of, log_scale, tidy
+from excite.views.style import (
+    BLUE,
+    DARK,
+    DPI,
+    GREEN,
+    LABEL,
+    NOTE,
+    PURPLE,
+    VERMILLION,
+    drawing_style,
+    figure_of,
+    log_scale,
+)
 from regressors.models.nominal import parameter_values
 from regressors.readers.library import load_robot
 
@@ -160,11 +172,11 @@ def parameter_table(found: list[dict[str, Any]]) -> str:
     return record.table(head, rows)
 
 
+@drawing_style("screen")
 def figure(found: list[dict[str, Any]], path: Path) -> None:
     """Relative rms errors of the parameters on the first data, default signals, a mark per model."""
     drawing = figure_of(9.5, 4.6, "IRp-6: errors of the parameters by model, same data")
     ax = drawing.subplots()
-    tidy(ax)
     shown = [one for one in found if SIGNALS["butterworth"] in one["way"]]
     lowest, highest = np.inf, 0.0
     for one, colour, mark in zip(shown, (BLUE, GREEN, VERMILLION, PURPLE), "os^D", strict=True):

@@ -33,7 +33,7 @@ from excite.simulation.simulate import simulate_motion
 from excite.tasks.reference import Reference
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
-from excite.views.style import BLUE, DARK, DPI, LABEL, NOTE, ORANGE, VERMILLION, figure_of, tidy
+from excite.views.style import BLUE, DARK, DPI, LABEL, NOTE, ORANGE, VERMILLION, drawing_style, figure_of
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.readers.library import load_robot
 from regressors.samples import Array
@@ -143,6 +143,7 @@ def joint_1() -> dict[str, Identification]:
 Column = tuple[str, dict[str, Identification], tuple[str, ...]]
 
 
+@drawing_style("screen")
 def figure(columns: list[Column], beta: dict[str, float], path: Path) -> None:
     """Recursive estimates over time: a column per experiment, a panel per parameter, a line per motion."""
     drawing = figure_of(11.0, 7.5, "Recursive estimates: optimal motion and others")
@@ -152,7 +153,6 @@ def figure(columns: list[Column], beta: dict[str, float], path: Path) -> None:
         column[-1].set_xlabel("time [s]", fontsize=LABEL, color=DARK)
         paths = {label: recursive(result.observations, every=20).history for label, result in results.items()}
         for ax, name in zip(column, names, strict=True):
-            tidy(ax)
             spread = 0.0
             for label, result in results.items():
                 k = result.estimate.names.index(name)

@@ -11,12 +11,25 @@ from cases import NAMES, case
 from matplotlib.axes import Axes
 from robot_time import SHARE
 
-from excite.views.style import BLUE, DARK, DPI, GREEN, GREY, LABEL, NOTE, VERMILLION, figure_of, log_scale, tidy
+from excite.views.style import (
+    BLUE,
+    DARK,
+    DPI,
+    GREEN,
+    GREY,
+    LABEL,
+    NOTE,
+    VERMILLION,
+    drawing_style,
+    figure_of,
+    log_scale,
+)
 
 ENDS = (8.0, 30_000.0)  # [s]
 COLOURS = {"excite": BLUE, "slsqp": VERMILLION, "figaroh": GREEN, "random": GREY}
 
 
+@drawing_style("screen")
 def write(runs: Sequence[dict[str, Any]], path: Path) -> None:
     """Draw the runs that did not fail into a PNG."""
     drawing = figure_of(11.0, 4.2, "Parameters whose 99 % interval is within 5 %")
@@ -30,7 +43,6 @@ def write(runs: Sequence[dict[str, Any]], path: Path) -> None:
 
 
 def _panel(ax: Axes, runs: Sequence[dict[str, Any]], name: str) -> None:
-    tidy(ax)
     named = set()
     for run in runs:
         widths = np.array(list(run["verdict"]["relative_half_widths_of_one_run"].values()))

@@ -51,7 +51,7 @@ _FILES = {
     "study_commands": ("simulate", "predict", "study"),
 }
 BAD_INPUT, NOT_HELD = 2, 1
-_OBJECTS = 500_000  # before the collector looks for cycles: imports and figures make many objects and next to no cycles
+_OBJECTS = 1_000_000  # before the collector looks for cycles: imports and figures make many objects and few cycles
 
 
 @click.group(

@@ -101,7 +101,7 @@ Signs = Annotated[list[Literal[1, -1]], BeforeValidator(_several)]
 class Section(BaseModel):
     """Base of all sections: unknown fields are refused."""
 
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 class TimeSection(Section):

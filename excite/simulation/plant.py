@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import casadi as ca
 import numpy as np
@@ -147,6 +147,7 @@ class ModelMotion:
         self._beta = ca.DM(np.where([c.kind == LOAD_SHARE for c in columns], 0.0, beta))
         self._rigid = ca.DM(np.where([c.group in RIGID for c in columns], beta, 0.0))
         self._shares = load_shares(model, base, beta)
+        self._rates = cache(self._rates_of)
 
     @property
     def k(self) -> int:
@@ -172,6 +173,11 @@ class ModelMotion:
         acceleration, least = solved(M, moved)
         return ca.vertcat(ds, acceleration), least
 
+    def _rates_of(self, width: float) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        """State and torques as symbols, and `of` them."""
+        x, tau = ca.SX.sym("x", 2 * self.k), ca.SX.sym("tau", self.k)
+        return x, tau, *self.of(x, tau, width)
+
     def _carried(self, dq: ca.SX, tau: ca.SX, width: float) -> ca.SX:
         """Torques of the moving coordinates without the known friction."""
         if self._friction is None:
@@ -184,8 +190,8 @@ class ModelMotion:
 
     def function(self, width: float) -> Rate:
         """Map states, shape (2k, N), and torques, (k, N), to rates, (2k, N), and smallest pivots, (N,)."""
-        x, tau = ca.SX.sym("x", 2 * self.k), ca.SX.sym("tau", self.k)
-        both = VectorisedFunction([x, tau], ca.vertcat(*self.of(x, tau, width)))
+        x, tau, *rates = self._rates(width)
+        both = VectorisedFunction([x, tau], ca.vertcat(*rates))
 
         def rate(state: Array, torque: Array) -> tuple[Array, Array]:
             values = np.zeros((both.shape[0], state.shape[1]))
@@ -196,8 +202,7 @@ class ModelMotion:
 
     def fastest(self, x: Array, width: float) -> float:
         """Largest eigenvalue magnitude of the motion at some states (N, 2k), moving and at rest [1/s]."""
-        state, tau = ca.SX.sym("x", 2 * self.k), ca.SX.sym("tau", self.k)
-        rate, _ = self.of(state, tau, width)
+        state, tau, rate, _ = self._rates(width)
         jacobian = ca.Function("jacobian", [state, tau], [ca.densify(ca.jacobian(rate, state))])
         still = x * np.repeat([1.0, 0.0], self.k)
         points = np.vstack([x, still])

@@ -7,7 +7,6 @@ errors readable.
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from dataclasses import dataclass
 from enum import Enum
 from functools import cache
@@ -25,6 +24,7 @@ from regressors.samples import Array, Index
 
 _REACH = 1.5  # of substep times fastest rate; the method is stable up to 2.78
 _FEW_SUBSTEPS, _MOST_SUBSTEPS = 4, 20
+_WIDER = 1.5  # a width of the sign, over the one before it
 _FAR = 1e3  # rad or m: beyond this a motion counts as diverged
 
 
@@ -145,10 +145,13 @@ def _substeps(rates: ModelMotion, states: Array, step: float, width: float | Non
                 f"{_MOST_SUBSTEPS}; expected about {width * needed / _MOST_SUBSTEPS:.2g} or more"
             )
         return needed, width
-    widths = (1e-3 * 1.5 ** np.arange(31)).tolist()
-    steps = cache(lambda width: int(np.ceil(max(rates.fastest(probes, width) * step / _REACH, 1.0))))
-    width = widths[bisect_left(widths[:-1], True, key=lambda width: steps(width) <= _FEW_SUBSTEPS)]
-    return min(steps(width), _MOST_SUBSTEPS), width
+    widths = (1e-3 * _WIDER ** np.arange(31)).tolist()
+    needs = cache(lambda k: rates.fastest(probes, widths[k]) * step / _REACH)
+    narrow, wide, k = -1, len(widths) - 1, 4  # too narrow and wide enough; what friction needs falls like 1 / width
+    while wide - narrow > 1:
+        narrow, wide = (narrow, k) if needs(k) <= _FEW_SUBSTEPS else (k, wide)
+        k = int(np.clip(k + np.ceil(np.emath.logn(_WIDER, max(needs(k), 1e-9) / _FEW_SUBSTEPS)), narrow + 1, wide - 1))
+    return min(int(np.ceil(max(needs(wide), 1.0))), _MOST_SUBSTEPS), widths[wide]
 
 
 def _inputs(torque: Array, starts: tuple[int, ...], length: int, substeps: int) -> Array:

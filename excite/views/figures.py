@@ -15,7 +15,8 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.backends.backend_mixed import MixedModeRenderer
+from matplotlib.backends.backend_svg import FigureCanvasSVG, RendererSVG
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
@@ -127,10 +128,10 @@ def write_figure_files(
         amend_result(folder, kind) as staged,
     ):
         for name, figure in made.items():
-            for form in formats:
+            for form in sorted(formats, key="png".__eq__):  # for which the figure is used up
                 with replacing(staged / f"{name}.{form}", "wb") as stream:
                     _save(figure, stream, form)
-            figure.clear()  # a figure refers to itself: without this its memory waits for the collector
+            _release(figure)
     return [folder / name for name in names]
 
 
@@ -138,35 +139,36 @@ def _save(figure: Figure, stream: IO[bytes], form: str) -> None:
     if form != "png":
         figure.savefig(stream, format=form, metadata=_UNDATED[form])
         return
-    with rc_context(_PNG_FONTS), _laid_out(figure, size_of("savefig.dpi")):
-        pil_kwargs = {"compress_level": _PNG_COMPRESSION}
-        canvas: Any = FigureCanvasAgg(figure)
-        canvas.print_png(stream, metadata=_UNDATED[form], pil_kwargs=pil_kwargs)
+    with rc_context(_PNG_FONTS):
+        canvas = _placed(figure, FigureCanvasAgg, size_of("savefig.dpi"))
+        canvas.print_png(stream, metadata=_UNDATED[form], pil_kwargs={"compress_level": _PNG_COMPRESSION})
 
 
-@contextmanager
-def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
-    """Place a figure's panels at the resolution of its file; `savefig` would draw everything twice for that."""
-    engine, canvas, before = figure.get_layout_engine(), figure.canvas, figure.dpi
-    FigureCanvasAgg(figure)
+def _release(figure: Figure) -> None:
+    """Take a figure apart: its parts refer to each other, and their memory would wait for the collector."""
+    for part in (part for ax in figure.axes for part in (ax.xaxis, ax.yaxis, ax)):
+        vars(part).clear()  # `Figure.clear` would make new ones
+
+
+def _placed(figure: Figure, canvas_of: Callable[[Figure], Any], dpi: float) -> Any:
+    """The canvas of a file, with the panels placed as it measures text; `savefig` would draw everything twice for that.
+
+    The figure is of no use for other files then.
+    """
     figure.dpi = dpi
-    try:
-        if engine is not None:
-            for axis in (axis for ax in figure.axes for axis in (ax.xaxis, ax.yaxis) if not axis.label.get_text()):
-                axis.set_label_coords(0.5, 0.5)  # to find a place beside the numbers takes longer than to draw them
-            # in a column, what is written at the ends of curves may reach further when the panel is narrower
-            for ax in figure.axes:
-                if ax.get_axes_locator() is None and (column_width() == float("inf") or not ax.texts):
-                    ax.get_tightbbox = partial(_around, ax, type(ax).get_tightbbox, [])  # type: ignore[method-assign]
-            engine.execute(figure)
-            for ax in figure.axes:
-                vars(ax).pop("get_tightbbox", None)  # that of its class is back
-            figure.set_layout_engine("none")
-        yield
-    finally:
-        figure.set_layout_engine(engine)
-        figure.dpi = before
-        figure.set_canvas(canvas)
+    canvas, engine = canvas_of(figure), figure.get_layout_engine()
+    if engine is not None:
+        for axis in (axis for ax in figure.axes for axis in (ax.xaxis, ax.yaxis) if not axis.label.get_text()):
+            axis.set_label_coords(0.5, 0.5)  # to find a place beside the numbers takes longer than to draw them
+        # in a column, what is written at the ends of curves may reach further when the panel is narrower
+        for ax in figure.axes:
+            if ax.get_axes_locator() is None and (column_width() == float("inf") or not ax.texts):
+                ax.get_tightbbox = partial(_around, ax, type(ax).get_tightbbox, [])  # type: ignore[method-assign]
+        engine.execute(figure)
+        for ax in figure.axes:
+            vars(ax).pop("get_tightbbox", None)  # that of its class is back
+        figure.set_layout_engine("none")
+    return canvas
 
 
 def _around(ax: Axes, measure: Any, known: list[Array], renderer: Any, **how: Any) -> Bbox:
@@ -202,13 +204,25 @@ def svg_text(figure: Figure, prefix: str, label: str) -> str:
     """A figure as an ``<svg>`` element without inline styles, to stand in a page; very long curves are pictures."""
     literal(figure)
     stream = io.StringIO()
-    with rc_context(_SVG), _laid_out(figure, DPI):
+    with rc_context(_SVG):
+        canvas = _placed(figure, partial(_page_canvas, stream), FigureCanvasSVG.fixed_dpi)
         for line in (line for ax in figure.axes for line in ax.lines):
             path, place = line.get_path(), line.get_transform()
             line.set_rasterized(len(path) > LONG and len(path.cleaned(place, simplify=True)) > LONG)
-        canvas: Any = FigureCanvasSVG(figure)
-        canvas.print_svg(stream, metadata=_UNDATED["svg"])
+        figure.draw(canvas.get_renderer())
+        canvas.get_renderer().finalize()
+    _release(figure)
     return _element(stream.getvalue(), prefix, label)
+
+
+def _page_canvas(stream: IO[str], figure: Figure) -> Any:
+    """A canvas for SVG whose renderer, which measures each text once, draws and lays out."""
+    canvas: Any = FigureCanvasSVG(figure)
+    (width, height), size = figure.get_size_inches(), figure.bbox.size
+    vectors = RendererSVG(*size, stream, image_dpi=DPI, metadata=_UNDATED["svg"])  # type: ignore[no-untyped-call]
+    renderer = MixedModeRenderer(figure, width, height, DPI, vectors)  # type: ignore[no-untyped-call]
+    canvas.get_renderer = lambda: renderer
+    return canvas
 
 
 def _element(text: str, prefix: str, label: str) -> str:

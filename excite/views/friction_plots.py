@@ -33,7 +33,6 @@ from excite.views.style import (
     padded,
     panel_width,
     plain,
-    tidy,
     typeset,
 )
 from regressors.samples import Array
@@ -82,7 +81,6 @@ def _panel(ax: Axes, c: Characteristic) -> None:
         colours = ax.scatter(v, tau, 9, c=temperatures, cmap="viridis", zorder=3)
         bar = ax.figure.colorbar(colours, ax=ax, pad=0.02)
         bar.set_label("temperature [\N{DEGREE SIGN}C]", fontsize=NOTE)
-        bar.ax.tick_params(labelsize=NOTE)
     else:
         ax.plot(v, tau, "o", color=DARK, markersize=2.5, zorder=3)
     for mean in c.means:
@@ -97,7 +95,6 @@ def _panel(ax: Axes, c: Characteristic) -> None:
     label.set_in_layout(False)  # it may be wider than its panel
     ax.set_ylabel(typeset(f"friction [{c.unit}]"), fontsize=NOTE, color=DARK)
     ax.tick_params(labelbottom=False)
-    tidy(ax)
 
 
 def _caption_lines(c: Characteristic) -> list[str]:
@@ -131,7 +128,6 @@ def _left(ax: Axes, c: Characteristic) -> None:
     ax.errorbar(v, off, 2.576 * sigma, fmt="o", color=DARK, markersize=2.0, ecolor=GREY, elinewidth=0.7, zorder=3)
     ax.set_xlabel(typeset("speed [rad/s]" if c.unit == "Nm" else "speed [m/s]"), fontsize=NOTE, color=DARK)
     ax.set_ylabel(typeset(f"deviation [{c.unit}]"), fontsize=NOTE, color=DARK)
-    tidy(ax)
 
 
 def _speeds(c: Characteristic) -> Iterator[Array]:

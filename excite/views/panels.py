@@ -38,7 +38,6 @@ from excite.views.style import (
     panel_width,
     plain,
     size_of,
-    tidy,
     typeset,
 )
 from regressors.samples import Array, Index
@@ -65,18 +64,17 @@ class Panel:
 def panels(
     rows: int, panel: Panel, title: str, notes: float = 0.0, further: int = 0
 ) -> tuple[Figure, list[list[Axes]]]:
-    """Create a figure with a title and tidy panels, row by row; a row that has no room is broken into several."""
+    """Create a figure with a title and panels, row by row; a row that has no room is broken into several."""
     count = len(panel.widths)
     columns = columns_that_fit(count, panel.least)
     parts = -(-count // columns)
     first = rows * parts  # row of the further panels
     figure, grid = _grid(first - (-further // columns), columns, panel, title, notes)
     axes = [
-        [tidy(figure.add_subplot(grid[parts * row + k // columns, k % columns])) for k in range(count)]
-        for row in range(rows)
+        [figure.add_subplot(grid[parts * row + k // columns, k % columns]) for k in range(count)] for row in range(rows)
     ]
     if further:
-        axes.append([tidy(figure.add_subplot(grid[first + k // columns, k % columns])) for k in range(further)])
+        axes.append([figure.add_subplot(grid[first + k // columns, k % columns]) for k in range(further)])
     return figure, axes
 
 
@@ -95,8 +93,8 @@ def alike(
     columns = max(1, min(columns_that_fit(most, panel.least), count))
     panel = replace(panel, widths=panel.widths[:1] * columns)
     figure, grid = _grid(whole - (-count // columns), columns, panel, title)
-    below = [tidy(figure.add_subplot(grid[whole + k // columns, k % columns])) for k in range(count)]
-    above = [tidy(figure.add_subplot(grid[row, :])) for row in range(whole)]
+    below = [figure.add_subplot(grid[whole + k // columns, k % columns]) for k in range(count)]
+    above = [figure.add_subplot(grid[row, :]) for row in range(whole)]
     for ax in below[-columns:] if xlabel else ():
         ax.set_xlabel(xlabel, fontsize=LABEL, color=DARK)
     return figure, below, above
@@ -106,7 +104,7 @@ def fit_panels(rows: int, title: str) -> tuple[Figure, list[tuple[Axes, Axes]]]:
     """Create a panel over the whole width for each of so many equations, and a lower one below each."""
     height, text = 1.3 if rows > 1 else 3.0, _ABOVE + (rows - 1) * Panel.between + Panel.below
     figure = figure_of(_WIDE + Panel.left + _RIGHT, rows * (height + _LOWER) + text, title, text)
-    axes = list(map(tidy, figure.subplots(2 * rows, 1, height_ratios=(height, _LOWER) * rows)))
+    axes = list(figure.subplots(2 * rows, 1, height_ratios=(height, _LOWER) * rows))
     return figure, list(zip(axes[::2], axes[1::2], strict=True))
 
 
@@ -366,8 +364,7 @@ def write_columns(ax: Axes, places: Sequence[float], columns: Sequence[NumberCol
 
 def bar_panel(ax: Axes, top: float, bottom: float, places: Sequence[float] = (), labels: Sequence[str] = ()) -> None:
     """Make a panel one of horizontal bars, from the top, with labels on the left."""
-    tidy(ax)
     ax.grid(False, axis="y")
     ax.set_ylim(bottom, top)
-    ax.set_yticks(places, [typeset(label) for label in labels], fontsize=NOTE)
+    ax.set_yticks(places, [typeset(label) for label in labels])
     ax.tick_params(axis="y", length=0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +79,7 @@ def _short(values: Array, digits: int) -> Any:
     """Nested lists of numbers with so many significant digits, None where a number is not known."""
     if values.ndim > 1:
         return [_short(row, digits) for row in values]
-    return [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in values.tolist()]
+    return [float(f"{value:.{digits}g}") if isfinite(value) else None for value in values.tolist()]
 
 
 def body_data(robot: Robot, number: Mapping[str, int]) -> list[dict[str, Any]]:

@@ -39,7 +39,6 @@ from excite.views.style import (
     plain,
     significant,
     size_of,
-    tidy,
 )
 from excite.views.view import number
 from regressors.errors import InputError
@@ -65,7 +64,7 @@ def convergence_figure(design: Design) -> Figure:
     unfinished = sum(start.status == RUNNING for start in design.starts)
     title = f"{design.robot.name}: search from {number(design.number_of_starts, 'start')}"
     figure = figure_of(9.5, 5.4, f"{title} ({unfinished} unfinished)" if unfinished else title, text=1.2)
-    ax = tidy(figure.subplots())
+    ax = figure.subplots()
     best = next(start for start in design.starts if start.index == design.best_start)
     others = [start for start in design.starts if start is not best]
     thin = 1.0 if len(others) <= _MANY else 0.5
@@ -172,7 +171,6 @@ def precision_figure(design: Design) -> Figure:
 
 
 def _draw_front(ax: Axes, search: PrecisionSearch, forecast: PrecisionForecast, longest: float) -> None:
-    tidy(ax)
     for trial in search.trials:
         seconds, use = [n * trial.seconds for n, _ in trial.course], [use for _, use in trial.course]
         ax.plot(seconds, use, "-", color=GREY, alpha=0.4, linewidth=0.8, zorder=1.5)
@@ -280,9 +278,8 @@ def _write_values(ax: Axes, table: SweepTable, name: str, values: list[str]) -> 
     longest = sum(max(map(len, label.split("\n"))) + 2 for label in labels)
     crowded = longest * LETTER * size_of("xtick.labelsize") > 72.0 * panel_width(ax)
     ax.set_xticks(
-        range(0, len(values), step), labels, fontsize=NOTE,
-        rotation=30 if crowded else 0, ha="right" if crowded else "center",
-    )  # fmt: skip
+        range(0, len(values), step), labels, rotation=30 if crowded else 0, ha="right" if crowded else "center"
+    )
 
 
 def _colour(group: int) -> str:

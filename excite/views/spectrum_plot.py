@@ -36,7 +36,6 @@ from excite.views.style import (
     log_scale,
     plain,
     significant,
-    tidy,
     typeset,
 )
 from regressors.samples import Array
@@ -102,7 +101,6 @@ def _draw_spectrum(ax: Axes, sigma: Array, condition_number: float) -> None:
     number = np.arange(1, sigma.size + 1)
     room = max(2.0, float(sigma[0] / sigma[-1]) ** 0.12)
     floor = float(sigma[-1]) / room
-    tidy(ax)
     stems = ax.stem(number, sigma, bottom=floor, linefmt=BLUE, markerfmt="o", basefmt=" ")
     stems.stemlines.set_linewidth(1.2)
     stems.markerline.set(color=BLUE, markersize=4)

@@ -133,15 +133,6 @@ def padded(low: float, high: float, share: float) -> tuple[float, float]:
     return low - pad, high + pad
 
 
-def tidy(ax: Axes) -> Axes:
-    """Give a panel a light grid, small numbers, and lines only where they are read."""
-    ax.grid(True, color=SCREEN["grid.color"], linewidth=SCREEN["grid.linewidth"])
-    ax.set_axisbelow(True)
-    ax.tick_params(labelsize=NOTE, colors=DARK)
-    ax.spines[["top", "right"]].set_visible(False)
-    return ax
-
-
 def plain(text: str) -> str:
     """Literal text, where matplotlib would otherwise read formulas between dollar signs; once is enough."""
     lines = (printable(line) for line in text.split("\n"))
@@ -178,7 +169,6 @@ def take_sizes(figure: Figure) -> None:
             x, y = text.xyann
             text.xyann = small * float(x), small * float(y)
     for ax in figure.axes:
-        ax.tick_params(labelsize=size_of("xtick.labelsize"), grid_linewidth=size_of("grid.linewidth"))
         for artist in (*ax.lines, *ax.patches, *ax.collections):
             _thin(artist, thin)
     for legend in filter(None, [*figure.legends, *(ax.get_legend() for ax in figure.axes)]):

@@ -142,7 +142,7 @@ NotNegative = Annotated[float, Field(ge=0)]
 class Section(BaseModel):
     """A mapping whose fields are all known, and whose numbers are finite and not text."""
 
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 class LimitsSection(Section):

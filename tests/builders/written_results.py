@@ -105,13 +105,11 @@ class Picture:
     """A figure that costs nothing to draw, and its canvas."""
 
     text: str
-    canvas: None = None
     dpi: float = 100.0
+    axes: tuple[()] = ()
 
     def get_layout_engine(self) -> None:
         """It has no panels to lay out."""
-
-    set_canvas = set_layout_engine = lambda *_: None
 
     def get_children(self) -> list[Any]:
         """It has no parts."""
@@ -122,9 +120,6 @@ class Picture:
         stream.write(self.text.encode())
 
     print_png = savefig
-
-    def clear(self) -> None:
-        """It holds nothing."""
 
 
 def _stub(

@@ -29,8 +29,8 @@ def _wider(low: Array, high: Array) -> Interval:
 
 
 def _mul(a: Interval, b: Interval) -> Interval:
-    products = [x * y for x in a for y in b]
-    return np.minimum.reduce(products), np.maximum.reduce(products)
+    p, q, r, s = (x * y for x in a for y in b)
+    return np.minimum(np.minimum(p, q), np.minimum(r, s)), np.maximum(np.maximum(p, q), np.maximum(r, s))
 
 
 def _inv(a: Interval) -> Interval:
@@ -101,9 +101,9 @@ def interval_function(inputs: Sequence[ca.SX], expression: ca.SX) -> OverBoxes:
     """Enclosure of a vector expression: from lower and upper ends of boxes, bounds of every component on every box."""
     # inputs (n_k, 1); expression (r, 1); ends (n_k, boxes); bounds (r, boxes)
     f = ca.Function("enclosed", list(inputs), [ca.densify(ca.cse(expression))])
-    for k in range(f.n_instructions()):
-        if f.instruction_id(k) not in _KNOWN:
-            raise ValueError(f"CasADi instruction {f.instruction_id(k)} has no enclosure here")
+    operations = [f.instruction_id(k) for k in range(f.n_instructions())]
+    if unknown := set(operations) - _KNOWN:
+        raise ValueError(f"CasADi instruction {min(unknown)} has no enclosure here")
 
     def bounds(low: Sequence[Array], high: Sequence[Array]) -> Interval:
         boxes = low[0].shape[1]
@@ -111,16 +111,16 @@ def interval_function(inputs: Sequence[ca.SX], expression: ca.SX) -> OverBoxes:
         for start in range(0, boxes, _CHUNK):
             part = slice(start, start + _CHUNK)
             with np.errstate(all="ignore"):
-                _run(f, [x[:, part] for x in low], [x[:, part] for x in high], out[:, :, part])
+                _run(f, operations, [x[:, part] for x in low], [x[:, part] for x in high], out[:, :, part])
         return out[0], out[1]
 
     return bounds
 
 
-def _run(f: ca.Function, low: Sequence[Array], high: Sequence[Array], out: Array) -> None:
+def _run(f: ca.Function, operations: list[int], low: Sequence[Array], high: Sequence[Array], out: Array) -> None:
     work: list[Interval] = [(low[0][0], low[0][0])] * f.sz_w()
-    for k in range(f.n_instructions()):
-        op, o, i = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
+    for k, op in enumerate(operations):
+        o, i = f.instruction_output(k), f.instruction_input(k)
         if op == ca.OP_INPUT:
             work[o[0]] = (low[i[0]][i[1]], high[i[0]][i[1]])
         elif op == ca.OP_OUTPUT:

@@ -92,7 +92,7 @@ def in_turn(step: ca.Function, count: int) -> Callable[[Array, Array], Array]:
     return lambda state, inputs: np.array(chained.mapaccum(inputs.shape[1] // width)(state, inputs)[1])
 
 
-_FEW = 10_000  # instants that take CasADi's machine less time than the translation
+_FEW = 5_000  # instants that take CasADi's machine less time than the translation
 
 
 class VectorisedFunction:
@@ -133,7 +133,7 @@ class VectorisedFunction:
     def seldom(self, *inputs: Array) -> Array:
         """The same nonzeros; the first by CasADi's own machine, which is slower, but needs no translation."""
         # inputs (n_k, instants)
-        self._seldom += inputs[0].shape[1]
+        self._seldom += inputs[0].shape[1] + -inputs[0].shape[1] % _AT_ONCE
         return self(*inputs) if self._seldom > _FEW else _by_casadi(self._function, inputs)
 
     def pullback(self, inputs: Sequence[Array], seeds: Array) -> tuple[Array, ...]:
