@@ -114,13 +114,18 @@ class Balance(Limit):
             nominal = ca.mtimes(rows, ca.mtimes(model.rows(q, dq, ddq), values)) + still
             return nominal - ca.sum2(ca.fabs(ca.mtimes(rows, deviations(q, dq, ddq)))) if self.uncertainty else nominal
 
-        mass = self.stand_mass + sum(float(body.theta[0]) for body in robot.bodies if body.theta is not None)
+        moved = sum(float(body.theta[0]) for body in robot.bodies if body.theta is not None)
         slides = len(A) - len(tipping)
         labels = (*(f"tipping over edge {a}-{b}" for a, b in names), *("sliding",) * slides)
-        units, scale = ("Nm",) * len(tipping) + ("N",) * slides, A[:, 2] * mass * abs(robot.gravity @ R[:, 2])
-        bounds = np.zeros(len(A)), np.full(len(A), np.inf), scale
-        limit = NonlinearConstraint(robot.n, expression, *bounds, labels, units, quantity="balance")
-        return (limit.restricted(motion),)
+        units, load = ("Nm",) * len(tipping) + ("N",) * slides, (self.stand_mass + moved) * -robot.gravity @ R[:, 2]
+        bounds = np.zeros(len(A)), np.full(len(A), np.inf), A[:, 2] * load
+        limit = NonlinearConstraint(robot.n, expression, *bounds, labels, units, quantity="balance").restricted(motion)
+        sliding = "" if slides else "; sliding is not checked, since no coefficient of friction is given"
+        limit.notes = (
+            f"balance: the ground carries {moved:.4g} kg that the joints move and {self.stand_mass:.4g} kg that stand, "
+            f"which must include the base{sliding}",
+        )
+        return (limit,)
 
     def _tipping(self, corners: Array) -> Array:
         """Rows a with the moment ``a w`` about each edge, less the margin, shape (k, 6)."""

@@ -16,15 +16,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 84_060,
-    "lines of code": 51_880,
-    "files": 385,
-    "classes": 691,
+    "lines": 84_300,
+    "lines of code": 52_020,
+    "files": 386,
+    "classes": 695,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 17,
     "imports inside functions": 62,
     "look-ups of built-in parts by name": 19,
-    "lines of code of tests": 38_280,
+    "lines of code of tests": 38_420,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 141,

@@ -8,10 +8,9 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import pinocchio as pin
 import pytest
 from commands import Here, content_of
-from pinocchio_chains import chain_model
+from pinocchio_chains import ground_wrenches
 from public_arms import TREES
 from scipy.optimize import linprog
 from slow_dynamics import ROBOTS
@@ -33,22 +32,11 @@ UNEVEN = ((0.2, 0.3, -0.5), (-0.3, 0.2, -0.5), (-0.3, -0.1, -0.5), (0.2, -0.2, -
 STAND: dict[str, Any] = {"stand_mass": 40.0, "stand_centre": (0.05, 0.02, -0.3)}
 
 
-def go2() -> Robot:
-    return load_robot(TREES[0].path, tip=TREES[0].tips)
-
-
-def ground_wrenches(robot: Robot, states: Samples, balance: Balance) -> Array:
-    """Force and moment of the ground about the middle of the feet's height, by Pinocchio, shape (N, 6)."""
-    model = chain_model(robot)
-    data, found, below = model.createData(), [], np.array([0.0, 0.0, balance.polygon[0][2]])
-    weight = -balance.stand_mass * robot.gravity
+def wrenches(robot: Robot, states: Samples, balance: Balance) -> Array:
+    """Force and moment of the ground, in the middle of the feet's height, on the robot and its stand, shape (N, 6)."""
+    below, weight = np.array([0.0, 0.0, FEET[0][2]]), -balance.stand_mass * robot.gravity
     stand = np.concatenate([weight, np.cross(balance.stand_centre - below, weight)])
-    ground = pin.SE3(np.eye(3), below)
-    for state in zip(states.q, states.dq, states.ddq, strict=True):
-        pin.rnea(model, data, *state)
-        carried = [k for k in range(1, model.njoints) if model.parents[k] == 0]
-        found.append(stand + sum(ground.actInv(data.liMi[k].act(data.f[k])).vector for k in carried))
-    return np.array(found)
+    return ground_wrenches(robot, states, origin=below) + stand
 
 
 def values(robot: Robot, balance: Balance, states: Samples, label: str = "") -> Array:
@@ -69,42 +57,38 @@ def moments_about_edges(w: Array, polygon: Any, margin: float = 0.0) -> Array:
 
 
 def by_edge(robot: Robot, balance: Balance, states: Samples) -> Array:
-    labels = [f"tipping over edge {k + 1}-{(k + 1) % 4 + 1}" for k in range(4)]
-    return np.hstack([values(robot, balance, states, label) for label in labels])
+    edges = ("1-2", "2-3", "3-4", "4-1")
+    return np.hstack([values(robot, balance, states, f"tipping over edge {edge}") for edge in edges])
 
 
 @pytest.mark.parametrize("name", ["go2", "panda", "irp6"])
 def test_moments_about_edges_are_those_of_the_zero_moment_point(name: str) -> None:
-    robot = go2() if name == "go2" else ROBOTS[name]()
+    robot = load_robot(TREES[0].path, tip=TREES[0].tips) if name == "go2" else ROBOTS[name]()
     balance, states = Balance(UNEVEN, **STAND, margin=0.03), random_states(robot, 20, seed=2)
-    expected = moments_about_edges(ground_wrenches(robot, states, balance), UNEVEN, 0.03)
+    expected = moments_about_edges(wrenches(robot, states, balance), UNEVEN, 0.03)
     np.testing.assert_allclose(by_edge(robot, balance, states), expected, atol=1e-9 * np.abs(expected).max())
 
 
 def held_by_feet(w: Array, mu: float, sides: int) -> bool:
     """Whether forces of feet within pyramids of friction add up to a wrench, by a linear programme."""
-    rays = []
-    for foot in np.array(FEET) - [0.0, 0.0, FEET[0][2]]:
-        for angle in (np.arange(sides) + 0.5) * 2 * np.pi / sides:
-            force = np.array([mu * np.cos(angle), mu * np.sin(angle), 1.0])
-            rays.append(np.concatenate([force, np.cross(foot, force)]))
-    return bool(linprog(np.zeros(len(rays)), A_eq=np.transpose(rays), b_eq=w, method="highs").status == 0)
+    angles = (np.arange(sides) + 0.5) * 2 * np.pi / sides
+    forces = np.column_stack([mu * np.cos(angles), mu * np.sin(angles), np.ones(sides)])
+    feet = np.array(FEET) - [0.0, 0.0, FEET[0][2]]
+    rays = np.vstack([np.hstack([forces, np.cross(foot, forces)]) for foot in feet])
+    return bool(linprog(np.zeros(len(rays)), A_eq=rays.T, b_eq=w, method="highs").status == 0)
 
 
 def test_what_does_not_slide_is_held_by_forces_of_the_feet() -> None:
     """Exactly for the pyramids, hence never beyond cones; yaw alone breaks it too."""
-    robot = go2()
-    balance = Balance(FEET, **STAND, margin=0.0, friction_coefficient=0.15)
-    states = random_states(robot, 150, seed=3)
-    least = values(robot, balance, states).min(axis=1)
-    w = ground_wrenches(robot, states, balance)
-    held = [held_by_feet(each, 0.15, 4) for each in w]
-    assert 20 < sum(held) < 130
-    assert held == (least >= 0).tolist()
-    assert all(held_by_feet(each, 0.15, 64) for each in w[least >= 0])
+    robot = load_robot(TREES[0].path, tip=TREES[0].tips)
+    balance, states = Balance(FEET, **STAND, margin=0.0, friction_coefficient=0.15), random_states(robot, 150, seed=3)
+    holds = values(robot, balance, states).min(axis=1) >= 0
+    w = wrenches(robot, states, balance)
+    assert 20 < np.sum(holds) < 130
+    assert [held_by_feet(each, 0.15, 4) for each in w] == holds.tolist()
+    assert all(held_by_feet(each, 0.15, 64) for each in w[holds])
     pushed = np.hypot(w[:, 0], w[:, 1]) > 0.15 * w[:, 2]
-    stands = values(robot, balance, states, "tipping").min(axis=1) >= 0
-    assert np.any(stands & ~pushed & (least < 0))
+    assert np.any((values(robot, balance, states, "tipping").min(axis=1) >= 0) & ~pushed & ~holds)
 
 
 def test_uncertain_inertias_are_those_of_the_worst_robot() -> None:
@@ -113,18 +97,16 @@ def test_uncertain_inertias_are_those_of_the_worst_robot() -> None:
     states, balance = random_states(robot, 5, seed=1), Balance(FEET, **STAND, margin=0.0)
 
     def moments(robot: Robot, balance: Balance = balance) -> Array:
-        return moments_about_edges(ground_wrenches(robot, states, balance), FEET)
+        return moments_about_edges(wrenches(robot, states, balance), FEET)
 
     nominal = moments(robot)
     worst = nominal - np.abs(moments(robot, replace(balance, stand_mass=40.0 * (1 + share))) - nominal)
     deviations = stated_deviations(robot, share)
     for place, link in enumerate(robot.links):
         for k, name in enumerate(parameter_names(place + 1)):
-            theta = np.array(link.theta)
-            theta[k] += deviations.get(name, 0.0)
-            links = list(robot.links)
-            links[place] = replace(link, theta=theta)
-            worst -= np.abs(moments(robot.replace(links=tuple(links))) - nominal)
+            off = replace(link, theta=link.theta + deviations.get(name, 0.0) * np.eye(10)[k])
+            links = (*robot.links[:place], off, *robot.links[place + 1 :])
+            worst -= np.abs(moments(robot.replace(links=links)) - nominal)
     found = by_edge(robot, replace(balance, uncertainty=share), states)
     np.testing.assert_allclose(found, worst, atol=1e-9 * np.abs(worst).max())
 
@@ -133,9 +115,9 @@ def test_a_ground_that_slopes_is_the_level_one_turned() -> None:
     """The same robot and ground in other axes have the same moments."""
     robot, states = ROBOTS["panda"](), random_states(ROBOTS["panda"](), 5, seed=4)
     R = rotation_from_rpy((0.3, -0.2, 1.0))
-    first = robot.joints[0]
+    first, *others = robot.joints
     turned = replace(first, rotation=R @ first.rotation, translation=R @ first.translation)
-    other = robot.replace(joints=(turned, *robot.joints[1:]), gravity=R @ robot.gravity)
+    other = robot.replace(joints=(turned, *others), gravity=R @ robot.gravity)
     feet = [tuple(R @ foot) for foot in FEET]
     there = Balance(feet, 40.0, tuple(R @ STAND["stand_centre"]), friction_coefficient=0.5)
     here = np.sort(values(robot, Balance(FEET, **STAND, friction_coefficient=0.5), states), axis=1)
@@ -187,9 +169,7 @@ def test_a_stand_tips_without_the_limit_only(tmp_path: Path) -> None:
     assert kept.feasible
     assert played(kept, 1.0)[0] < 0.2
     uses = [use for use in kept.limits if use.quantity == "balance"]
-    assert {use.label[:8] for use in uses} == {"tipping "}
-    assert len(uses) == 4
-    assert {use.method for use in uses} == {"enclosed"}
+    assert [(use.label[:7], use.method) for use in uses] == 4 * [("tipping", "enclosed")]
     assert max(use.use for use in uses) > 0.95
 
 
@@ -215,8 +195,7 @@ def test_a_support_file_is_a_limit_of_the_command(
     stored = excite.load_design(folder)
     assert stored.task.limits.support == balance_of(known.to_dict()) == known
     assert "balance (5)" in kept_text((), [use.quantity for use in stored.limits])
-    sure = replace(stored.task.limits, torque_uncertainty=0.1).imposed()[-1]
-    assert sure == replace(known, uncertainty=0.1)
+    assert replace(stored.task.limits, torque_uncertainty=0.1).imposed()[-1] == replace(known, uncertainty=0.1)
 
 
 @pytest.mark.parametrize(
@@ -228,8 +207,6 @@ def test_a_support_file_is_a_limit_of_the_command(
         ({"polygon": [*FEET, (0.0, 0.0, 0.0)]}, "in one plane, not all on a line"),
         ({"polygon": [(0.0, y, z) for _, y, z in (*FEET, (0, 0, 1))]}, "gravity .* is along its plane"),
         ({"margin": 0.25}, "0.25 m leave no room in a support polygon whose middle is 0.2 m from an edge"),
-        ({"margin": -0.1}, "margin must be zero or more, given -0.1"),
-        ({"stand_mass": np.inf}, "stand_mass must be zero or more"),
     ],
 )
 def test_supports_that_cannot_be_are_refused(given: dict[str, Any], message: str) -> None:
