@@ -177,7 +177,7 @@ class LimitChoice:
     @property
     def known_world(self) -> World | None:
         """The world; raises `InputError` where a file of results names its file only."""
-        return _opened(self.world)
+        return _opened("world", self.world)
 
     def stated_torque(self, friction: FrictionCurves | None = None) -> Limit | None:
         """Limit of torques that holds by default; None where it is given, left out, or among the constraints.
@@ -210,16 +210,18 @@ class LimitChoice:
             limits.append(built_in("constraint", "tool-speed")(self.tool_speed, self.tool_point))
         if self.known_world is not None:
             limits.append(built_in("constraint", "collision")(self.known_world))
-        if (support := _opened(self.support)) is not None:
+        if (support := _opened("support", self.support)) is not None:
             limits.append(dataclasses.replace(support, uncertainty=self.torque_uncertainty or support.uncertainty))
         own = (instance("constraint", given) for given in self.constraints)
         return (*limits, *(limit.knowing(friction) for limit in own))
 
 
-def _opened(given: Content | UnopenedFile) -> Content:
+def _opened(option: str, given: Content | UnopenedFile) -> Content:
     """The content of a file."""
     if isinstance(given, UnopenedFile):
         raise given.missing()
+    if given is not None and not hasattr(given, "to_dict"):
+        raise InputError(f"{option}: expected what `read_{option}` returns, given {given!r:.60}")
     return given
 
 

@@ -220,3 +220,5 @@ def test_mistakes_of_a_support_file_have_their_line(tmp_path: Path) -> None:
     path.write_text("polygon: [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nstand: {weight: 6}\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"stand.yaml: .*line 2"):
         read_support(path)
+    with pytest.raises(InputError, match="expected what `read_support` returns"):
+        excite.Task("panda", support="stand.yaml").limits.imposed()
