@@ -22,11 +22,10 @@ os.environ |= {"OPENBLAS_NUM_THREADS": "1"}
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests" / "builders"))
 
 import numpy as np
-import pinocchio as pin
 import record
 from linkages import FOUR_BAR, PARALLELOGRAM, linkage, played, written
 from mechanisms import delta, played as mechanism_played, quadruped
-from pinocchio_chains import chain_model, joint_torques
+from pinocchio_chains import ground_wrenches, joint_torques
 from public_arms import TREES
 
 import excite
@@ -119,17 +118,6 @@ def loops(seeds: int) -> list[dict[str, Any]]:
     return runs
 
 
-def wrenches(robot: Robot, samples: Samples) -> Array:
-    """Force and moment of the ground by Pinocchio, shape (N, 6)."""
-    model = chain_model(robot)
-    data, found = model.createData(), []
-    for state in zip(samples.q, samples.dq, samples.ddq, strict=True):
-        pin.rnea(model, data, *state)
-        carried = (k for k in range(1, model.njoints) if model.parents[k] == 0)
-        found.append(sum(data.liMi[k].act(data.f[k]).vector for k in carried))
-    return np.array(found)
-
-
 def on_a_plate(seeds: int) -> list[dict[str, Any]]:
     """Robots whose base stands on a six-axis sensor."""
     runs = []
@@ -144,7 +132,7 @@ def on_a_plate(seeds: int) -> list[dict[str, Any]]:
         samples, other = design.trajectory.samples(times), excite.design_trajectory(robot, seed=1, search=search)
         along = other.trajectory.samples(np.linspace(0.0, other.trajectory.duration, 500))
         rigid, true = DifferentialModel(moving, RIGID), joint_torques(moving, along).ravel()
-        of_torques, wrench = base_parameters(rigid), wrenches(moving, samples)
+        of_torques, wrench = base_parameters(rigid), ground_wrenches(moving, samples)
         size = np.repeat(np.sqrt(np.sum(np.mean(wrench.reshape(-1, 2, 3) ** 2, axis=0), axis=1)), 3)
         Y = rigid.instants(along)[:, of_torques.index]
         for seed in range(seeds):

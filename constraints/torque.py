@@ -20,6 +20,7 @@ from constraints.nonlinear import Expression, Limit, NonlinearConstraint
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.differential import DifferentialModel
+from regressors.models.model import RegressorModel
 from regressors.models.nominal import standard_values, stated_deviations
 from regressors.models.partial import PartialMotion, of_joints
 from regressors.robot.columns import COULOMB, VISCOUS, Terms, drive_column
@@ -234,14 +235,14 @@ class PlausibleTorqueLimit(Limit):
         torques = viscous_and_carried(robot, known, drives)
         curves = {} if self.friction is None else self.friction.curves
         exact = {drive_column(number, VISCOUS).name: 0.0 for name, number in numbers.items() if name in curves}
-        terms = _deviation_terms(robot, {**stated_deviations(robot, self.uncertainty), **exact})
+        model = DifferentialModel(robot, Terms(coulomb=False))
+        terms = deviation_terms(model, {**stated_deviations(robot, self.uncertainty), **exact})
         limited = limited_torques(robot, drives)
         return [_robust_limits(rows, rows.total(*torques), terms).restricted(motion) for rows in limited]
 
 
-def _deviation_terms(robot: Robot, deviations: Mapping[str, float]) -> Expression:
-    """``Y diag(d)``, shape (n, parameters that deviate)."""
-    model = DifferentialModel(robot, Terms(coulomb=False))
+def deviation_terms(model: RegressorModel, deviations: Mapping[str, float]) -> Expression:
+    """``Y diag(d)``, shape (r, parameters that deviate)."""
     definition, names = model.definition()
     d = np.array([deviations.get(name, 0.0) for name in names])
     scaled = sparse(definition[:, d > 0] * d[d > 0])

@@ -31,7 +31,7 @@ _OF_PARTS: Mapping[str, str] = {
 }
 _SHARED: Mapping[str, tuple[str, ...]] = {
     "Robot": ("base_link", "tip", "snap_angles", "xacro"),
-    "Limits": ("world",),
+    "Limits": ("world", "support"),
     "Logs": ("mapping", "drop", "rows", "without_rows", "loaded", "without"),
     OUTPUT: ("out", "rate"),
     OTHER: ("parts", _SET, _HELP_ALL),

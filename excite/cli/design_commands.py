@@ -98,6 +98,13 @@ Contents of --world FILE (YAML; lengths in m, frames of the links and of the bas
   ignore: [[link_5, link_7]]      pairs that are not checked; self_collision: false checks the objects only
 
 \b
+Contents of --support FILE (YAML; lengths in m, in the frame of the base, whose own mass is a part of the stand's):
+  polygon: [[0.3, 0.3, -0.5], [-0.3, 0.3, -0.5], [-0.3, -0.3, -0.5], [0.3, -0.3, -0.5]]     where it touches the ground
+  stand: {mass: 40, centre: [0, 0, -0.3]}    of all that does not move
+  margin: 0.02                    of the zero-moment point to each edge; a tenth of the middle's if left out
+  friction: 0.4                   coefficient to the ground; if left out, sliding is not checked
+
+\b
 What is written to DIR:
   trajectory.csv   time [s], then position, velocity, acceleration of every joint [rad, rad/s, rad/s^2];
                    with --stops the motion again, slowly and with stops;

@@ -234,7 +234,7 @@ def _distances(robot: Robot, joints: tuple[str, ...], task: Task, stated: Stated
 
 _SURFACES = ("floor", "wall", "ceiling")
 _COLLISIONS = (*_SURFACES, "self-collision")  # obstacles are the user's to state
-_ORDER = (*QUANTITIES, "torque", "power", "tool", "distance")
+_ORDER = (*QUANTITIES, "torque", "power", "tool", "balance", "distance")
 
 
 @dataclass(frozen=True)

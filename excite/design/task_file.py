@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict, create_model
 
+from constraints.balance import Balance, balance_of, read_support
 from constraints.geometry import World
 from constraints.world_file import read_world, world_of
 from excite.registry import BUILT_IN, OwnPart, name_of, place_of
@@ -29,7 +30,9 @@ _FORMERLY = {
     "velocity_scaling": 1.0,
 }  # what files of results without these options were made with
 _REMOVED = {("solver", "slsqp"): "ipopt"}  # parts that files of results may name, and what is taken instead
-_FILES = ("world", "friction_curves", "payload", "task_motion", "servos", "begin")  # options that may be names of files
+_FILES = (
+    "world", "support", "friction_curves", "payload", "task_motion", "servos", "begin"
+)  # options that may be names of files  # fmt: skip
 _ENDS = ("base_link", "tip")  # of what moves, beside the options of the parts
 
 
@@ -153,6 +156,8 @@ def task_from_options(
         given["prior"] = _prior(given["prior"])
     if "world" in given:
         given["world"] = _world(given)
+    if "support" in given:
+        given["support"] = _support(given["support"])
     if isinstance(given.get("task_motion"), Mapping):
         given["task_motion"] = TaskMotion.from_dict(given["task_motion"])
     if isinstance(given.get("servos"), Mapping):
@@ -189,6 +194,12 @@ def _world(options: Mapping[str, Any]) -> World | UnopenedFile:
     return world if isinstance(world, World | UnopenedFile) else world_of(world)
 
 
+def _support(given: Any) -> Balance | UnopenedFile:
+    if isinstance(given, str | Path):
+        return read_support(given)
+    return given if isinstance(given, Balance | UnopenedFile) else balance_of(given)
+
+
 def _friction(curves: Any) -> FrictionCurves | UnopenedFile:
     if isinstance(curves, str | Path):
         return read_friction(Path(curves))
@@ -202,8 +213,8 @@ def _prior(value: Any) -> float | tuple[Belief, ...]:
 
 
 def _content(given: Any) -> Any:
-    """Content of a world or of curves; the name of what is only named."""
-    if isinstance(given, World | TaskMotion | TaskServos):
+    """Content of a world, a support polygon or of curves; the name of what is only named."""
+    if isinstance(given, World | Balance | TaskMotion | TaskServos):
         return given.to_dict()
     if isinstance(given, FrictionCurves):
         return friction_content(given)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from excite.registry import built_in, check_part, instance
 from excite.tasks.option import AUTO, NONE, essential, option, strict
@@ -15,11 +15,13 @@ from excite.tasks.stored_files import UnopenedFile
 from regressors.errors import InputError
 
 if TYPE_CHECKING:  # what describes options must be imported in no time
+    from constraints.balance import Balance
     from constraints.geometry import World
     from constraints.nonlinear import Limit
     from regressors.robot.friction.curves import FrictionCurves
     from regressors.robot.robot import Robot
 
+Content = TypeVar("Content")
 Side = tuple[float | None, float | None]
 TORQUE_MARGIN = 0.1  # of a torque limit: what nominal masses may be off, before the robot itself stops the motion
 OF_JOINTS = ("position", "velocity", "acceleration", "jerk")
@@ -59,6 +61,9 @@ class LimitChoice:
     world : World, optional
         Shape of the robot and of what is around it, to stay apart. If not given, obstacles are not checked, and contact
         of the robot with itself only if its file has shapes.
+    support : Balance, optional
+        Where a robot that stands free touches the ground, and the mass of its stand, so that it does not tip or slide;
+        the share of `torque_uncertainty` counts there too. If not given, the base is taken to stand still.
     self_collision : bool
         Whether to check that, where no world is given.
     constraints : tuple of Limit or str
@@ -118,6 +123,9 @@ class LimitChoice:
     world: World | UnopenedFile | None = option(
         None, "file", "Shape of the robot and obstacles, to avoid collisions; see below.", metavar="FILE"
     )
+    support: Balance | UnopenedFile | None = option(
+        None, "file", "Support polygon of a robot that stands free, not to tip or slide; see below.", late=True
+    )
     self_collision: bool = option(
         True, "flag", "Keep the links of a URDF with shapes from touching each other, where no world file is given."
     )
@@ -169,9 +177,7 @@ class LimitChoice:
     @property
     def known_world(self) -> World | None:
         """The world; raises `InputError` where a file of results names its file only."""
-        if isinstance(self.world, UnopenedFile):
-            raise self.world.missing()
-        return self.world
+        return _opened("world", self.world)
 
     def stated_torque(self, friction: FrictionCurves | None = None) -> Limit | None:
         """Limit of torques that holds by default; None where it is given, left out, or among the constraints.
@@ -204,8 +210,19 @@ class LimitChoice:
             limits.append(built_in("constraint", "tool-speed")(self.tool_speed, self.tool_point))
         if self.known_world is not None:
             limits.append(built_in("constraint", "collision")(self.known_world))
+        if (support := _opened("support", self.support)) is not None:
+            limits.append(dataclasses.replace(support, uncertainty=self.torque_uncertainty or support.uncertainty))
         own = (instance("constraint", given) for given in self.constraints)
         return (*limits, *(limit.knowing(friction) for limit in own))
+
+
+def _opened(option: str, given: Content | UnopenedFile) -> Content:
+    """The content of a file."""
+    if isinstance(given, UnopenedFile):
+        raise given.missing()
+    if given is not None and not hasattr(given, "to_dict"):
+        raise InputError(f"{option}: expected what `read_{option}` returns, given {given!r:.60}")
+    return given
 
 
 def _one_per_joint(values: tuple[float, ...], name: str, robot: Robot) -> tuple[float, ...]:

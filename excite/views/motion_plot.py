@@ -100,8 +100,9 @@ def write_use(ax: Axes, use: LimitUse | None, bound: float, owner: str = "") -> 
 
 
 def limited_torques(design: Design, motion: Samples) -> list[tuple[str, Array, Range, LimitUse]]:
-    """Name, values without Coulomb friction, limits less this and the reserve, and use of every checked torque."""
-    uses = {use.label: use for use in design.limits if use.label.endswith(_TORQUE)}
+    """Name, values, limits and use of every checked torque, without Coulomb friction and less it, and of balance."""
+    shown = (use for use in design.limits if use.label.endswith(_TORQUE) or use.quantity == "balance")
+    uses = {use.label: use for use in shown}
     joints = design.robot.joint_names if design.approach_and_return is not None else design.moving.joint_names
     samples = of_some_joints(motion, design.robot, joints)
     torques = []
@@ -110,10 +111,11 @@ def limited_torques(design: Design, motion: Samples) -> list[tuple[str, Array, R
         if not any(label in uses for label in limit.labels):
             continue
         values = limit.shown(limit.values(samples))
-        for k, label in enumerate(limit.labels):
+        for label in dict.fromkeys(limit.labels):
             if label in uses:
-                allowed = float(limit.lower[k]), float(limit.upper[k])
-                torques.append((label.removesuffix(_TORQUE).removeprefix("joint "), values[:, k], allowed, uses[label]))
+                parts = np.array([each == label for each in limit.labels])  # of what slides, several
+                allowed, worst = (float(limit.lower[parts][0]), float(limit.upper[parts][0])), values[:, parts].min(1)
+                torques.append((label.removesuffix(_TORQUE).removeprefix("joint "), worst, allowed, uses[label]))
     return torques
 
 
@@ -209,7 +211,8 @@ def motion_figure(design: Design) -> Figure:
         _draw_row(row, function, samples, begin)
     for ax, (name, values, allowed, use) in zip(rows[-1], torques, strict=False):
         draw_limited(ax, whole.time, values, allowed, (begin + use.time, use.extreme, use.holds), far=np.inf)
-        ax.set_ylabel(f"{'force' if use.unit == 'N' else 'torque'} [{use.unit}]", fontsize=NOTE, color=DARK)
+        what = "force" if use.unit == "N" else "moment" if use.quantity == "balance" else "torque"
+        ax.set_ylabel(f"{what} [{use.unit}]", fontsize=NOTE, color=DARK)
         _write_name(ax, name, write_use(ax, use, use.bound))
     for segment, (start, end) in spans.items():
         for ax in figure.axes if segment != EXCITE else ():
@@ -232,7 +235,7 @@ def _panels(design: Design, rows: int, columns: int, torques: int) -> tuple[Figu
     """Create the panels, with the title and notes above them."""
     width = min(columns * (_PANEL.left + _PANEL_WIDTH) + _RIGHT, column_width())
     letters = int(72.0 * width / (_NOTE_LETTER * size_of("xtick.labelsize")))
-    notes = [line for text in _notes(design, torques=torques > 0) for line in textwrap.wrap(text, letters)]
+    notes = [line for text in _notes(design) for line in textwrap.wrap(text, letters)]
     letters = int(72.0 * width / (_TITLE_LETTER * size_of("figure.titlesize")))
     title = textwrap.wrap(_title(design), letters)
     title_line, note_line = (_LINE * size_of(f"{what}size") / 72.0 for what in ("figure.title", "xtick.label"))
@@ -257,7 +260,7 @@ def _title(design: Design) -> str:
     return f"{design.robot.name}: motion of {design.trajectory.duration:g} s{whole}, {verdict}"
 
 
-def _notes(design: Design, *, torques: bool) -> list[str]:
+def _notes(design: Design) -> list[str]:
     """What was checked, what was not and why, which joints rest, and what the torques are."""
     notes = [f"checked, with the number of limits: {checked_text(use.quantity for use in design.limits) or 'nothing'}"]
     if design.unchecked:
@@ -265,7 +268,7 @@ def _notes(design: Design, *, torques: bool) -> list[str]:
     resting = [name for name in design.robot.joint_names if name not in design.moving.joint_names]
     if resting:
         notes.append(f"at rest: {', '.join(resting)}")
-    if torques:
+    if any(use.label.endswith(_TORQUE) for use in design.limits):
         notes.append("torques are those of the description without Coulomb friction; limits less this and the reserve")
     return notes
 

@@ -111,3 +111,14 @@ def gravity_along(robot: Robot, poses: np.ndarray, line: np.ndarray) -> np.ndarr
     model = chain_model(robot)
     data = model.createData()
     return np.array([pin.computeGeneralizedGravity(model, data, pose).copy() for pose in poses]) @ line
+
+
+def ground_wrenches(robot: Robot, samples: Samples, axes: Array | None = None, origin: Any = (0.0, 0.0, 0.0)) -> Array:
+    """Force and moment of the ground in a frame of the base, shape (N, 6): what all that it carries takes."""
+    model = chain_model(robot)
+    data, found, place = model.createData(), [], pin.SE3(np.eye(3) if axes is None else axes, np.array(origin))
+    for state in zip(samples.q, samples.dq, samples.ddq, strict=True):
+        pin.rnea(model, data, *state)
+        carried = [k for k in range(1, model.njoints) if model.parents[k] == 0]
+        found.append(sum(place.actInv(data.liMi[k].act(data.f[k])).vector for k in carried))
+    return np.array(found)

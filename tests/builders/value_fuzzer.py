@@ -69,6 +69,7 @@ SMALL: Mapping[str, tuple[str, ...]] = {
 ABSURD = ("0", "-1", "1e-300", "1e308", "nan", "inf", "1e20", "9" * 400, "9" * 5000, "", "1_0", "x", "true", "-0")
 RIGHT: Mapping[str, tuple[str, ...]] = {
     "robot": ("two.yaml",), "task_file": ("task.yaml", "absurd.yaml"), "world": ("world.yaml",),
+    "support": ("support.yaml",),
     "prior": ("prior.yaml", "0.2", "1e-9", "1e9"),
     "load": ("load.yaml", "1,0,0,0,1,0,0,1,0,1", "1e9,0,0,0,1e9,0,0,1e9,0,1e9", "1e-9,0,0,0,0,0,0,0,0,0"),
     "friction": ("friction.yaml",), "friction_curves": ("friction.yaml",), "parameters": ("r",), "plan": ("p",),
@@ -105,6 +106,8 @@ FILES = {
     "two.yaml": ROBOT,
     "world.yaml": "clearance: 0.01\nrobot: [{link: B, from: [0, 0, 0], to: [0.2, 0, 0], radius: 0.05}]\n"
     "objects: {wall: {plane: {normal: [0, 0, 1], offset: -2}}}\n",
+    "support.yaml": "polygon: [[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]]\nstand: {mass: 9, centre: [0, 0, 0.1]}\n"
+    "margin: 0.1\nfriction: 0.6\n",
     "prior.yaml": "F1c: {value: 1.0, deviation: 0.1}\n",
     "load.yaml": "m: 1.0\nmcx: 0.01\nIxx: 0.01\nIyy: 0.01\nIzz: 0.01\n",
     "friction.yaml": "schema: excite.friction/1\ndrives:\n  z1: {model: coulomb-viscous, coulomb: 1.0, viscous: 0.5}\n",
@@ -167,6 +170,7 @@ BASE: Mapping[str, tuple[str, ...]] = {
 READ: Mapping[str, tuple[str, ...]] = {
     "two.yaml": BASE["design"],
     "world.yaml": (*BASE["design"], "--world", "world.yaml"),
+    "support.yaml": (*BASE["design"], "--support", "support.yaml"),
     "prior.yaml": (*BASE["design"], "--prior", "prior.yaml"),
     "task.yaml": (*DESIGN[:2], "--task", "task.yaml", "--starts", "1", "--executor", "serial", "--out", "o"),
     "load.yaml": (*BASE["simulate"], "--load", "load.yaml"),

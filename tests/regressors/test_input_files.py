@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from refused import refusal
 
+from constraints.balance import read_support
 from constraints.shapes import MeshError, mesh_corners, urdf_meshes, urdf_shape
 from constraints.world_file import read_world
 from excite.design.design_json import read_precision_target
@@ -46,6 +47,7 @@ READERS = {
     "load": read_load,
     "prior": read_prior,
     "world": lambda path: read_world(path),
+    "support": lambda path: read_support(path),
     "motion": lambda path: read_motion(path, ("1",)),
     "campaign": read_sweep_file,
     "gains": read_gains,

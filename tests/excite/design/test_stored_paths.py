@@ -94,7 +94,7 @@ def edit(folder: Path, change: Callable[[dict[str, Any]], None]) -> None:
     (folder / "manifest.json").unlink(missing_ok=True)  # as in a folder of an older version
 
 
-@pytest.mark.parametrize("option", ["world", "friction_curves", "payload", "begin", "robot"])
+@pytest.mark.parametrize("option", ["world", "support", "friction_curves", "payload", "begin", "robot"])
 def test_nothing_that_a_design_names_is_opened(folder: Path, option: str) -> None:
     secret = folder / "secret.yaml"
     secret.write_text("password: 12345", encoding="utf-8")

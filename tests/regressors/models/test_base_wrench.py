@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from pinocchio_chains import chain_model
+from pinocchio_chains import ground_wrenches
 from public_arms import TREES
 from slow_dynamics import ROBOTS, random_body, shifted
 
@@ -17,25 +16,12 @@ from regressors.models.load import Sensor
 from regressors.readers.library import load_robot
 from regressors.robot.columns import Terms
 from regressors.robot.robot import Link, Robot
-from regressors.samples import Array, Samples
 
 
 def with_random_bodies(robot: Robot) -> Robot:
     rng = np.random.default_rng(5)
     links = tuple(Link(link.name, random_body(rng), link.number) for link in robot.links)
     return robot.replace(links=links, branches=())
-
-
-def wrenches(robot: Robot, sensor: Sensor, states: Samples) -> Array:
-    """Force and moment of the ground, shape (N, 6): what all bodies that the base carries take."""
-    model = chain_model(robot)
-    data, found = model.createData(), []
-    place = pin.SE3(np.array(sensor.rotation), np.array(sensor.translation))
-    for state in zip(states.q, states.dq, states.ddq, strict=True):
-        pin.rnea(model, data, *state)
-        carried = [k for k in range(1, model.njoints) if model.parents[k] == 0]
-        found.append(sum(place.actInv(data.liMi[k].act(data.f[k])).vector for k in carried))
-    return np.array(found)
 
 
 @pytest.mark.parametrize("turned", [False, True], ids=["at-the-base", "turned"])
@@ -47,7 +33,7 @@ def test_the_wrench_is_pinocchios(name: str, turned: bool) -> None:
     states = random_states(robot, 20, seed=1)
     theta = np.concatenate([link.theta for link in robot.links])
     found = BaseWrenchModel(robot, sensor).instants(states) @ theta
-    expected = wrenches(robot, sensor, states).ravel()
+    expected = ground_wrenches(robot, states, sensor.rotation, sensor.translation).ravel()
     np.testing.assert_allclose(found, expected, atol=1e-10 * np.abs(expected).max())
 
 
