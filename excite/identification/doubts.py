@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -38,7 +37,9 @@ from excite.information.target import IdentificationTarget
 from excite.logs.signals.method import interpolated
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from regressors.errors import percent
+from regressors.robot.columns import OFFSET, drive_column
 from regressors.robot.friction.load_and_temperature import drives_with_friction
+from regressors.robot.robot import drive_numbers
 from regressors.robot.symbolic.loops import loops_of
 from regressors.samples import Array, Samples
 
@@ -141,8 +142,9 @@ def known_text(result: Identification) -> str:
 
 
 def _offsets(result: Identification) -> NDArray[np.bool_]:
-    """Which parameters are offsets of drives, by the names of `regressors.robot.columns.drive_column`."""
-    return np.array([re.fullmatch(r"F\d+o", name) is not None for name in result.names], dtype=bool)
+    """Which parameters are offsets of drives."""
+    offsets = {drive_column(number, OFFSET).name for number in drive_numbers(result.robot)}
+    return np.array([name in offsets for name in result.names], dtype=bool)
 
 
 def unknown_texts(result: Identification) -> Iterator[str]:
