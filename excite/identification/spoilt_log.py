@@ -110,13 +110,19 @@ def spoilt_log(
     fits = [*search.fits(), *FaultSearch.of(target, parts, friction, _IN_MOTION).late_joints(none)]
     fits += [search.with_load()] if target.robot.is_chain else []
     fits = [fit for fit in fits if not timed or fit.kind != "late" or fit.longest > LONGEST]
-    best = min(fits, key=lambda fit: fit.size)
+    best = min([none, *_of_faults(fits)], key=lambda fit: fit.size)
     return named(none, fits if np.all(best.errors < _NOISY * search.noise) else [*fits, search.with_lengths()])
+
+
+def _of_faults(fits: list[Fault]) -> list[Fault]:
+    return [fit for fit in fits if fit.kind != NO_FAULT.kind]
 
 
 def named(none: Fault, fits: list[Fault]) -> Doubt | None:
     """Doubt of the best fault, or of the best two if they concern the same joint and explain the same."""
-    ranked = sorted(fits, key=lambda fit: fit.size)
+    ranked = sorted(_of_faults(fits), key=lambda fit: fit.size)
+    if not ranked:
+        return None
     best = ranked[0]
     close = [fit for fit in ranked[1:] if fit.size - best.size <= MARGIN]
     alike = [best, *(fit for fit in close if fit.joints == best.joints or {fit.kind, best.kind} in _SAME_SIGNS)]
