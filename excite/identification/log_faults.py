@@ -68,7 +68,7 @@ class Fault:
 
 
 NO_FAULT = Fault("none", (), "", "")
-UNTOLD_LOAD = Fault("untold load", (), "", "")
+UNTOLD_LOAD, OTHER_MASSES = Fault("untold load", (), "", ""), Fault("other masses", (), "", "")  # no faults of a log
 
 
 def obvious_faults(names: tuple[str, ...], parts: tuple[PreparedLog, ...]) -> Iterator[Fault]:
@@ -186,7 +186,7 @@ def gain_fault(names: tuple[str, ...], j: int, log_gain: float) -> Fault:
     return Fault(kind, (names[j],), what, cure, torques)
 
 
-_FREEDOM, _FREEDOM_OF_TIME = 0.1, 0.3  # of each value that is fitted; of a change from the best time on
+FREEDOM, _FREEDOM_OF_TIME = 0.1, 0.3  # of each value that is fitted; of a change from the best time on
 _ODD_SCALE = 3.0  # masses of descriptions are off by less
 _LEVEL, _MOVED = np.deg2rad([5.0, 2.0])  # a smaller tilt is not a fault, nor a smaller one from some time on
 _DRIFT = 0.1  # a smaller change of friction is not stated
@@ -213,7 +213,7 @@ def gains_fault(names: tuple[str, ...], gains: Array, shown: Flags, *, known: bo
         f"use `gain: [{', '.join(f'{g:.3g}' for g in np.where(shown, gains, 1.0))}]` for the torques in the mapping, "
         f"{scale}, or the torque constants of the motors{hidden}",
         np.diag(gains),
-        freedom=_FREEDOM * (len(names) - 1),
+        freedom=FREEDOM * (len(names) - 1),
     )
 
 
@@ -223,7 +223,7 @@ def gravity_fault(described: Array, gravity: Array) -> Fault:
     x = ",".join(f"{x:.2f}" for x in gravity)
     what = f"the base is tilted by {np.rad2deg(angle):.0f} degrees: gravity is ({x}) in its axes, and not as described"
     cure = f"use `gravity={x}`, or `gravity: [{x}]` in the robot's file"
-    return Fault("gravity" if angle > _LEVEL else NO_FAULT.kind, (), what, cure, freedom=_FREEDOM)
+    return Fault("gravity" if angle > _LEVEL else NO_FAULT.kind, (), what, cure, freedom=FREEDOM)
 
 
 def _angle(a: Array, b: Array) -> float:
@@ -274,7 +274,7 @@ def drift_fault(names: tuple[str, ...], falls: Array) -> Fault:
     what = f"the friction of {joints} falls by {values} % over the log"
     cure = "record it again with warm drives, or use a part in which they are (`rows`)"
     kind = "drift" if off.size else NO_FAULT.kind
-    return Fault(kind, tuple(names[j] for j in off), what, cure, freedom=_FREEDOM * len(names))
+    return Fault(kind, tuple(names[j] for j in off), what, cure, freedom=FREEDOM * len(names))
 
 
 def lengths_fault(robot: Robot, factors: Array, shown: Flags) -> Fault:
@@ -288,7 +288,7 @@ def lengths_fault(robot: Robot, factors: Array, shown: Flags) -> Fault:
     )
     kind = "other lengths" if np.any(np.abs(factors - 1) > _OTHER_LENGTH) else NO_FAULT.kind
     cure = f"give the description of the robot that was recorded, such as another one of the family of {robot.name}"
-    return Fault(kind, (), what, cure, freedom=_FREEDOM * (robot.n - 1))
+    return Fault(kind, (), what, cure, freedom=FREEDOM * (robot.n - 1))
 
 
 def zero_fault(names: tuple[str, ...], j: int, zero: float) -> Fault:

@@ -22,8 +22,10 @@ from excite.identification.choices.timing import LONGEST
 from excite.identification.impossible_parameters import described_coefficients, inertial_columns, signs_of_bodies
 from excite.identification.large_residual import Doubt
 from excite.identification.log_faults import (
+    FREEDOM,
     LEAST_ERROR,
     NO_FAULT,
+    OTHER_MASSES,
     UNTOLD_LOAD,
     Fault,
     Flags,
@@ -80,6 +82,7 @@ _SPLITS = 10  # instants from which on something may have changed, before the be
 _SHORT = 0.02  # lengths that are not fitted [m]
 _LENGTH_ROUNDS, _COMMON, _STEP = 7, 2, 1e-3  # of their fit, those with one factor for all, and of the differences
 _LONGER, _SHORTEST = 0.3, 0.3  # most by which a factor changes at once; least and, inverted, largest
+_MASSES = (np.log(0.3), np.log(3.0))
 _ZEROS = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0])
 _GAINS = np.log([1e-3, 1e-2, 0.05, 0.1, 0.2, 0.35, 0.6, 0.8, 1.25, 1.6, 2.8, 5.0, 10.0, 20.0, 100.0, 1e3])
 
@@ -111,6 +114,8 @@ def spoilt_log(
     fits += [search.with_load()] if target.robot.is_chain else []
     fits = [fit for fit in fits if not timed or fit.kind != "late" or fit.longest > LONGEST]
     best = min([none, *_of_faults(fits)], key=lambda fit: fit.size)
+    if best.kind == "gravity":  # of which, to joints that are parallel, a tilt sideways only takes a part
+        fits.append(search.with_other_masses())
     return named(none, fits if np.all(best.errors < _NOISY * search.noise) else [*fits, search.with_lengths()])
 
 
@@ -132,7 +137,7 @@ def named(none: Fault, fits: list[Fault]) -> Doubt | None:
     needed = max(GAIN, _GAIN_EACH * len(best.joints))
     clear = none.size - best.size > needed and falls > _ONE_JOINT and best.error < _EXPLAINED
     few = len(alike) <= 2 or {fit.kind for fit in alike} == _SAME_SIGNS[0]
-    if not (clear and len(close) < len(alike) and few) or best.kind == UNTOLD_LOAD.kind:  # which is no fault of the log
+    if not (clear and len(close) < len(alike) and few) or not best.what:
         return None
     return Doubt(
         f"{SPOILT} {', or '.join(fault.what for fault in alike)}",
@@ -231,6 +236,18 @@ class FaultSearch:
         K = PayloadModel(self.target.robot).instants(self.samples).reshape(-1, n, 10)
         fit = Equations.of(self, self.samples, self.columns, self.measured, K).fit(UNTOLD_LOAD)
         return fit if is_load(fit.parameters[-10:]) else NO_FAULT
+
+    def with_other_masses(self) -> Fault:
+        """Fit where all described masses may be too large, or too small, by one factor."""
+
+        def fit(log_factor: float) -> Fault:
+            known = None if self.described is None else self.described * np.exp(log_factor)
+            return Equations.of(replace(self, described=known), self.samples, self.columns, self.measured).fit(
+                replace(OTHER_MASSES, freedom=FREEDOM)
+            )
+
+        found = scipy.optimize.minimize_scalar(lambda x: fit(x).size, bounds=_MASSES, method="bounded")
+        return fit(float(found.x))
 
     def in_other_units(self, none: Fault) -> Iterator[Fault]:
         """The torques of a joint whose friction, beside the other joints', is a unit off the described one.

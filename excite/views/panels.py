@@ -366,5 +366,5 @@ def bar_panel(ax: Axes, top: float, bottom: float, places: Sequence[float] = (),
     """Make a panel one of horizontal bars, from the top, with labels on the left."""
     ax.grid(False, axis="y")
     ax.set_ylim(bottom, top)
-    ax.set_yticks(places, [typeset(label) for label in labels])
+    ax.set_yticks(places, [typeset(label) for label in labels], fontsize=NOTE)
     ax.tick_params(axis="y", length=0)

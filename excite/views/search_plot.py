@@ -278,8 +278,9 @@ def _write_values(ax: Axes, table: SweepTable, name: str, values: list[str]) -> 
     longest = sum(max(map(len, label.split("\n"))) + 2 for label in labels)
     crowded = longest * LETTER * size_of("xtick.labelsize") > 72.0 * panel_width(ax)
     ax.set_xticks(
-        range(0, len(values), step), labels, rotation=30 if crowded else 0, ha="right" if crowded else "center"
-    )
+        range(0, len(values), step), labels, fontsize=NOTE,
+        rotation=30 if crowded else 0, ha="right" if crowded else "center",
+    )  # fmt: skip
 
 
 def _colour(group: int) -> str:
