@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 84_900,
-    "lines of code": 52_390,
+    "lines": 84_930,
+    "lines of code": 52_410,
     "files": 388,
     "classes": 699,
     "public names": 95,
