@@ -67,7 +67,7 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: Tips = None, sn
     robot = robot_of_tree(tree, base, tip)
     feet = feet_of(model) if base is None and tip is None else ()
     if not {*feet} <= {link.name for link in robot.links}:
-        robot = robot_of_tree(tree, base, feet)
+        robot = robot_of_tree(tree, base, (*(link.name for link in robot.tips), *feet))
     ends = (tree.root if base is None else base, tuple(link.name for link in robot.tips))
     driven = [name for name, acting in zip(joints, joint_actuators(model), strict=True) if acting]
     passive = tuple(name for name in robot.joint_names if name not in driven)

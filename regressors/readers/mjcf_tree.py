@@ -308,8 +308,10 @@ def feet_of(model: Any) -> tuple[str, ...]:
 
 
 def _held_to_world(model: Any) -> Iterator[int]:
+    """Bodies of what has drives; a thing that is fastened to the world is none of it."""
     names = names_of(model, "body")
+    driven = {int(model.body_rootid[model.jnt_bodyid[k]]) for k, own in enumerate(joint_actuators(model)) if own}
     for tie in equalities(model)[2]:
         numbers = [names.index(name) for name in tie.bodies]
         if tie.places is not None and 0 in numbers:
-            yield from (number for number in numbers if number)
+            yield from (number for number in numbers if number and int(model.body_rootid[number]) in driven)

@@ -170,6 +170,15 @@ def test_a_body_that_moves_freely_and_stands_on_its_feet_has_six_joints_without_
     assert moved[0] == 6.9
 
 
+def test_a_thing_that_is_fastened_to_the_world_is_no_foot(tmp_path: Path) -> None:
+    thing = '<body name="box" pos="1 0 1"><freejoint/><geom size="0.1" mass="1"/></body></worldbody>'
+    fastened = '<equality><weld body1="box" body2="world"/>'
+    text = linkage("beside", FOUR_BAR).replace("</worldbody>", thing).replace("<equality>", fastened)
+    robot = load_robot(written(tmp_path, "beside", text))
+    assert robot.joint_names == ("q1", "q2", "q3")
+    assert len(robot.closures) == 1
+
+
 def test_white_noise_of_more_drives_than_move_on_their_own_is_white_in_the_equations() -> None:
     motion = of_loops(mechanism("quadruped"))
     assert motion.loops.redundant
