@@ -169,6 +169,7 @@ def take_sizes(figure: Figure) -> None:
             x, y = text.xyann
             text.xyann = small * float(x), small * float(y)
     for ax in figure.axes:
+        ax.tick_params(labelsize=size_of("xtick.labelsize"))  # also where they were given one for a screen
         for artist in (*ax.lines, *ax.patches, *ax.collections):
             _thin(artist, thin)
     for legend in filter(None, [*figure.legends, *(ax.get_legend() for ax in figure.axes)]):
