@@ -34,9 +34,9 @@ from spoilt import (
 )
 
 import excite
+from excite.identification.fault_search import FaultSearch
 from excite.identification.log_faults import NO_FAULT
 from excite.identification.prediction import instantaneous_target
-from excite.identification.spoilt_log import FaultSearch
 from excite.logs.log import Log
 from excite.tasks.installation import Installation
 from excite.tasks.payload import installed
