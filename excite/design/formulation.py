@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from constraints.diagnosis import ContradictionError, interior_pose, smallest_relaxation
 from constraints.linear import LinearConstraint, linear_limits
@@ -49,7 +48,7 @@ from excite.tasks.stored_files import TaskMotion, UnopenedFile
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
-from regressors.numerical import numerical_work
+from regressors.numerical import numerical_work, one_thread
 from regressors.readers.description import refuse_missing_ranges
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
@@ -147,7 +146,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     formulation = Formulation(
         target, task, limits, nonlinear, stated.constraints, unchecked, transfer_limits, blueprint, notes
     )
-    with threadpool_limits(1):
+    with one_thread():
         check_excitable(blueprint, formulation.problem, target.base)
         check_gradient(task, formulation.problem)
     return formulation

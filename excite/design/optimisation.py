@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from constraints.certificate import LimitUse
 from constraints.enclosure import uses_of
@@ -56,7 +55,7 @@ from excite.trajectories import Trajectory
 from excite.trajectories.family import Family
 from regressors.arguments import checked
 from regressors.models.model import RegressorModel
-from regressors.numerical import numerical_work
+from regressors.numerical import numerical_work, one_thread
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.vectorised import evaluation, interpreted_note
 from regressors.samples import Array
@@ -219,7 +218,7 @@ def solve(
         random = None if search.starts is None else rounds.first
         task = formulation.task.changed(search=replace(search, budget=None, starts=random, rounds=rounds.count))
         formulation = replace(formulation, task=task)
-    with threadpool_limits(1), suspecting(robot):
+    with one_thread(), suspecting(robot):
         design = certify(robot, formulation, results, provenance, interrupted=interrupted)
     return replace(design, search=rounds.summary, notes=(*design.notes, *interpreted_note()))
 

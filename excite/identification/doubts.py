@@ -37,6 +37,7 @@ from excite.information.target import IdentificationTarget
 from excite.logs.signals.method import interpolated
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from regressors.errors import percent
+from regressors.numerical import one_thread
 from regressors.robot.columns import OFFSET, drive_column
 from regressors.robot.friction.load_and_temperature import drives_with_friction
 from regressors.robot.robot import drive_numbers
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from excite.identification.identification import Identification
 
 
+@one_thread()
 def doubts_of(result: Identification) -> tuple[Doubt, ...]:
     """Reasons why a result cannot be right; empty if there are none."""
     target = result.target_of_instants
@@ -80,6 +82,7 @@ def _found(result: Identification, target: IdentificationTarget) -> tuple[Doubt,
     return tuple(doubt for doubt in checks if doubt is not None)
 
 
+@one_thread()
 def warnings_of(result: Identification) -> tuple[Doubt, ...]:
     """What the logs do not determine, although the result may be right; empty if there is nothing."""
     target = result.target_of_instants

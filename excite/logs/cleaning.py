@@ -87,7 +87,8 @@ def _rows_again(log: Log) -> NDArray[np.bool_]:
     values = np.column_stack([log.q, torque])
     for back in range(2, min(_BACK, log.count)):
         again[back:] |= np.all(values[back:] == values[:-back], axis=1)
-    return again & np.concatenate([[False], np.any(np.abs(np.diff(log.q, axis=0)) > _STEPS * _grain(log.q), axis=1)])
+    jumps = np.any(np.abs(np.diff(log.q, axis=0)) > _STEPS * _grain(log.q), axis=1)
+    return np.asarray(again & np.concatenate([[False], jumps]))
 
 
 def _equal(x: Array) -> NDArray[np.bool_]:
