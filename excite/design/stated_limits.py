@@ -67,6 +67,8 @@ def stated_limits(robot: Robot, joints: tuple[str, ...], task: Task, world: Stat
     torques = _torques(robot, joints, task)
     distances = _distances(robot, joints, task, world)
     unchecked = (*torques.unchecked, *distances.unchecked)
+    if not robot.is_chain and task.limits.support is None:  # robots of several limbs may stand free
+        unchecked = (*unchecked, Unchecked("balance", "no support polygon is given"))
     return StatedLimits((*torques.constraints, *distances.constraints), unchecked, (*torques.notes, *distances.notes))
 
 
