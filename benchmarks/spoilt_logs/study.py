@@ -125,7 +125,7 @@ def factors_right(case: Spoilt, sentences: str) -> bool:
     of more joints, to blame a single one is wrong.
     """
     true = dict(zip(case.log.joints, case.truth, strict=True))
-    for joints, values, how in re.findall(r"torques of ([\w, ]+) are ([\d.e+, -]+) times what ([\w ]+)", sentences):
+    for joints, values, how in re.findall(r"torques of ([\w, ]+?) are ([\d.e+, -]+) times what ([\w ]+)", sentences):
         names, said = joints.split(", "), [float(x) for x in values.split(", ")]
         others = [factor for name, factor in true.items() if name not in names and len(true) == 3]
         references = [1.0] if "described" in how else [np.median(case.truth)] if "together" in how else others

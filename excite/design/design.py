@@ -29,7 +29,7 @@ from excite.information.weighting import PriorAndPosterior, minimised_text
 from excite.registry import name_of
 from excite.storage.codec import INLINE, OBJECT, named
 from excite.storage.manifest import entry_sha256, sha256_of
-from excite.storage.records import Shown
+from excite.storage.records import Saved
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
@@ -44,7 +44,7 @@ _ROUNDING = 1e-9  # of a metric, from process to process
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Design(Shown):
+class Design(Saved):
     """One designed motion with its certificate.
 
     Of a design that was loaded, limits and metrics are computed again from its coefficients, whatever its file states.
@@ -345,28 +345,10 @@ class Design(Shown):
         """Folder of the design, or the name of its robot."""
         return str(self.folder) if self.folder is not None else self.robot.name
 
-    def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
-        """Write the design into a folder, which is created if it does not exist.
-
-        Parameters
-        ----------
-        folder : path
-        replace : bool
-            Replace a design that is already there.
-
-        Returns
-        -------
-        list of Path
-            Files that were written.
-
-        Raises
-        ------
-        InputError
-            The folder holds a design, or cannot be written to.
-        """
+    def _written(self, place: Path, *, replace: bool) -> list[Path]:
         from excite.design.design_folder import save_design
 
-        return save_design(self, folder, replace=replace)
+        return save_design(self, place, replace=replace)
 
     def stored(self) -> Design:
         """The design that is written: with what is computed from the coefficients in place of what a file states."""
