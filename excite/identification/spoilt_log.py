@@ -23,6 +23,7 @@ _GAIN_EACH = 0.15  # that a fault must win for each joint: what a model lacks of
 MARGIN = 0.25  # and on the next fault
 _ONE_JOINT = 1.2  # factor by which the error of one joint at least must fall
 _WHITE, _GAIN_OF_ZERO, _MARGIN_OF_ZERO = 1.2, 0.08, 0.04  # white noise at most; what a zero then must win
+_LEAST_ZERO = np.deg2rad(2.5)
 _SAME_SIGNS = ({"torque gain", "gains"}, {"zero", "gravity"})  # kinds of which a log may not tell which it is
 SPOILT = "the log is spoilt:"
 _NOISY, _SMALL = 1.2, 0.01  # an error of one joint of more than so many times the noise, and of the torque, is searched
@@ -73,7 +74,8 @@ def named(none: Fault, fits: list[Fault], noise: Array) -> Doubt | None:
     if not ranked:
         return None
     best = ranked[0]
-    gain, fine = none.size - best.size, best.kind == "zero" and bool(np.all(best.errors < _WHITE * noise))
+    off = best.kind == "zero" and best.positions is not None and np.abs(best.positions[1]).max() > _LEAST_ZERO
+    gain, fine = none.size - best.size, off and bool(np.all(best.errors < _WHITE * noise))
     margins = {"zero": _MARGIN_OF_ZERO} if fine else {}
     others = min(MARGIN, gain / 2) if fine else MARGIN
     close = [fit for fit in ranked[1:] if fit.size - best.size <= margins.get(fit.kind, others)]
