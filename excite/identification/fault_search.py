@@ -192,11 +192,11 @@ class FaultSearch(Instants):
         length = float(np.linalg.norm(down))
         if length == 0:
             return []
-        fit = partial(self._in_gravity, 0)
-        grid = [length * np.array(g) / np.linalg.norm(g) for g in product((-1.0, 0.0, 1.0), repeat=3) if any(g)]
+        fit, axes = partial(self._in_gravity, 0), np.column_stack([down / length, scipy.linalg.null_space(down[None])])
+        grid = [np.array(g) / np.linalg.norm(g) for g in product((1.0, 0.0, -1.0), repeat=3) if any(g)]
         found = []
         for way in (1.0, 0.0, -1.0):  # as on the floor, on a wall, under a ceiling
-            tilted = min((g for g in grid if np.sign(np.round(g @ down, 6)) == way), key=lambda g: fit(g).size)
+            tilted = min((length * axes @ g for g in grid if np.sign(g[0]) == way), key=lambda g: fit(g).size)
             for _ in range(_TURNS):
                 tilted = self._turned(0, tilted)
             found.append(tilted)

@@ -115,7 +115,7 @@ def test_a_fault_is_named_with_what_mends_it(case: str) -> None:
     assert cure in doubt.cure
 
 
-@pytest.mark.parametrize("gravity", [(9.81, 0.0, 0.0), (5.0, 5.0, -6.8)])
+@pytest.mark.parametrize("gravity", [(9.81, 0.0, 0.0), (5.0, 5.0, -6.8), (1.0, 4.0, -8.9)])
 def test_a_base_that_is_mounted_otherwise_is_named_with_its_gravity(gravity: tuple[float, float, float]) -> None:
     (doubt,) = estimate_parameters(irp6().replace(gravity=np.array(gravity)), TASK, (sound(),), EXACT).doubts
     stated = numbers(r"gravity=([-.\d]+),([-.\d]+),([-.\d]+)`", doubt.cure)
