@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from constraints.closed_loops import free_limits
 from constraints.diagnosis import ContradictionError, interior_pose, smallest_relaxation
-from constraints.linear import LinearConstraint, linear_limits
+from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import check_home
 from excite.design.blueprint import Blueprint, check_richness, check_size, restricted_limits
@@ -89,7 +90,6 @@ LIKELY_CAUSE = (
 @numerical_work("the formulation of the design", LIKELY_CAUSE)
 def formulate(robot: Robot, task: Task) -> Formulation:
     """Build and check the design problem of a task."""
-    robot.check_open("the design of a motion")
     task = with_information_in_hand(robot, with_servos(with_task_motion(with_initial_design(task))))
     check_richness(task)
     if not task.trajectory.family().linear:
@@ -100,7 +100,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         raise InputError("`servos`: the motion that they make is for models of single instants, without windows")
     motion = target.motion
     refuse_missing_ranges(target.robot, motion.matrix.any(axis=1))
-    limits = linear_limits(target.robot)
+    limits = free_limits(target.robot)
     restricted = restricted_limits(limits, motion)
     check_bounded(motion, restricted)
     joints = target.robot.joint_names
@@ -120,7 +120,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
             stated = stated_limits(robot, joints, task, world)
             centre = _pose_to_start_from(nonlinear, stated, restricted, motion, middle)
     imposed = (*nonlinear, *stated.constraints)
-    rest = motion.matrix @ centre + motion.offset
+    rest = motion.poses(centre)
     transfer_limits = _transfer_limits(robot, task, joints, imposed, world)
     check_home(robot, task, joints, rest, transfer_limits)
     check_model(target, task)
@@ -162,7 +162,7 @@ def _pose_to_start_from(
 ) -> Array:
     """Pose that keeps every limit; those that hold by default move it only where they leave it no room."""
     pose = roomy_pose(nonlinear, restricted, motion, centre)
-    q = motion.matrix @ pose + motion.offset
+    q = motion.poses(pose)
     if all(_room(limit, limit.at_rest(q)).min() >= _ROOM for limit in stated.constraints):
         return pose  # a motion can start there
     try:
@@ -245,7 +245,7 @@ def roomy_pose(
     if not nonlinear:
         return centre
     poses = _poses(linear, centre)
-    q = poses @ motion.matrix.T + motion.offset
+    q = motion.poses(poses)
     zero = np.zeros_like(q)
     at_rest = Samples(np.zeros(len(q)), q, zero, zero, zero)
     room = [_room(limit, limit.values(at_rest)) for limit in nonlinear]

@@ -227,8 +227,7 @@ def initial_motion(target: IdentificationTarget, task: Task) -> Array | None:
         )
     trajectory = begin.motion or stored_trajectory(begin.trajectory, len(names))
     q = trajectory.samples(np.linspace(0.0, trajectory.duration, _SAMPLES)).q
-    motion = target.motion
-    return np.asarray((q - motion.offset) @ np.linalg.pinv(motion.matrix).T)
+    return target.motion.coordinates(q)
 
 
 def _series(folder: Path) -> dict[str, Any]:

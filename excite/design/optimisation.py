@@ -314,6 +314,8 @@ def _unwound(
     position, shows in the equations or in the certificate: then the motion stays as it was found.
     """
     target, problem = formulation.target, formulation.problem
+    if not target.motion.straight:
+        return problem.information.trajectory(x), uses
     trajectory, N = problem.information.trajectory(x), target.motion.matrix
     joint = np.argmax(np.abs(N), axis=0)  # of each coordinate
     alone = (np.count_nonzero(N, axis=0) == 1) & (np.count_nonzero(N[joint], axis=1) == 1) & (N.max(axis=0) == 1.0)

@@ -194,6 +194,10 @@ class Trajectory:
         samples.dq[ends] = samples.ddq[ends] = 0.0
         return samples
 
+    def joints(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Those of a robot's joints that its coefficients are of: all, unless loops make some of them follow."""
+        return names
+
     def sampled(self, rate: float) -> Samples:
         """Motion at a uniform rate [Hz] from 0 to the duration, both included."""
         return self.samples(np.linspace(0.0, self.duration, round(self.duration * rate) + 1))

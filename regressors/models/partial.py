@@ -42,6 +42,14 @@ class PartialMotion:
         """``dq / ds`` in a configuration, shape (n, k)."""  # q (n, 1)
         return sparse(self.matrix)
 
+    def poses(self, s: Array) -> Array:
+        """Joint positions, shape (..., n), from those of the moving coordinates, shape (..., k)."""
+        return np.asarray(s @ self.matrix.T + self.offset)
+
+    def coordinates(self, q: Array) -> Array:
+        """Moving coordinates, shape (..., k), of joint positions, shape (..., n)."""
+        return np.asarray((q - self.offset) @ np.linalg.pinv(self.matrix).T)
+
     def torques(self, q: Array, measured: Array) -> Array:
         """``N' tau`` of the torques of all joints, shape (N, k)."""  # q, measured (N, n)
         return np.asarray(measured @ self.matrix)
@@ -71,6 +79,21 @@ class ClosedMotion(PartialMotion):
             return N
         driven = N[list(self.loops.driven), :]
         return ca.solve(ca.chol(ca.mtimes(driven.T, driven)).T, N.T).T
+
+    @property
+    def independent(self) -> PartialMotion:
+        """The motion of the independent joints on their own, each its own coordinate."""
+        k = len(self.labels)
+        return PartialMotion(self.labels, self.units, np.eye(k), np.zeros(k))
+
+    def poses(self, s: Array) -> Array:
+        """Joint positions in which the loops are closed."""
+        q, _ = self.loops.solved(np.atleast_2d(s))
+        return q.reshape(*np.shape(s)[:-1], q.shape[1])
+
+    def coordinates(self, q: Array) -> Array:
+        """Positions of the independent joints."""
+        return np.asarray(q[..., self.loops.independent])
 
     @cached_property
     def _directions(self) -> VectorisedFunction:

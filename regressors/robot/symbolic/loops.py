@@ -8,6 +8,7 @@ differentiating the velocities along the motion.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -16,7 +17,7 @@ import numpy as np
 import scipy
 
 from regressors.errors import InputError, listed_names
-from regressors.robot.robot import BASE, Robot
+from regressors.robot.robot import BASE, Robot, finite_ranges
 from regressors.robot.symbolic.kinematics import bodies, sparse
 from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array, Index, Samples
@@ -28,6 +29,7 @@ _STEP, _STEPS = 0.3, 30  # largest Newton step [rad or m], and how many there ma
 _CONVERGED, _DAMPING = 1e-13, 1e-13  # step that is none [rad or m]; part of the trace of J_d' J_d that is added to it
 _NEAR = 0.1  # of the reference's root of det(J_d' J_d), below which a path passes a singular configuration
 _PATH = 0.1  # between two configurations that are solved one after the other [rad or m]
+_ANCHORS = 2000  # configurations from which others are solved
 
 
 def closure_residual(robot: Robot, q: ca.SX) -> ca.SX:
@@ -100,6 +102,75 @@ class Loops:
         given = (x[:, self.independent] for x in (samples.dq, samples.ddq, samples.dddq))
         values = dense(self._rates, samples.q, *given)
         return Samples(samples.time, samples.q, *(np.ascontiguousarray(values[:, :, k]) for k in range(3)))
+
+    @cached_property
+    def _velocities(self) -> VectorisedFunction:
+        """Velocities and accelerations of all joints as columns, shape (n, 2)."""
+        q, (v, a) = ca.SX.sym("q", self.robot.n), (ca.SX.sym(name, len(self.independent)) for name in "va")
+        dq = ca.mtimes(self.directions(q), v)
+        ddq = ca.jtimes(dq, ca.vertcat(q, v), ca.vertcat(dq, a))
+        return VectorisedFunction([q, v, a], ca.horzcat(dq, ddq))
+
+    @cached_property
+    def _projected(self) -> VectorisedFunction:
+        """``N' u`` of a vector u of all joints."""
+        q, u = ca.SX.sym("q", self.robot.n), ca.SX.sym("u", self.robot.n)
+        return VectorisedFunction([q, u], ca.densify(ca.mtimes(self.directions(q).T, u)))
+
+    def moved(self, motion: Sequence[Array]) -> list[Array]:
+        """Positions, velocities and accelerations of all joints, (n, N), from those of the independent ones, (k, N).
+
+        Where the loops do not close, dependent joints are those of the reference, which leaves the loops open.
+        """
+        s, v, a = motion
+        q, left = self.solved(s.T)
+        apart = np.flatnonzero(~(left <= CLOSED))
+        q[np.ix_(apart, self.dependent)] = self.reference[list(self.dependent)]
+        q = np.ascontiguousarray(q.T)
+        rates = np.zeros((2, *q.shape))
+        found = self._velocities
+        rates[found.column, found.row] = found(q, v, a)
+        return [q, rates[0], rates[1]]
+
+    def pullback(self, q: Array, rates: Sequence[Array], slopes: Sequence[Array]) -> list[Array]:
+        """Slopes with respect to the independent joints' position, velocity and acceleration, each of shape (k, N).
+
+        Of functions with given slopes with respect to those of all joints, (n, N), in closed configurations q with the
+        velocities and accelerations of the independent joints: ``dq = N dq_i`` makes it ``N'`` of all slopes with
+        respect to positions, those of N among them.
+        """
+        found = self._velocities
+        seeds = np.stack([slopes[1], slopes[2]])[found.column, found.row]
+        of_q, of_v, of_a = found.pullback([q, *rates], np.ascontiguousarray(seeds))
+        return [self._projected(q, slopes[0] + of_q), of_v, of_a]
+
+    @cached_property
+    def _anchors(self) -> tuple[scipy.spatial.KDTree, Array, Array, Array]:
+        """Closed configurations all over the ranges of the independent joints: these joints, q, N and J_d."""
+        low, high = (end[list(self.independent)] for end in finite_ranges(self.robot))
+        start = self.reference[list(self.independent)]
+        drawn = np.random.default_rng(0).uniform(low, high, (_ANCHORS, len(start)))
+        q, left = self.reached(np.vstack([start, drawn]))
+        q = q[left <= CLOSED]
+        x = ca.SX.sym("q", self.robot.n)
+        N = dense(VectorisedFunction([x], self.directions(x)), q)
+        _, J = _split(dense(self._constraint, q))
+        return scipy.spatial.KDTree(q[:, self.independent]), q, N, J[:, :, self.dependent]
+
+    def solved(self, independent: Array) -> tuple[Array, Array]:
+        """As `reached`, from the nearest of many configurations that were reached before."""  # independent (N, k)
+        tree, known, N, before = self._anchors
+        _, near = tree.query(independent)
+        step = independent - known[near][:, self.independent]
+        guess = known[near] + np.einsum("tnk,tk->tn", N[near], step)
+        guess[:, self.independent] = independent
+        q, left, J_d = self._closed(guess)
+        same, itself = (_determinant(first, J_d) for first in (before[near], J_d))
+        regular = (same > 0.0) & (itself > _NEAR**2 * _determinant(before[:1], before[:1]))
+        missed = np.flatnonzero(~((left <= CLOSED) & regular))
+        if missed.size:
+            q[missed], left[missed] = self.reached(independent[missed])
+        return q, left
 
     def closed(self, q: Array) -> tuple[Array, Array]:
         """Configurations from a guess of the dependent joints, and how far each is open, infinite near a singularity.
