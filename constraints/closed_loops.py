@@ -21,7 +21,7 @@ from regressors.robot.symbolic.loops import CLOSED, Loops, closure_residual, loo
 from regressors.samples import Array, Samples
 
 SINGULAR = 0.01  # of the reference's det(J_d' J_d): where it is less, a configuration is as good as singular
-_JERK = 3  # derivative that no function of (q, dq, ddq) is
+_JERK = 3  # derivative
 
 
 def free_limits(robot: Robot) -> tuple[LinearConstraint, ...]:
@@ -33,14 +33,20 @@ def free_limits(robot: Robot) -> tuple[LinearConstraint, ...]:
     return tuple(part for part in parts if part.labels)
 
 
+def dependent_limits(robot: Robot) -> tuple[LinearConstraint, ...]:
+    """The others of them, but for jerks, which no function of position, velocity and acceleration is."""
+    if not robot.closures:
+        return ()
+    dependent = list(loops_of(robot).dependent)
+    parts = (limit.rows(limit.matrix[:, dependent].any(axis=1)) for limit in linear_limits(robot))
+    return tuple(part for part in parts if part.labels and part.derivative < _JERK)
+
+
 def loop_limits(robot: Robot) -> tuple[NonlinearConstraint, ...]:
     """Limits of dependent joints, and the distance from singular configurations; none without closed loops."""
     if not robot.closures:
         return ()
-    loops = loops_of(robot)
-    dependent = list(loops.dependent)
-    parts = (limit.rows(limit.matrix[:, dependent].any(axis=1)) for limit in linear_limits(robot))
-    return (_regular(loops), *(_nonlinear(part, robot.n) for part in parts if part.labels and part.derivative < _JERK))
+    return (_regular(loops_of(robot)), *(_nonlinear(limit, robot.n) for limit in dependent_limits(robot)))
 
 
 def loops_closed(robot: Robot) -> tuple[NonlinearConstraint, ...]:

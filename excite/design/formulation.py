@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from constraints.closed_loops import free_limits
+from constraints.closed_loops import dependent_limits, free_limits
 from constraints.diagnosis import ContradictionError, interior_pose, smallest_relaxation
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
@@ -49,7 +49,7 @@ from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.stored_files import TaskMotion, UnopenedFile
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.models.partial import PartialMotion
+from regressors.models.partial import PartialMotion, of_joints
 from regressors.numerical import numerical_work
 from regressors.readers.description import refuse_missing_ranges
 from regressors.robot.robot import Robot
@@ -141,7 +141,9 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         initial=initial_motion(target, task),
         goal=goal_of(target, task),
     )
-    unchecked = gravest_first((*unchecked_limits(motion, restricted), *stated.unchecked))
+    every, known = of_joints(target.robot, range(target.robot.n)), (*limits, *dependent_limits(target.robot))
+    without = unchecked_limits(every, known) if target.robot.closures else unchecked_limits(motion, restricted)
+    unchecked = gravest_first((*without, *stated.unchecked))
     of_limits = (*stated.notes, *(note for limit in imposed for note in limit.notes))
     notes = (*task.installation.notes, *task_notes(target, task, restricted), *of_limits)
     formulation = Formulation(

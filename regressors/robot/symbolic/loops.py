@@ -145,6 +145,32 @@ class Loops:
         return [self._projected(q, slopes[0] + of_q), of_v, of_a]
 
     @cached_property
+    def _directions(self) -> VectorisedFunction:
+        q = ca.SX.sym("q", self.robot.n)
+        return VectorisedFunction([q], self.directions(q))
+
+    def drive_torques(self, q: Array, torques: Array) -> Array:
+        """Torques of the drives, of the least norm, that do the same as torques of all joints, shape (N, n)."""
+        # q, torques (N, n)
+        N, driven = dense(self._directions, q), list(self.driven)
+        found = np.zeros_like(torques)
+        along = np.einsum("tnk,tn->tk", N, torques)
+        found[:, driven] = np.einsum("tdk,tk->td", np.linalg.pinv(np.swapaxes(N[:, driven], 1, 2)), along)
+        return found
+
+    def at_drives(self, q: ca.SX, torques: ca.SX) -> ca.SX:
+        """Torques of the drives that do the same as torques of all joints, where they are determined, shape (n, m)."""
+        # q (n, 1); torques (n, m)
+        if self.driven != self.independent:
+            raise InputError(
+                f"robot {self.robot.name!r}: its drives act on {len(self.driven)} joints, of which the loops leave "
+                f"{len(self.independent)} free, so that their torques are not determined by a motion"
+            )
+        found = ca.SX(*torques.shape)
+        found[list(self.driven), :] = ca.mtimes(self.directions(q).T, torques)
+        return found
+
+    @cached_property
     def _anchors(self) -> tuple[scipy.spatial.KDTree, Array, Array, Array]:
         """Closed configurations all over the ranges of the independent joints: these joints, q, N and J_d."""
         low, high = (end[list(self.independent)] for end in finite_ranges(self.robot))
@@ -152,8 +178,7 @@ class Loops:
         drawn = np.random.default_rng(0).uniform(low, high, (_ANCHORS, len(start)))
         q, left = self.reached(np.vstack([start, drawn]))
         q = q[left <= CLOSED]
-        x = ca.SX.sym("q", self.robot.n)
-        N = dense(VectorisedFunction([x], self.directions(x)), q)
+        N = dense(self._directions, q)
         _, J = _split(dense(self._constraint, q))
         return scipy.spatial.KDTree(q[:, self.independent]), q, N, J[:, :, self.dependent]
 
