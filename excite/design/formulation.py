@@ -99,7 +99,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     if task.objective.servos is not None and target.model.window is not None:
         raise InputError("`servos`: the motion that they make is for models of single instants, without windows")
     motion = target.motion
-    refuse_missing_ranges(target.robot, motion.matrix.any(axis=1))
+    refuse_missing_ranges(target.robot, motion.chosen)
     limits = free_limits(target.robot)
     restricted = restricted_limits(limits, motion)
     check_bounded(motion, restricted)

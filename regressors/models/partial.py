@@ -13,6 +13,7 @@ from typing import ClassVar
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from regressors.errors import InputError
 from regressors.quantities import place_of
@@ -41,6 +42,11 @@ class PartialMotion:
     def directions(self, q: ca.SX) -> ca.SX:
         """``dq / ds`` in a configuration, shape (n, k)."""  # q (n, 1)
         return sparse(self.matrix)
+
+    @property
+    def chosen(self) -> NDArray[np.bool_]:
+        """Which joints the coordinates move, but for those that only follow, shape (n,)."""
+        return self.matrix.any(axis=1)
 
     def poses(self, s: Array) -> Array:
         """Joint positions, shape (..., n), from those of the moving coordinates, shape (..., k)."""
@@ -85,6 +91,11 @@ class ClosedMotion(PartialMotion):
         """The motion of the independent joints on their own, each its own coordinate."""
         k = len(self.labels)
         return PartialMotion(self.labels, self.units, np.eye(k), np.zeros(k))
+
+    @property
+    def chosen(self) -> NDArray[np.bool_]:
+        """The independent joints."""
+        return np.isin(np.arange(self.loops.robot.n), self.loops.independent)
 
     def poses(self, s: Array) -> Array:
         """Joint positions in which the loops are closed."""
