@@ -70,7 +70,8 @@ def enclose(
 
 def _undecided(bound: Array, reached: Array, limit: Array, scale: Array) -> NDArray[np.bool_]:
     """Select the bounds that are too far above values that occur; far from a limit no accuracy is required."""
-    beyond, left = (bound - reached) / scale, (limit - bound) / scale
+    beyond = (bound - reached) / scale
+    left = np.subtract(limit, bound, out=np.full_like(bound, np.inf), where=np.isfinite(limit)) / scale
     loose, close = (beyond > _LOOSE) & (left < 1.0), (beyond > _CLOSE) & (left < _CLOSE)
     return np.asarray(loose | close, dtype=bool)
 

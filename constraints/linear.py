@@ -59,7 +59,7 @@ class LinearConstraint(Constraint):
 
     def restricted(self, motion: PartialMotion) -> LinearConstraint:
         """The same bounds on the moving coordinates s of ``q = N s + q0``; constant functions are left out."""
-        matrix, offset = self.matrix @ motion.matrix, self.offset + self.matrix @ motion.offset
+        matrix, offset = motion.functions(self.matrix, self.offset)
         changed = replace(self, matrix=matrix, offset=offset)
         return changed.rows(np.any(np.abs(matrix) > 1e-12, axis=1))
 

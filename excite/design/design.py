@@ -420,7 +420,9 @@ def recomputed_limits(design: Design, *, enclosed: bool = True) -> RecomputedLim
             of_ways = of_motion if alike else design.imposed_on(robot.joint_names)
     except InputError as error:
         reason = f": {error}"
-    motion, believed = _with_stated(uses_of(design.trajectory, free_limits(moving), of_motion), design.certified)
+    proven = design.trajectory.proven if enclosed else ()
+    uses = (*uses_of(design.trajectory, free_limits(moving), of_motion), *proven)
+    motion, believed = _with_stated(uses, design.certified)
     whole = linear_limits(design.task.limits.applied(robot)) if transfers else ()
     of_transfers = {}
     for name, way in transfers.items():

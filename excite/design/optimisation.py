@@ -355,4 +355,5 @@ def _closest(broken: list[LimitUse], formulation: Formulation) -> str:
 
 def limits_of(formulation: Formulation, trajectory: Trajectory) -> tuple[LimitUse, ...]:
     """Certificate of every limit for a motion: exact extrema of linear ones, enclosures of the others."""
-    return uses_of(trajectory, formulation.limits, (*formulation.nonlinear, *formulation.stated))
+    nonlinear = (*formulation.nonlinear, *formulation.stated)
+    return (*uses_of(trajectory, formulation.limits, nonlinear), *trajectory.proven)

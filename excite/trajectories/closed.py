@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from constraints.certificate import Extrema
-from constraints.closed_loops import largest_jerks
+from constraints.certificate import Extrema, LimitUse
+from constraints.closed_loops import LoopProof
 from constraints.linear import Constraint, LinearConstraint
 from excite.trajectories.family import Family, JointMotion, Trajectory, stored_trajectory
 from regressors.errors import InputError
@@ -55,16 +55,25 @@ class ClosedTrajectory(Trajectory):
             raise TypeError(f"no exact extrema for {type(constraint).__name__}")
         if constraint.matrix[:, list(self.motion.loops.dependent)].any():
             raise TypeError("no exact extrema of dependent joints")
-        of_free = constraint.matrix[:, list(self.motion.loops.independent)]
-        return self.family.combined_extrema(self.x, of_free, constraint.offset, constraint.derivative)
+        functions = self.motion.functions(constraint.matrix, constraint.offset)
+        return self.family.combined_extrema(self.x, *functions, constraint.derivative)
 
     @cached_property
+    def _proof(self) -> LoopProof:
+        try:
+            return LoopProof.of(self.motion, self.samples, self.duration, self.independent.jerk)
+        except InputError:  # the loops do not close somewhere
+            return LoopProof.none(self.motion.loops)
+
+    @property
     def jerk(self) -> Array:
         """Bounds of every joint's |jerk|, shape (n,); infinite where the loops may be singular."""
-        try:
-            return largest_jerks(self.motion, self.samples, self.duration, self.independent.jerk)
-        except InputError:  # the loops do not close somewhere
-            return np.full(self.motion.loops.robot.n, np.inf)
+        return self._proof.jerk
+
+    @property
+    def proven(self) -> tuple[LimitUse, ...]:
+        """The distance from singular configurations."""
+        return (self._proof.use,)
 
     def carried(self, matrix: Array, offset: Array) -> Trajectory:
         """The motion itself: all joints move, and no other robot has them."""

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from constraints.certificate import Extrema
+from constraints.certificate import Extrema, LimitUse
 from constraints.linear import Constraint, LinearConstraint
 from excite.registry import BUILT_IN, OwnPart, built_in
 from regressors.errors import InputError, UnknownName
@@ -214,6 +214,11 @@ class Trajectory:
         n = self.family.motion(self.x, np.zeros(1), 0).shape[1]
         third = self.family.combined_extrema(self.x, np.eye(n), np.zeros(n), 3)
         return np.maximum(np.abs(third.low), np.abs(third.high))
+
+    @property
+    def proven(self) -> tuple[LimitUse, ...]:
+        """Certificate of what the motion itself needs."""
+        return ()
 
     def carried(self, matrix: Array, offset: Array) -> Trajectory:
         """The motion ``matrix q + offset``."""

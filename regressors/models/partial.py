@@ -52,6 +52,10 @@ class PartialMotion:
         """Joint positions, shape (..., n), from those of the moving coordinates, shape (..., k)."""
         return np.asarray(s @ self.matrix.T + self.offset)
 
+    def functions(self, matrix: Array, offset: Array) -> tuple[Array, Array]:
+        """``matrix q + offset`` as a function of the moving coordinates."""  # matrix (m, n)
+        return matrix @ self.matrix, offset + matrix @ self.offset
+
     def coordinates(self, q: Array) -> Array:
         """Moving coordinates, shape (..., k), of joint positions, shape (..., n)."""
         return np.asarray((q - self.offset) @ np.linalg.pinv(self.matrix).T)
@@ -101,6 +105,10 @@ class ClosedMotion(PartialMotion):
         """Joint positions in which the loops are closed."""
         q, _ = self.loops.solved(np.atleast_2d(s))
         return q.reshape(*np.shape(s)[:-1], q.shape[1])
+
+    def functions(self, matrix: Array, offset: Array) -> tuple[Array, Array]:
+        """The same of functions that do not depend on dependent joints."""
+        return matrix[:, self.loops.independent], offset
 
     def coordinates(self, q: Array) -> Array:
         """Positions of the independent joints."""

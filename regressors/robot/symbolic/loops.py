@@ -24,7 +24,7 @@ from regressors.samples import Array, Index, Samples
 
 CLOSED = 1e-9  # what may be left open [m, or the sine of an angle]
 _RANK = 1e-8  # of the largest singular value
-_SINGULAR = 1e-3  # ratio of singular values of J_d below which the independent joints hardly determine the others
+SINGULAR = 1e-3  # ratio of singular values of J_d below which the independent joints hardly determine the others
 _STEP, _STEPS = 0.3, 30  # largest Newton step [rad or m], and how many there may be
 _CONVERGED, _DAMPING = 1e-13, 1e-13  # step that is none [rad or m]; part of the trace of J_d' J_d that is added to it
 _NEAR = 0.1  # of the reference's root of det(J_d' J_d), below which a path passes a singular configuration
@@ -204,7 +204,7 @@ class Loops:
         """  # q (N, n); open (N,)
         q, left, J_d = self._closed(q)
         sigma = np.linalg.svd(J_d, compute_uv=False)
-        return q, np.where((left <= CLOSED) & (sigma[:, -1] < _SINGULAR * sigma[:, 0]), np.inf, left)
+        return q, np.where((left <= CLOSED) & (sigma[:, -1] < SINGULAR * sigma[:, 0]), np.inf, left)
 
     def _closed(self, q: Array) -> tuple[Array, Array, Array]:
         """Configurations, how far each is open, and J_d, shape (N, r, m)."""
