@@ -33,6 +33,7 @@ from excite.design.task_checks import (
     check_bounded,
     check_excitable,
     check_gradient,
+    check_loops,
     check_model,
     check_required,
     check_solver,
@@ -92,6 +93,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     """Build and check the design problem of a task."""
     task = with_information_in_hand(robot, with_servos(with_task_motion(with_initial_design(task))))
     check_richness(task)
+    check_loops(robot, task)
     if not task.trajectory.family().linear:
         check_solver(task, f"motions of the family {task.trajectory.name}")
     target = target_of(robot, task)

@@ -87,7 +87,7 @@ def joint_trajectory(family: Family, x: Array, motion: PartialMotion) -> Traject
     return Trajectory(family, x).carried(motion.matrix, motion.offset)
 
 
-def stored_motion(series: Mapping[str, Any], robot: Robot, family: Family | None) -> Trajectory:
+def stored_motion(series: Mapping[str, Any], robot: Robot, family: Family | None = None) -> Trajectory:
     """Motion of all joints of a robot from the entries of a design's file."""
     if not robot.closures:
         return stored_trajectory(series, robot.n, family)

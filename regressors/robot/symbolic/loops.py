@@ -18,6 +18,7 @@ import scipy
 
 from regressors.errors import InputError, listed_names
 from regressors.robot.robot import BASE, Robot, finite_ranges
+from regressors.robot.symbolic.elimination import eliminated
 from regressors.robot.symbolic.kinematics import bodies, sparse
 from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array, Index, Samples
@@ -29,7 +30,7 @@ _STEP, _STEPS = 0.3, 30  # largest Newton step [rad or m], and how many there ma
 _CONVERGED, _DAMPING = 1e-13, 1e-13  # step that is none [rad or m]; part of the trace of J_d' J_d that is added to it
 _NEAR = 0.1  # of the reference's root of det(J_d' J_d), below which a path passes a singular configuration
 _PATH = 0.1  # between two configurations that are solved one after the other [rad or m]
-_ANCHORS = 2000  # configurations from which others are solved
+_ANCHORS, _PIVOTS = 2000, 200  # configurations from which others are solved, and for which pivots are chosen
 
 
 def closure_residual(robot: Robot, q: ca.SX) -> ca.SX:
@@ -76,13 +77,11 @@ class Loops:
 
     def directions(self, q: ca.SX) -> ca.SX:
         """``N(q)`` of ``dq = N dq_i``, shape (n, k)."""  # q (n, 1)
-        x = ca.SX.sym("x", self.robot.n)
-        J = ca.jacobian(closure_residual(self.robot, x), x)
-        J_d, J_i = J[:, list(self.dependent)], J[:, list(self.independent)]
+        J_d, J_i = self._split_jacobian(q)
         N = ca.SX(self.robot.n, len(self.independent))
         N[list(self.independent), :] = ca.SX.eye(len(self.independent))
         N[list(self.dependent), :] = -ca.solve(ca.mtimes(J_d.T, J_d), ca.mtimes(J_d.T, J_i))
-        return ca.substitute(N, x, q)
+        return N
 
     @cached_property
     def _rates(self) -> VectorisedFunction:
@@ -166,9 +165,21 @@ class Loops:
                 f"robot {self.robot.name!r}: its drives act on {len(self.driven)} joints, of which the loops leave "
                 f"{len(self.independent)} free, so that their torques are not determined by a motion"
             )
-        found = ca.SX(*torques.shape)
-        found[list(self.driven), :] = ca.mtimes(self.directions(q).T, torques)
+        found, (J_d, J_i) = ca.SX(*torques.shape), self._split_jacobian(q)
+        if J_d.shape[0] == J_d.shape[1]:
+            _, known, *_ = self._anchors
+            N_d = -eliminated(J_d, J_i, dense(VectorisedFunction([q], ca.horzcat(J_d, J_i)), known[:_PIVOTS]))
+        else:
+            N_d = self.directions(q)[list(self.dependent), :]
+        of_free, of_others = torques[list(self.independent), :], torques[list(self.dependent), :]
+        found[list(self.driven), :] = of_free + ca.mtimes(N_d.T, of_others)
         return found
+
+    def _split_jacobian(self, q: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """``J_d`` and ``J_i``."""
+        x = ca.SX.sym("x", self.robot.n)
+        J = ca.substitute(ca.jacobian(closure_residual(self.robot, x), x), x, q)
+        return J[:, list(self.dependent)], J[:, list(self.independent)]
 
     @cached_property
     def _anchors(self) -> tuple[scipy.spatial.KDTree, Array, Array, Array]:
