@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from constraints.certificate import ENCLOSED, LimitUse
-from constraints.linear import LinearConstraint, linear_limits
+from constraints.linear import LinearConstraint, Selection, linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from regressors.models.partial import ClosedMotion
 from regressors.robot.robot import Robot
@@ -31,8 +31,7 @@ def free_limits(robot: Robot) -> tuple[LinearConstraint, ...]:
     """Those of `constraints.linear.linear_limits` that are linear in the joints that move on their own."""
     if not robot.closures:
         return linear_limits(robot)
-    dependent = list(loops_of(robot).dependent)
-    parts = (limit.rows(~limit.matrix[:, dependent].any(axis=1)) for limit in linear_limits(robot))
+    parts = (limit.rows(~_follow(limit, robot)) for limit in linear_limits(robot))
     return tuple(part for part in parts if part.labels)
 
 
@@ -40,9 +39,13 @@ def dependent_limits(robot: Robot) -> tuple[LinearConstraint, ...]:
     """The others of them, but for jerks, which no function of position, velocity and acceleration is."""
     if not robot.closures:
         return ()
-    dependent = list(loops_of(robot).dependent)
-    parts = (limit.rows(limit.matrix[:, dependent].any(axis=1)) for limit in linear_limits(robot))
+    parts = (limit.rows(_follow(limit, robot)) for limit in linear_limits(robot))
     return tuple(part for part in parts if part.labels and part.derivative < _JERK)
+
+
+def _follow(limit: LinearConstraint, robot: Robot) -> Selection:
+    """Which functions depend on dependent joints."""
+    return np.asarray(limit.matrix[:, loops_of(robot).dependent].any(axis=1))
 
 
 def loop_limits(robot: Robot) -> tuple[NonlinearConstraint, ...]:
@@ -110,20 +113,18 @@ class LoopProof:
     """
 
     jerk: Array  # (n,) bounds of every joint's |jerk|; infinite where nothing is proven
-    regular: float  # bound of the least singular value of J_d over its largest one; 0 where nothing is proven
+    regular: float  # bound of the least singular value of J_d, over the largest near by; 0 where nothing is proven
     time: float  # about when it is reached [s]
     loops: Loops
 
     @classmethod
-    def of(
-        cls, motion: ClosedMotion, samples: Callable[[Array], Samples], duration: float, jerk: Array
-    ) -> LoopProof:
+    def of(cls, motion: ClosedMotion, samples: Callable[[Array], Samples], duration: float, jerk: Array) -> LoopProof:
         """That of a motion with given samples of all joints, and largest jerks of the independent ones, shape (k,)."""
         loops, best = motion.loops, None
         bounds = _Bounds(loops)
         for parts in _PARTS:
             h = duration / parts  # twice what is needed, so that neighbours overlap
-            middles = samples((np.arange(parts) + 0.5) * h)
+            middles = samples(np.linspace(h / 2, duration - h / 2, parts))
             best = bounds.over(middles, h, jerk) or best
             if best is not None and np.all(best[0] <= _LOOSE * np.abs(middles.dddq).max(axis=0)[bounds.d]):
                 break
@@ -181,7 +182,7 @@ class _Bounds:
             J, off = (J_high + J_low) / 2, (J_high - J_low) / 2
             if not np.all(np.isfinite(off)):
                 return None
-            P = np.linalg.pinv(J[:, :, d])
+            P: Array = np.asarray(np.linalg.pinv(J[:, :, d]), dtype=float)
             D = np.abs(P @ J[:, :, d] - np.eye(len(d))) + np.abs(P) @ off[:, :, d]
             if not np.all(D.sum(axis=2) < _CONTRACTS):
                 return None

@@ -66,8 +66,8 @@ class LinearConstraint(Constraint):
     def rows(self, kept: Selection) -> LinearConstraint:
         """Some of the functions."""  # kept (k,)
         labels, units = (tuple(compress(texts, kept)) for texts in (self.labels, self.units))
-        numbers = (x[kept] for x in (self.matrix, self.offset, self.lower, self.upper))
-        return LinearConstraint(self.derivative, *numbers, labels, units)
+        matrix, offset, lower, upper = (x[kept] for x in (self.matrix, self.offset, self.lower, self.upper))
+        return LinearConstraint(self.derivative, matrix, offset, lower, upper, labels, units)
 
     def values(self, samples: Samples) -> Array:
         """``A q^(d) + a0`` at every instant, shape (N, k)."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
-from constraints.closed_loops import free_limits, closing_limits
+from constraints.closed_loops import closing_limits, free_limits
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.grid_limits import GridLimits
@@ -101,7 +101,9 @@ class Blueprint:
                 unit=combination.unit,
                 exact_matrix=exact_matrix,
             ),
-            limits=GridLimits.imposed(family.on_grid(grid), limits, (*closing_limits(robot), *nonlinear), motion, stated),
+            limits=GridLimits.imposed(
+                family.on_grid(grid), limits, (*closing_limits(robot), *nonlinear), motion, stated
+            ),
             centre=self.centre,
             shapes=task.search.start,
             initial=self.initial,

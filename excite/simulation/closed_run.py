@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 import scipy
 
-from excite.simulation.integration import Steps, SimulatedRun
+from excite.simulation.integration import SimulatedRun, Steps
 from excite.simulation.plant import Plant
 from excite.simulation.settings import SimulationSettings
 from excite.tasks.reference import Reference

@@ -46,7 +46,7 @@ class PartialMotion:
     @property
     def chosen(self) -> NDArray[np.bool_]:
         """Which joints the coordinates move, but for those that only follow, shape (n,)."""
-        return self.matrix.any(axis=1)
+        return np.asarray(self.matrix.any(axis=1))
 
     def poses(self, s: Array) -> Array:
         """Joint positions, shape (..., n), from those of the moving coordinates, shape (..., k)."""

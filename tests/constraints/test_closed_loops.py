@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -54,7 +54,7 @@ SWINGS = {
 def test_no_joint_jerks_more_than_is_proven(name: str, amplitude: float, middle: float, w: float) -> None:
     motion, duration = motion_of(name), 2 * np.pi / w
     jerk = np.full(len(motion.labels), amplitude * w**3)
-    proof = LoopProof.of(motion, lambda time: swinging(motion, amplitude, middle, w, time), duration, jerk)
+    proof = LoopProof.of(motion, partial(swinging, motion, amplitude, middle, w), duration, jerk)
     reached = np.abs(swinging(motion, amplitude, middle, w, np.linspace(0.0, duration, 20_001)).dddq).max(axis=0)
     assert np.all(reached <= proof.jerk * (1.0 + 1e-12))
     dependent = list(motion.loops.dependent)
@@ -82,7 +82,6 @@ def test_a_parallelogram_that_comes_near_the_line_in_which_it_folds_is_less_regu
     motion = motion_of("parallelogram")
     regular = []
     for amplitude in (0.5, 1.0, 1.4):
-        w, jerk = 1.0, np.array([amplitude])
-        samples = (lambda a: lambda time: swinging(motion, a, np.pi / 6, w, time))(amplitude)
-        regular.append(LoopProof.of(motion, samples, 2 * np.pi / w, jerk).regular)
+        samples = partial(swinging, motion, amplitude, np.pi / 6, 1.0)
+        regular.append(LoopProof.of(motion, samples, 2 * np.pi, np.array([amplitude])).regular)
     assert regular[0] > regular[1] > regular[2] > 0

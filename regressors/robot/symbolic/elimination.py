@@ -1,7 +1,7 @@
 """Solution of sparse linear equations as an expression that intervals bound well.
 
-CasADi's own is by a QR factorisation, whose many operations widen intervals far more than an elimination does that takes
-what little there is in each row [Markowitz 1957].
+CasADi's own is by a QR factorisation, whose many operations widen intervals far more than an elimination does whose
+pivots have few others in their rows and columns [Markowitz 1957].
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ def eliminated(A: ca.SX, B: ca.SX, values: Array) -> ca.SX:
         open_.discard(j)
         for below in (row for row in left if filled[row, j]):
             factor, by = rows[below][j] / rows[i][j], number[:, below, j] / number[:, i, j]
-            for k in np.flatnonzero(filled[i]):
-                rows[below][k] -= factor * rows[i][k]
+            for column in np.flatnonzero(filled[i]).tolist():
+                rows[below][column] -= factor * rows[i][column]
             number[:, below] -= by[:, None] * number[:, i]
             filled[below] |= filled[i]
             filled[below, j] = False

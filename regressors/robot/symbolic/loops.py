@@ -124,7 +124,7 @@ class Loops:
         s, v, a = motion
         q, left = self.solved(s.T)
         apart = np.flatnonzero(~(left <= CLOSED))
-        q[np.ix_(apart, self.dependent)] = self.reference[list(self.dependent)]
+        q[np.ix_(apart, np.array(self.dependent))] = self.reference[list(self.dependent)]
         q = np.ascontiguousarray(q.T)
         rates = np.zeros((2, *q.shape))
         found = self._velocities

@@ -180,5 +180,5 @@ def test_what_cannot_be_designed_is_refused_in_a_sentence(options: dict[str, obj
 
 def test_a_joint_that_neither_a_drive_nor_the_loops_move_is_refused() -> None:
     loose = robot_of("four-bar").replace(passive=("q1", "q2", "q3"))
-    with pytest.raises(InputError, match="no drive moves q[12], nor do the loops"):
+    with pytest.raises(InputError, match=r"no drive moves q[12], nor do the loops"):
         excite.design_trajectory(loose, **OPTIONS)

@@ -33,9 +33,7 @@ def test_solutions_are_those_of_numpy_and_boxes_narrower_than_by_a_qr_factorisat
             expected = np.linalg.solve(numbers[:, :m], numbers[:, m:])
             np.testing.assert_allclose(np.array(solution(point)), expected, rtol=1e-9, atol=1e-9)
         ends = [[points.T - 1e-3], [points.T + 1e-3]]
-        (low, high), (least, most) = (
-            interval_function([x], ca.vec(each))(*ends) for each in (found, ca.solve(A, B))
-        )
+        (low, high), (least, most) = (interval_function([x], ca.vec(each))(*ends) for each in (found, ca.solve(A, B)))
         here = ca.Function("here", [x], [ca.vec(found)])
         for k, point in enumerate(points):
             middle = np.array(here(point))[:, 0]
