@@ -18,7 +18,7 @@ import numpy as np
 from constraints.drive_friction import DriveFriction, drive_friction
 from constraints.nonlinear import Expression, Limit, NonlinearConstraint
 from regressors.arguments import checked
-from regressors.errors import InputError
+from regressors.errors import InputError, listed_names
 from regressors.models.differential import DifferentialModel
 from regressors.models.model import RegressorModel
 from regressors.models.nominal import standard_values, stated_deviations
@@ -137,6 +137,12 @@ def viscous_and_carried(
     robot: Robot, known: Mapping[str, float], drives: DriveFriction
 ) -> tuple[Expression, Expression]:
     """Torques at the joints with viscous friction, and those that the drives carry, without it."""
+    rubs = [drive.name for drive, rest in zip(transmission_of(robot).drives, drives.rest, strict=True) if rest.any()]
+    if passive := [name for name in rubs if name in robot.passive]:
+        raise InputError(
+            f"robot {robot.name!r}: the Coulomb friction of {listed_names(passive)}, which no drive moves, is not "
+            "counted in torques of drives; leave it out of the description, or leave the limits of torques out"
+        )
     viscous = joint_torque(robot, {**known, **drives.viscous})
     return viscous, joint_torque(robot, {**known, **dict.fromkeys(drives.viscous, 0.0)})
 

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from constraints.closed_loops import dependent_limits, free_limits
 from constraints.diagnosis import ContradictionError, interior_pose, smallest_relaxation
-from constraints.linear import LinearConstraint
+from constraints.linear import QUANTITIES, LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import check_home
 from excite.design.blueprint import Blueprint, check_richness, check_size, restricted_limits
@@ -143,9 +143,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         initial=initial_motion(target, task),
         goal=goal_of(target, task),
     )
-    every, known = of_joints(target.robot, range(target.robot.n)), (*limits, *dependent_limits(target.robot))
-    without = unchecked_limits(every, known) if target.robot.closures else unchecked_limits(motion, restricted)
-    unchecked = gravest_first((*without, *stated.unchecked))
+    unchecked = gravest_first((*_unstated(target.robot, motion, limits), *stated.unchecked))
     of_limits = (*stated.notes, *(note for limit in imposed for note in limit.notes))
     notes = (*task.installation.notes, *task_notes(target, task, restricted), *of_limits)
     formulation = Formulation(
@@ -155,6 +153,19 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         check_excitable(blueprint, formulation.problem, target.base)
         check_gradient(task, formulation.problem)
     return formulation
+
+
+def _unstated(robot: Robot, motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> tuple[Unchecked, ...]:
+    """Limits that are not stated; of closed loops for each joint, and those that are not checked although they are."""
+    if not robot.closures:
+        return unchecked_limits(motion, restricted_limits(limits, motion))
+    jerks = [name for name, most in zip(robot.joint_names, robot.limits.jerk, strict=True) if np.isfinite(most)]
+    following = [name for name in jerks if name not in motion.labels]
+    left = unchecked_limits(of_joints(robot, range(robot.n)), (*limits, *dependent_limits(robot)))
+    if not following:
+        return left
+    kept = (each for each in left if each.limit != QUANTITIES[-1])
+    return (*kept, Unchecked(QUANTITIES[-1], f"limits of {', '.join(following)} are not checked: they follow others"))
 
 
 def _pose_to_start_from(

@@ -57,10 +57,10 @@ def check_loops(robot: Robot, task: Task) -> None:
             f"robot {robot.name!r}: no drive moves {listed_names(loose)}, nor do the loops; take a joint with a drive "
             "from `passive` in its description"
         )
+    if task.model.channel != "effort":
+        robot.check_open(f"a design for the {name_of(task.model.model)} model")
     if task.output.home is not None:
         robot.check_open("an approach from `home` on straight lines of all joints")
-    if task.objective.servos is not None:
-        robot.check_open("the motion that `servos` make")
 
 
 def check_model(target: IdentificationTarget, task: Task) -> None:

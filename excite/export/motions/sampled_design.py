@@ -49,7 +49,7 @@ class SampledDesign:
 
     @property
     def of_drives(self) -> SampledDesign:
-        """The same motion of the joints that drives act on, which is what a controller can be told."""
+        """The same motion of the joints that drives act on, which is what a controller commands."""
         names, s = self.robot.joint_names, self.samples
         driven = [k for k, name in enumerate(names) if name not in self.robot.passive]
         if len(driven) == len(names):
