@@ -22,7 +22,7 @@ from regressors.robot.symbolic.loops import loops_of
 from regressors.robot.symbolic.vectorised import program
 from regressors.samples import Array
 
-_SOFTEST = 1e-3  # of the largest velocity: the sign of friction changes within it
+_SOFTEST = 1e-6  # of the largest velocity: the sign of friction changes within it; nothing is integrated
 NOTE = (
     "closed loops: the robot follows its motion exactly, and its drives have the torques which that takes; no "
     "controller is simulated"

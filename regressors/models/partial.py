@@ -7,7 +7,7 @@ own coordinate, so that joints behind a coupling may move (the IRp-6's motor 2 a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -78,6 +78,10 @@ class ClosedMotion(PartialMotion):
 
     straight: ClassVar[bool] = False
     loops: Loops
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return the state without compiled functions, which are rebuilt when needed."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def directions(self, q: ca.SX) -> ca.SX:
         """``N(q)``, shape (n, k); with drives at dependent joints too, ``N (N_d' N_d)^(-1/2)`` of these drives' rows.

@@ -11,6 +11,7 @@ import pytest
 from linkages import FOUR_BAR, PARALLELOGRAM, linkage, written
 from mechanisms import delta
 
+from constraints import closed_loops
 from constraints.closed_loops import LoopProof
 from regressors.models.partial import ClosedMotion, of_loops
 from regressors.readers.library import load_robot
@@ -60,6 +61,26 @@ def test_no_joint_jerks_more_than_is_proven(name: str, amplitude: float, middle:
     dependent = list(motion.loops.dependent)
     assert np.all(proof.jerk[dependent] <= 4.0 * np.maximum(reached[dependent], 1e-6 * reached.max()) + 1e-3)
     assert proof.use.holds
+
+
+def test_bounds_reach_as_far_as_the_jerk_of_the_crank_from_a_middle_at_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(closed_loops, "_PARTS", (1,))
+    motion, jerk, duration = motion_of("four-bar"), 600.0, 0.05
+
+    def samples(time: Array) -> Samples:
+        loops, t = motion.loops, time[:, None] - duration / 2
+        q, left = loops.solved(0.2 + jerk * t**3 / 6)
+        loops.check(time, q, left, "cubic")
+        rates = np.zeros((3, *q.shape))
+        rates[:, :, list(loops.independent)] = jerk * t**2 / 2, jerk * t, np.full_like(t, jerk)
+        return loops.rates(Samples(time, q, *rates))
+
+    proof = LoopProof.of(motion, samples, duration, np.array([jerk]))
+    around = samples(np.linspace(-duration / 2, 1.5 * duration, 401))  # as far as the box of one middle
+    middle, reached = (np.abs(each.dddq).max(axis=0) for each in (samples(np.array([duration / 2])), around))
+    assert np.all(np.isfinite(proof.jerk))
+    assert np.any(reached > 1.02 * middle)
+    assert np.all(reached <= proof.jerk)
 
 
 def test_boxes_hold_the_positions_around_their_middles() -> None:

@@ -27,6 +27,8 @@ from regressors.models.base import random_states
 from regressors.models.partial import of_loops
 from regressors.readers.description import parse_description
 from regressors.readers.library import load_robot
+from regressors.robot.friction.curve import CoulombViscous
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -125,6 +127,19 @@ def test_a_linkage_is_identified_from_its_own_design_and_confirmed_by_another(na
     assert all(within(result))
     assert result.condition_number == pytest.approx(design.condition_number, rel=0.02)
     assert excite.verify(result, excite.simulate(other, noise=NOISE, seed=2)).verdict.holds
+
+
+def test_friction_of_a_drive_takes_work_in_a_simulation_and_is_identified() -> None:
+    friction = FrictionCurves({"q1": CoulombViscous(coulomb=0.3, viscous=0.1)})
+    design = designed("four-bar", "differential", 0)
+    simulation = excite.simulate(design, friction=friction, noise=NOISE)
+    assert simulation.record.loss > 1.0
+    assert simulation.energy_residual < 1e-3 * simulation.record.loss
+    result = excite.identify(robot_of("four-bar"), simulation, design=design, choose=False)
+    found = dict(zip(result.names, zip(result.coefficients, result.estimate.half_width, strict=True), strict=True))
+    for name, true in (("F1c", 0.3), ("F1v", 0.1)):
+        value, half_width = found[name]
+        assert abs(value - true) < half_width < 0.1
 
 
 def test_mujoco_plays_a_design_and_its_parameters_are_found() -> None:

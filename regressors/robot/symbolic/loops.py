@@ -9,7 +9,7 @@ differentiating the velocities along the motion.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 
 import casadi as ca
@@ -59,6 +59,10 @@ class Loops:
     reference: Array  # (n,) a configuration in which all loops are closed, nearest to home [rad or m]
     independent: tuple[int, ...]
     dependent: tuple[int, ...]
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return the state without compiled functions, which are rebuilt when needed."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -153,6 +154,25 @@ def test_a_stored_design_is_the_same_motion_of_all_joints(tmp_path: Path) -> Non
     search = excite.Search(starts=1, executor="serial", begin=tmp_path / "design")
     nearby = excite.design_trajectory(robot_of("four-bar"), model="energy", search=search, **OPTIONS)
     assert nearby.condition_number < 1.05 * design.condition_number
+
+
+@pytest.mark.slow
+def test_starts_in_other_processes_give_the_same_motion() -> None:
+    serial, process = (
+        excite.design_trajectory(
+            robot_of("four-bar"), search=excite.Search(starts=2, executor=executor, workers=2), **OPTIONS
+        )
+        for executor in ("serial", "process")
+    )
+    assert serial.condition_number == process.condition_number
+
+
+def test_what_another_process_builds_from_is_pickled_without_what_was_compiled() -> None:
+    formulation = formulate(robot_of("four-bar"), Task(robot_of("four-bar"), **OPTIONS))
+    problem = formulation.problem
+    x = random_motion(problem, np.random.default_rng(0))
+    again = pickle.loads(pickle.dumps(formulation.blueprint)).problem()
+    assert again.point(x, 2.0).value == problem.point(x, 2.0).value
 
 
 def test_a_controller_is_told_the_joints_of_the_drives(tmp_path: Path) -> None:
