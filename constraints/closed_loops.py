@@ -142,7 +142,7 @@ class LoopProof:
     @property
     def use(self) -> LimitUse:
         """Certificate of the distance from singular configurations."""
-        label = f"distance from where {_names(self.loops)} do not follow"
+        label = f"distance from singular configurations of {_names(self.loops)}"
         margin, use = self.regular - SINGULAR, SINGULAR / max(self.regular, SINGULAR**2)
         return LimitUse(label, "1", self.regular, self.time, SINGULAR, margin, use, ENCLOSED, "loops")
 

@@ -345,6 +345,12 @@ def _unwound(
 def _closest(broken: list[LimitUse], formulation: Formulation) -> str:
     """Message on the motion that is closest to feasible: which limit it violates, when, by how much; the remedy."""
     use = min(broken, key=lambda use: use.use)
+    if use.quantity == "loops":
+        return (
+            "no start ended with a motion that keeps every limit over continuous time; the closest motion has no "
+            f"proven {use.label}, near which they do not follow the others; give narrower limits of positions, or lower "
+            "velocities"
+        )
     beyond = f"{-use.margin:.2g} {use.unit} beyond {use.bound:.4g} {use.unit}"
     return (
         "no start ended with a motion that keeps every limit over continuous time; "

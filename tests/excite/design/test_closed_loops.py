@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from linkages import FOUR_BAR, PARALLELOGRAM, joint_angles, linkage, written
+from linkages import FOUR_BAR, PARALLELOGRAM, START, joint_angles, linkage, written
 from mechanisms import delta
 
 import excite
@@ -137,6 +138,27 @@ def test_the_condition_number_is_that_of_the_projected_equations_along_the_close
     assert np.linalg.cond(W) == pytest.approx(design.condition_number, rel=1e-6)
 
 
+def test_a_crank_that_cannot_turn_all_round_stays_where_the_loop_closes() -> None:
+    with TemporaryDirectory() as folder:
+        rocker = load_robot(written(Path(folder), "rocker", linkage("rocker", (0.3, 0.2, 0.25, 0.4))))
+    search = excite.Search(starts=1, executor="serial")
+    design = excite.design_trajectory(rocker, search=search, floor="none", **OPTIONS)
+    reach = np.arccos((0.3**2 + 0.4**2 - 0.45**2) / (2 * 0.3 * 0.4)) - START  # where coupler and rocker lie in line
+    assert dense(design).q[:, 0].max() < reach
+    assert design.feasible
+
+
+def test_a_motion_through_a_singular_configuration_is_not_certified() -> None:
+    motion = design_of("parallelogram").trajectory
+    assert isinstance(motion, ClosedTrajectory)
+    assert motion.proven[0].holds
+    folding = replace(motion, x=motion.family.drawn(motion.x, np.array([0.5]), 4.0))
+    (use,) = folding.proven
+    assert not use.holds
+    assert use.extreme == 0.0
+    assert not np.any(np.isfinite(folding.jerk))
+
+
 def test_a_stored_design_is_the_same_motion_of_all_joints(tmp_path: Path) -> None:
     design = design_of("four-bar", "energy")
     design.save(tmp_path / "design")
@@ -186,6 +208,7 @@ def test_a_controller_is_told_the_joints_of_the_drives(tmp_path: Path) -> None:
 
 REFUSED = {
     "home": ({"home": (0.0, 0.0, 0.0)}, "an approach from `home` on straight lines of all joints does not support"),
+    "wrench": ({"model": "base-wrench"}, "a design for the base-wrench model does not support closed loops"),
     "drives": ({"drives": ("q1",)}, "`drives` cannot be chosen"),
     "joints": ({"joints": ("q1",)}, "cannot be locked one by one"),
     "no limits": ({"velocity": None, "acceleration": None}, "no velocity or acceleration limit bounds joint q1"),
