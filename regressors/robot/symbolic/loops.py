@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 
 from regressors.errors import InputError, listed_names
-from regressors.robot.robot import BASE, Robot, finite_ranges
+from regressors.robot.robot import BASE, Robot
 from regressors.robot.symbolic.elimination import eliminated
 from regressors.robot.symbolic.kinematics import bodies, sparse
 from regressors.robot.symbolic.vectorised import VectorisedFunction
@@ -30,6 +30,7 @@ _STEP, _STEPS = 0.3, 30  # largest Newton step [rad or m], and how many there ma
 _CONVERGED, _DAMPING = 1e-13, 1e-13  # step that is none [rad or m]; part of the trace of J_d' J_d that is added to it
 _NEAR = 0.1  # of the reference's root of det(J_d' J_d), below which a path passes a singular configuration
 _PATH = 0.1  # between two configurations that are solved one after the other [rad or m]
+_TURN = 2 * np.pi
 _ANCHORS, _PIVOTS = 2000, 200  # configurations from which others are solved, and for which pivots are chosen
 
 
@@ -187,8 +188,13 @@ class Loops:
 
     @cached_property
     def _anchors(self) -> tuple[scipy.spatial.KDTree, Array, Array, Array]:
-        """Closed configurations all over the ranges of the independent joints: these joints, q, N and J_d."""
-        low, high = (end[list(self.independent)] for end in finite_ranges(self.robot))
+        """Closed configurations all over the ranges of the independent joints, or a turn either way where there is none.
+
+        These joints, q, N and J_d.
+        """
+        limits = self.robot.limits
+        ends = (np.where(np.isfinite(end), end, turn) for end, turn in ((limits.lower, -_TURN), (limits.upper, _TURN)))
+        low, high = (end[list(self.independent)] for end in ends)
         start = self.reference[list(self.independent)]
         drawn = np.random.default_rng(0).uniform(low, high, (_ANCHORS, len(start)))
         q, left = self.reached(np.vstack([start, drawn]))
