@@ -348,8 +348,8 @@ def _closest(broken: list[LimitUse], formulation: Formulation) -> str:
     if use.quantity == "loops":
         return (
             "no start ended with a motion that keeps every limit over continuous time; the closest motion has no "
-            f"proven {use.label}, near which they do not follow the others; give narrower limits of positions, or lower "
-            "velocities"
+            f"proven {use.label}, near which they do not follow the others; give narrower limits of positions, or "
+            "lower velocities"
         )
     beyond = f"{-use.margin:.2g} {use.unit} beyond {use.bound:.4g} {use.unit}"
     return (

@@ -188,9 +188,9 @@ class Loops:
 
     @cached_property
     def _anchors(self) -> tuple[scipy.spatial.KDTree, Array, Array, Array]:
-        """Closed configurations all over the ranges of the independent joints, or a turn either way where there is none.
+        """Closed configurations all over the ranges of the independent joints: these joints, q, N and J_d.
 
-        These joints, q, N and J_d.
+        A range that is not limited is a turn either way.
         """
         limits = self.robot.limits
         ends = (np.where(np.isfinite(end), end, turn) for end, turn in ((limits.lower, -_TURN), (limits.upper, _TURN)))
