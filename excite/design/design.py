@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from constraints.certificate import EXACT, LimitUse
+from constraints.closed_loops import free_limits
 from constraints.enclosure import uses_of
 from constraints.geometry import World
 from constraints.interpolation import Curve, InterpolatedLimits, curves_text, interpolated_limits
@@ -328,7 +329,8 @@ class Design(Saved):
         """The joints that move, the family and its coefficients, as ``design.json`` has them."""
         if self.stated_series is not None:
             return dict(self.stated_series)
-        return {"joints": list(self.moving.joint_names), **self.trajectory.family.to_dict(self.trajectory.x)}
+        names = self.trajectory.joints(self.moving.joint_names)
+        return {"joints": list(names), **self.trajectory.family.to_dict(self.trajectory.x)}
 
     @property
     def coefficients_sha256(self) -> str:
@@ -400,7 +402,9 @@ def recomputed_limits(design: Design, *, enclosed: bool = True) -> RecomputedLim
             of_ways = of_motion if alike else design.imposed_on(robot.joint_names)
     except InputError as error:
         reason = f": {error}"
-    motion, believed = _with_stated(uses_of(design.trajectory, linear_limits(moving), of_motion), design.certified)
+    proven = design.trajectory.proven if enclosed else ()
+    uses = (*uses_of(design.trajectory, free_limits(moving), of_motion), *proven)
+    motion, believed = _with_stated(uses, design.certified)
     whole = linear_limits(design.task.limits.applied(robot)) if transfers else ()
     of_transfers = {}
     for name, way in transfers.items():

@@ -198,6 +198,7 @@ def bound(
             f"{design.name} breaks {len(design.broken)} limits ({design.broken[0]}), and a bound holds for motions "
             "within the limits only; design it again within the limits"
         )
+    design.robot.check_open("a bound on criteria over all motions")
     with one_thread():
         formulation = formulate(design.robot, design.task)
         planes = cutting_planes(formulation, design)

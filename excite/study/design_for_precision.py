@@ -100,7 +100,6 @@ def design_for_precision(
     """
     one_model(robot_or_model, options)
     robot, task = robot_and_task(robot_or_model)
-    robot.check_open("the design of a motion")
     task = task.changed(**options, **({} if precision is None else {"precision": precision}))
     with search_folder(folder) as place:
 
