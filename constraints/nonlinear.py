@@ -10,6 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cache, cached_property
+from itertools import groupby
 from typing import Any
 
 import casadi as ca
@@ -152,6 +153,11 @@ class NonlinearConstraint(Constraint):
         s, bounds, texts = motion.matrix.shape[1], (self.lower, self.upper, self.scale), (self.labels, self.units)
         return NonlinearConstraint(s, expression, *bounds, *texts, self.shown, self.quantity)
 
+    @classmethod
+    def joined(cls, parts: Sequence[NonlinearConstraint]) -> Sequence[NonlinearConstraint]:
+        """Fewer constraints with the same functions, where these are evaluated faster."""
+        return parts
+
     def values(self, samples: Samples) -> Array:
         """Values of g at every instant, shape (N, k)."""
         return evaluate_samples(self.function, samples)[:, :, 0]
@@ -164,12 +170,12 @@ class NonlinearConstraint(Constraint):
     @cached_property
     def derivatives(self) -> tuple[int, ...]:
         """Those of position (0), velocity (1) and acceleration (2) that the functions depend on."""
-        return tuple(sorted(set((self.jacobian.column // self.joints).tolist()))) or (0,)
+        return tuple(order for order in range(3) if self.function.dependent(order).size) or (0,)
 
     @cached_property
     def varies(self) -> NDArray[np.bool_]:
         """Which functions depend on the motion, shape (k,)."""
-        return np.isin(np.arange(len(self.lower)), self.jacobian.row)
+        return np.isin(np.arange(len(self.lower)), np.concatenate([self.function.dependent(k) for k in range(3)]))
 
     def at_instants(self, motion: Sequence[Array]) -> Array:
         """Values of g, shape (k, N), of position, velocity and acceleration, each of shape (n, N).
@@ -221,7 +227,9 @@ class StackedConstraint(NonlinearConstraint):
     """The functions of several constraints on the same coordinates, which share the robot's kinematics."""
 
     def __init__(self, parts: Sequence[NonlinearConstraint]) -> None:
-        self.parts = tuple(parts)
+        kinds = groupby(parts, key=type)
+        self.parts = tuple(part for kind, some in kinds for part in kind.joined(list(some)))
+        parts = self.parts
         self._first = np.cumsum([0, *(len(part.lower) for part in parts)])
         names = ("lower", "upper", "scale")
         lower, upper, scale = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
