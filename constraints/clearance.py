@@ -140,6 +140,7 @@ class MovingBodies:
     def __init__(self, robot: Robot, frames: Frames, q: ca.SX, motion: PartialMotion) -> None:
         placed = list(placed_bodies(robot))
         names = [name for name, *_ in placed]
+        self._last: tuple[Array, Array] | None = None
         self.number = {name: k for k, name in enumerate((BASE, *names))}
         poses = [frames.pose(name, BASE) for name in names]
         self._function = VectorisedFunction([q], ca.vertcat(*(ca.vec(ca.horzcat(*pose)) for pose in poses)))
@@ -149,7 +150,15 @@ class MovingBodies:
         self._rows = np.array([row for *_, row, _ in placed]) @ motion.matrix
 
     def poses(self, q: Array) -> Array:
-        """Axes and origin of the base and of each body in the base frame, shape (instants, bodies, 3, 4)."""
+        """Axes and origin of the base and of each body in the base frame, shape (instants, bodies, 3, 4).
+
+        Limits ask for the same poses one after the other.
+        """
+        if self._last is None or not np.array_equal(q, self._last[0]):
+            self._last = q.copy(), self._poses(q)
+        return self._last[1]
+
+    def _poses(self, q: Array) -> Array:
         flat = np.zeros((12 * len(self.carried), q.shape[1]))
         flat[[0, 4, 8]] = 1.0
         flat[12 + self._function.row] = self._function.seldom(q)

@@ -10,6 +10,7 @@ from itertools import groupby, product
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from constraints.clearance import Frames, Gap, MovingBodies, gap_between
 from constraints.geometry import Obstacle, Shape, World
@@ -25,6 +26,7 @@ from regressors.samples import Array, Index, Samples
 
 _POSES = 2000
 _SCALE = 0.1  # m: a distance that counts as large
+_AT_ONCE = 512  # instants
 _STILL = 1e-9  # m: a distance that varies by less counts as independent of the motion
 
 
@@ -141,6 +143,48 @@ class Clearance(NonlinearConstraint):
             return np.asarray(np.pad(rates, ((0, 0), (0, 2 * count)))[:, columns])
 
         return slopes
+
+    @property
+    def derivatives(self) -> tuple[int, ...]:  # type: ignore[override]
+        """Positions alone."""
+        return (0,)
+
+    @cached_property
+    def varies(self) -> NDArray[np.bool_]:
+        """Those with a slope somewhere."""
+        q = np.random.default_rng(0).uniform(-1.0, 1.0, (1, self.joints))
+        return np.asarray(np.any(np.abs(self.slopes(Samples(np.zeros(1), q, q, q, q))[0]) > _STILL, axis=1))
+
+    def values(self, samples: Samples) -> Array:
+        """Values of g at every instant, shape (N, k)."""
+        return self._at_poses(samples.q.T).T
+
+    def _evaluated(self, motion: Sequence[Array]) -> Array:
+        """All values of g: few of the limits are imposed, and those that are become one that is compiled."""
+        return self._at_poses(motion[0])
+
+    def _at_poses(self, q: Array) -> Array:
+        """Values of g, shape (k, N), from the poses of the bodies at positions of shape (n, N)."""
+        every, values = _bodies(self.robot, self.motion).poses(q), np.empty((len(self.lower), q.shape[1]))
+        for first in range(0, q.shape[1], _AT_ONCE):
+            part = slice(first, first + _AT_ONCE)
+            for on, of, which, own in self._between_two:
+                (R, p), (R_s, p_s) = ((pose[..., :3], pose[..., 3:]) for pose in (every[part, on], every[part, of]))
+                back = R_s.transpose(0, 2, 1)
+                points = (back @ R) @ own["centre"].T + back @ (p - p_s)  # (N, 3, k)
+                local = own["axes"].transpose(0, 2, 1) @ (points.transpose(2, 1, 0) - own["origin"][:, :, None])
+                beside = local - np.clip(local, own["low"][:, :, None], own["high"][:, :, None])
+                d = own["d"][:, None]
+                curved = (np.sum(beside**2, axis=1) - d**2) / (2 * d) + self.lower[which, None]
+                values[which, part] = np.where(own["squared"][:, None], curved, local[:, 0])
+        return values
+
+    @cached_property
+    def _between_two(self) -> list[tuple[int, int, Index, dict[str, Array]]]:
+        """The two bodies, the numbers and the points of functions, by bodies."""
+        of_bodies, number = np.unique(np.stack([self._points["on"], self._points["of"]], axis=1), axis=0, return_inverse=True)
+        each = ((int(on), int(of), np.flatnonzero(number == k)) for k, (on, of) in enumerate(of_bodies))
+        return [(on, of, which, {name: x[which] for name, x in self._points.items()}) for on, of, which in each]
 
     def slopes(self, samples: Samples) -> Array:
         """``dg / d(q, dq, ddq)`` at every instant, shape (N, k, 3 n)."""
