@@ -55,8 +55,13 @@ class GridLimits:
         )
 
     def with_broken(self, x: Array) -> GridLimits:
-        """With those that hold by default, but not for this x, among the others; itself if there are none."""
-        return self._with([limit for limit in self.stated if not limit.holds(x)])
+        """With those that hold by default, but not for this x, among the others; itself if there are none.
+
+        Those that it uses almost whole come with them, since the motion that gives way to the others would break them.
+        """
+        if all(limit.holds(x) for limit in self.stated):
+            return self
+        return self.with_near([x])
 
     def with_near(self, motions: Sequence[Array]) -> GridLimits:
         """With those that hold by default, and that some motions use almost whole, among the others."""
