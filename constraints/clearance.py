@@ -15,8 +15,8 @@ import numpy as np
 
 from constraints.geometry import Box, HalfSpace, Obstacle, Part, Shape, vector_of
 from regressors.errors import percent
-from regressors.robot.inertia import skew
 from regressors.models.partial import PartialMotion
+from regressors.robot.inertia import skew
 from regressors.robot.robot import BASE, Joint, Robot, finite_ranges, placed_bodies
 from regressors.robot.shapes import Capsule
 from regressors.robot.symbolic.kinematics import relative_pose, sparse

@@ -82,8 +82,9 @@ class Clearance(NonlinearConstraint):
         """Those of one robot and motion as one, whose functions share the poses of its bodies."""
         clearances = [part for part in parts if isinstance(part, Clearance)]
         same = groupby(clearances, key=lambda one: (id(one.robot), id(one.motion), one.world.tolerance))
-        each = (list(some) for _, some in same)
-        return [cls(some[0].robot, some[0].motion, [p for one in some for p in one.pairs], some[0].world) for some in each]
+        each = [list(some) for _, some in same]
+        pairs = ([pair for one in some for pair in one.pairs] for some in each)
+        return [cls(some[0].robot, some[0].motion, own, some[0].world) for some, own in zip(each, pairs, strict=True)]
 
     def _at(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         return ca.substitute(self._expressions[0], motion_symbols(self.joints)[0], q)
@@ -96,7 +97,8 @@ class Clearance(NonlinearConstraint):
     @cached_property
     def _expressions(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """The functions, the same with symbols for held values, the symbols, and their expressions."""
-        frames, values, held = _frames(self.robot, self.motion), [], []
+        frames, values = _frames(self.robot, self.motion), list[ca.SX]()
+        held: list[tuple[ca.SX, ca.SX]] = []
         for pair, gap in self._gaps:
             common = frames.common(pair.link, pair.carrier)
             value, more = gap.values(frames.pose(pair.link, common), frames.pose(pair.carrier, common))
@@ -137,7 +139,7 @@ class Clearance(NonlinearConstraint):
             origin = (of[:, :, :3] @ own["origin"][:, :, None])[..., 0] + of[:, :, 3]
             local = np.einsum("rij,ri->rj", axes, point - origin)
             beside = local - np.clip(local, own["low"], own["high"])
-            beside[~own["squared"]] = 1.0, 0.0, 0.0
+            beside[np.logical_not(own["squared"])] = 1.0, 0.0, 0.0
             n = np.einsum("rij,rj->ri", axes, beside) / own["d"][:, None]
             rates = moving.rates(poses, np.hstack([np.cross(point, n), n]), instant, own["sign"])
             return np.asarray(np.pad(rates, ((0, 0), (0, 2 * count)))[:, columns])
@@ -145,7 +147,7 @@ class Clearance(NonlinearConstraint):
         return slopes
 
     @property
-    def derivatives(self) -> tuple[int, ...]:  # type: ignore[override]
+    def derivatives(self) -> tuple[int, ...]:
         """Positions alone."""
         return (0,)
 
@@ -182,16 +184,10 @@ class Clearance(NonlinearConstraint):
     @cached_property
     def _between_two(self) -> list[tuple[int, int, Index, dict[str, Array]]]:
         """The two bodies, the numbers and the points of functions, by bodies."""
-        of_bodies, number = np.unique(np.stack([self._points["on"], self._points["of"]], axis=1), axis=0, return_inverse=True)
+        both = np.stack([self._points["on"], self._points["of"]], axis=1)
+        of_bodies, number = np.unique(both, axis=0, return_inverse=True)
         each = ((int(on), int(of), np.flatnonzero(number == k)) for k, (on, of) in enumerate(of_bodies))
         return [(on, of, which, {name: x[which] for name, x in self._points.items()}) for on, of, which in each]
-
-    def slopes(self, samples: Samples) -> Array:
-        """``dg / d(q, dq, ddq)`` at every instant, shape (N, k, 3 n)."""
-        shape = samples.time.size, len(self.lower)
-        instant, function = (place.ravel() for place in np.indices(shape))
-        at = self.slopes_at_instants([samples.q.T, samples.dq.T, samples.ddq.T])
-        return at(function, instant, np.arange(3 * self.joints)).reshape(*shape, -1)
 
     @cached_property
     def rate(self) -> OverBoxes:

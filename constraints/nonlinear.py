@@ -170,12 +170,12 @@ class NonlinearConstraint(Constraint):
     @cached_property
     def derivatives(self) -> tuple[int, ...]:
         """Those of position (0), velocity (1) and acceleration (2) that the functions depend on."""
-        return tuple(order for order in range(3) if self.function.dependent(order).size) or (0,)
+        return tuple(sorted(set((self.jacobian.column // self.joints).tolist()))) or (0,)
 
     @cached_property
     def varies(self) -> NDArray[np.bool_]:
         """Which functions depend on the motion, shape (k,)."""
-        return np.isin(np.arange(len(self.lower)), np.concatenate([self.function.dependent(k) for k in range(3)]))
+        return np.isin(np.arange(len(self.lower)), self.jacobian.row)
 
     def at_instants(self, motion: Sequence[Array]) -> Array:
         """Values of g, shape (k, N), of position, velocity and acceleration, each of shape (n, N).
@@ -214,7 +214,10 @@ class NonlinearConstraint(Constraint):
 
     def slopes(self, samples: Samples) -> Array:
         """``dg / d(q, dq, ddq)`` at every instant, shape (N, k, 3 n)."""
-        return evaluate_samples(self.jacobian, samples)
+        shape = samples.time.size, len(self.lower)
+        instant, function = (place.ravel() for place in np.indices(shape))
+        at = self.slopes_at_instants([np.ascontiguousarray(x.T) for x in (samples.q, samples.dq, samples.ddq)])
+        return at(function, instant, np.arange(3 * self.joints)).reshape(*shape, -1)
 
 
 @cache
@@ -227,9 +230,8 @@ class StackedConstraint(NonlinearConstraint):
     """The functions of several constraints on the same coordinates, which share the robot's kinematics."""
 
     def __init__(self, parts: Sequence[NonlinearConstraint]) -> None:
-        kinds = groupby(parts, key=type)
-        self.parts = tuple(part for kind, some in kinds for part in kind.joined(list(some)))
-        parts = self.parts
+        runs = [list(some) for _, some in groupby(parts, key=type)]
+        parts = self.parts = tuple(part for some in runs for part in some[0].joined(some))
         self._first = np.cumsum([0, *(len(part.lower) for part in parts)])
         names = ("lower", "upper", "scale")
         lower, upper, scale = (np.concatenate([getattr(part, name) for part in parts]) for name in names)

@@ -16,15 +16,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 84_930,
-    "lines of code": 52_410,
+    "lines": 85_140,
+    "lines of code": 52_560,
     "files": 388,
-    "classes": 699,
+    "classes": 703,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 17,
     "imports inside functions": 63,
     "look-ups of built-in parts by name": 19,
-    "lines of code of tests": 38_790,
+    "lines of code of tests": 38_810,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 141,

@@ -51,7 +51,7 @@ class GridLimits:
             tuple(GridConstraint.on_coordinates(limit, grid) for limit in linear),
             each,
             tuple(GridConstraint.on_joints(limit, joints) for limit in stated),
-            each if len(each) < 2 else (GridConstraint.on_joints(StackedConstraint(nonlinear), joints),),
+            (GridConstraint.on_joints(StackedConstraint(nonlinear), joints),) if each else (),
         )
 
     def with_broken(self, x: Array) -> GridLimits:
@@ -238,7 +238,7 @@ def sampled_use(limit: GridConstraint, x: Array) -> SampledUse:
     instants = np.concatenate([instants, between])
     order = np.argsort(instants)
     values, uses = np.concatenate([coarse, fine], axis=1), np.concatenate([use, limit.uses(fine)], axis=1)
-    return instants[order], values[:, order], uses[:, order]
+    return instants[order], values.take(order, axis=1), uses.take(order, axis=1)
 
 
 def _between(use: Array, count: int) -> Index:

@@ -163,7 +163,7 @@ class Information:
     @property
     def _together(self) -> int:
         """Motions whose W fit into a processor's cache together."""
-        numbers = sum(block.columns.size * block.equations for block in self._blocks) * self._count
+        numbers: int = sum(block.columns.size * block.equations for block in self._blocks) * self._count
         return max(1, _CACHE // max(1, numbers))
 
 

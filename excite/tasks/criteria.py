@@ -29,7 +29,7 @@ from typing import Self
 import numpy as np
 import scipy
 
-from regressors.samples import Array, Index
+from regressors.samples import Array
 
 _FLOOR = 1e-300
 
@@ -107,33 +107,9 @@ class SpectralCriterion(Criterion):
         return smooth, G, self.value(M) if value is None else value
 
     def _decomposed(self, M: Array, sharpness: float) -> tuple[float, Array, Array]:
-        parts = _unlinked(M)
-        if len(parts) == 1:
-            eigenvalues, V = np.linalg.eigh(M)
-            value, slope = self.spectral(np.maximum(eigenvalues, _FLOOR), sharpness)
-            return value, np.asarray((V * slope) @ V.T), eigenvalues
-        squares = [np.ix_(part, part) for part in parts]
-        each = [np.linalg.eigh(M[square]) for square in squares]
-        eigenvalues = np.concatenate([own for own, _ in each])
-        order, ends = np.argsort(eigenvalues), np.cumsum([part.size for part in parts])
-        slope, G = np.empty_like(eigenvalues), np.zeros_like(M)
-        value, slope[order] = self.spectral(np.maximum(eigenvalues[order], _FLOOR), sharpness)
-        for square, (_, V), own in zip(squares, each, np.split(slope, ends[:-1]), strict=True):
-            G[square] = (V * own) @ V.T
-        return value, G, eigenvalues[order]
-
-
-def _unlinked(M: Array) -> list[Index]:
-    """Parts of the columns with nothing but zeros between them, such as those of limbs on a base at rest."""
-    linked, left, parts = M != 0.0, np.arange(len(M)), list[Index]()
-    np.fill_diagonal(linked, val=True)
-    while left.size:
-        part, size = linked[left[0]], 0
-        while size < (size := int(np.count_nonzero(part))) < left.size:
-            part = linked[part].any(axis=0)
-        parts.append(np.flatnonzero(part))
-        left = np.setdiff1d(left, parts[-1], assume_unique=True) if size < left.size else left[:0]
-    return parts
+        eigenvalues, V = np.linalg.eigh(M)
+        value, slope = self.spectral(np.maximum(eigenvalues, _FLOOR), sharpness)
+        return value, np.asarray((V * slope) @ V.T), eigenvalues
 
 
 def _log_power_mean(ratios: Array, p: float) -> tuple[float, Array]:

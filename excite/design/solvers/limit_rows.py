@@ -204,7 +204,7 @@ class _Near:
 def _near(limit: GridConstraint, x: Array) -> _Near:
     instants, values, use = limit.sampled(x)
     some = _telling(use, instants)
-    instants, values, use = instants[some], values[:, some], use[:, some]
+    instants, values, use = instants[some], values.take(some, axis=1), use.take(some, axis=1)
     near = use > _LINEARISED
     near[~limit.function.varies] = False
     function, place = np.nonzero(near)

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import cached_property
+from functools import cached_property, partial
 from importlib import import_module
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -37,36 +36,25 @@ def program(function: ca.Function) -> Callable[[Sequence[Array]], Array]:
     try:
         return MachineCode(function)
     except NotCompiledError:
-        return Interpreted(function)
+        return partial(_by_casadi, function)
 
 
-_AT_ONCE = 64  # instants of one call; an eighth of them where no more are asked for
+_AT_ONCE = 64  # instants of one call
 
 
-class Interpreted:
+def _by_casadi(function: ca.Function, inputs: Sequence[Array]) -> Array:
     """The same values by CasADi's own machine."""
-
-    def __init__(self, function: ca.Function) -> None:
-        self._function = function
-        self._buffers: dict[int, Any] = {}
-
-    def __call__(self, inputs: Sequence[Array]) -> Array:
-        """Values, shape (numbers of the result, instants)."""
-        instants = inputs[0].shape[1]
-        at_once = _AT_ONCE if instants > _AT_ONCE // 2 else _AT_ONCE // 8
-        if at_once not in self._buffers:
-            self._buffers[at_once] = self._function.map(at_once).buffer()
-        buffers, evaluate = self._buffers[at_once]
-        values = np.empty((instants + -instants % at_once, self._function.numel_out(0)))
-        given = [np.zeros((len(values), len(x))) for x in inputs]
-        for padded, x in zip(given, inputs, strict=True):
-            padded[:instants] = x.T
-        for first in range(0, instants if values.size else 0, at_once):
-            for k, x in enumerate(given):
-                buffers.set_arg(k, x[first : first + at_once].data)
-            buffers.set_res(0, values[first : first + at_once].data)
-            evaluate()
-        return np.ascontiguousarray(values[:instants].T)
+    instants = inputs[0].shape[1]
+    more = -instants % _AT_ONCE
+    given = [np.ascontiguousarray(np.pad(x, ((0, 0), (0, more))).T, dtype=float) for x in inputs]
+    values = np.empty((instants + more, function.numel_out(0)))
+    buffers, evaluate = function.map(_AT_ONCE).buffer()  # CasADi keeps the map
+    for first in range(0, instants if values.size else 0, _AT_ONCE):
+        for k, x in enumerate(given):
+            buffers.set_arg(k, x[first : first + _AT_ONCE].data)
+        buffers.set_res(0, values[first : first + _AT_ONCE].data)
+        evaluate()
+    return np.ascontiguousarray(values[:instants].T)
 
 
 def evaluation() -> str:
@@ -145,16 +133,8 @@ class VectorisedFunction:
     def seldom(self, *inputs: Array) -> Array:
         """The same nonzeros; the first by CasADi's own machine, which is slower, but needs no translation."""
         # inputs (n_k, instants)
-        self._seldom += inputs[0].shape[1]
-        return self(*inputs) if self._seldom > _FEW else self._interpreted(inputs)
-
-    @cached_property
-    def _interpreted(self) -> Interpreted:
-        return Interpreted(self._function)
-
-    def dependent(self, k: int) -> Index:
-        """Rows of the matrix that depend on input k, by its structure."""
-        return np.unique(self.row[self._function.jac_sparsity(0, k).get_triplet()[0]])
+        self._seldom += inputs[0].shape[1] + -inputs[0].shape[1] % _AT_ONCE
+        return self(*inputs) if self._seldom > _FEW else _by_casadi(self._function, inputs)
 
     def pullback(self, inputs: Sequence[Array], seeds: Array) -> tuple[Array, ...]:
         """Gradient of ``sum(seeds * values)`` with respect to the inputs, by one reverse sweep."""
