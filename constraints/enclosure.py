@@ -40,6 +40,9 @@ def enclose(
     Within a function's scale of a limit they exceed values that occur by at most 0.01 of that scale, and near or beyond
     the limit by at most 0.001; by more only where a motion varies so fast that 9 splits do not decide.
     """  # jerk (n,)
+    if not np.all(np.isfinite(jerk)):  # nothing is known between instants
+        none, at = np.full(len(constraint.lower), np.inf), np.zeros(len(constraint.lower))
+        return Extrema(-none, none, at, at)
     half = np.full(_INTERVALS, 0.5 * duration / _INTERVALS)
     middle = (np.arange(_INTERVALS) + 0.5) * duration / _INTERVALS
     limit, scale = np.concatenate([constraint.upper, -constraint.lower]), np.tile(constraint.scale, 2)
@@ -67,7 +70,8 @@ def enclose(
 
 def _undecided(bound: Array, reached: Array, limit: Array, scale: Array) -> NDArray[np.bool_]:
     """Select the bounds that are too far above values that occur; far from a limit no accuracy is required."""
-    beyond, left = (bound - reached) / scale, (limit - bound) / scale
+    beyond = (bound - reached) / scale
+    left = np.subtract(limit, bound, out=np.full_like(bound, np.inf), where=np.isfinite(limit)) / scale
     loose, close = (beyond > _LOOSE) & (left < 1.0), (beyond > _CLOSE) & (left < _CLOSE)
     return np.asarray(loose | close, dtype=bool)
 

@@ -9,14 +9,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
+from numpy.typing import NDArray
 
 from regressors.models.partial import PartialMotion
 from regressors.robot.robot import Limits, Robot, linear_drives, transmission_of
 from regressors.samples import Array, Samples
 
+Selection = NDArray[np.bool_]
 OTHER = "other"  # what a constraint limits, in a word, where it does not say
 
 
@@ -56,12 +59,15 @@ class LinearConstraint(Constraint):
 
     def restricted(self, motion: PartialMotion) -> LinearConstraint:
         """The same bounds on the moving coordinates s of ``q = N s + q0``; constant functions are left out."""
-        matrix, offset = self.matrix @ motion.matrix, self.offset + self.matrix @ motion.offset
-        rows = np.flatnonzero(np.any(np.abs(matrix) > 1e-12, axis=1))
-        labels, units = (tuple(texts[k] for k in rows) for texts in (self.labels, self.units))
-        return LinearConstraint(
-            self.derivative, matrix[rows], offset[rows], self.lower[rows], self.upper[rows], labels, units
-        )
+        matrix, offset = motion.functions(self.matrix, self.offset)
+        changed = replace(self, matrix=matrix, offset=offset)
+        return changed.rows(np.any(np.abs(matrix) > 1e-12, axis=1))
+
+    def rows(self, kept: Selection) -> LinearConstraint:
+        """Some of the functions."""  # kept (k,)
+        labels, units = (tuple(compress(texts, kept)) for texts in (self.labels, self.units))
+        matrix, offset, lower, upper = (x[kept] for x in (self.matrix, self.offset, self.lower, self.upper))
+        return LinearConstraint(self.derivative, matrix, offset, lower, upper, labels, units)
 
     def values(self, samples: Samples) -> Array:
         """``A q^(d) + a0`` at every instant, shape (N, k)."""

@@ -18,7 +18,7 @@ import numpy as np
 from constraints.drive_friction import DriveFriction, drive_friction
 from constraints.nonlinear import Expression, Limit, NonlinearConstraint
 from regressors.arguments import checked
-from regressors.errors import InputError
+from regressors.errors import InputError, listed_names
 from regressors.models.differential import DifferentialModel
 from regressors.models.model import RegressorModel
 from regressors.models.nominal import standard_values, stated_deviations
@@ -29,6 +29,7 @@ from regressors.robot.friction.load_and_temperature import moving_drive_numbers
 from regressors.robot.plausibility import implausible_inertias
 from regressors.robot.robot import Robot, linear_drives, transmission_of
 from regressors.robot.symbolic.kinematics import sparse
+from regressors.robot.symbolic.loops import loops_of
 from regressors.samples import Array, Index
 
 _SHOWN = 3  # links whose inertias are not plausible
@@ -121,13 +122,27 @@ def joint_torque(robot: Robot, known: Mapping[str, float]) -> Expression:
     model = DifferentialModel(robot, Terms(coulomb=False))
     definition, names = model.definition()
     parameters = np.asarray(definition @ np.array([known.get(name, 0.0) for name in names]))
-    return lambda q, dq, ddq: model.torque(parameters, q, dq, ddq)
+    return at_drives(robot, lambda q, dq, ddq: model.torque(parameters, q, dq, ddq))
+
+
+def at_drives(robot: Robot, torques: Expression) -> Expression:
+    """Torques of the drives that do the same as those of all joints of a tree; the same ones without closed loops."""
+    if not robot.closures:
+        return torques
+    loops = loops_of(robot)
+    return lambda q, dq, ddq: loops.at_drives(q, torques(q, dq, ddq))
 
 
 def viscous_and_carried(
     robot: Robot, known: Mapping[str, float], drives: DriveFriction
 ) -> tuple[Expression, Expression]:
     """Torques at the joints with viscous friction, and those that the drives carry, without it."""
+    rubs = [drive.name for drive, rest in zip(transmission_of(robot).drives, drives.rest, strict=True) if rest.any()]
+    if passive := [name for name in rubs if name in robot.passive]:
+        raise InputError(
+            f"robot {robot.name!r}: the Coulomb friction of {listed_names(passive)}, which no drive moves, is not "
+            "counted in torques of drives; leave it out of the description, or leave the limits of torques out"
+        )
     viscous = joint_torque(robot, {**known, **drives.viscous})
     return viscous, joint_torque(robot, {**known, **dict.fromkeys(drives.viscous, 0.0)})
 
@@ -246,7 +261,7 @@ def deviation_terms(model: RegressorModel, deviations: Mapping[str, float]) -> E
     definition, names = model.definition()
     d = np.array([deviations.get(name, 0.0) for name in names])
     scaled = sparse(definition[:, d > 0] * d[d > 0])
-    return lambda q, dq, ddq: ca.mtimes(model.rows(q, dq, ddq), scaled)
+    return at_drives(model.robot, lambda q, dq, ddq: ca.mtimes(model.rows(q, dq, ddq), scaled))
 
 
 def _robust_limits(rows: LimitedTorques, torque: Expression, terms: Expression) -> NonlinearConstraint:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from regressors.errors import ExciteError, NumericalError
 from regressors.samples import Array, Index
@@ -35,6 +36,15 @@ def numerical_work(what: str, cause: str) -> Iterator[None]:
         reason = " ".join(str(error).split()) or type(error).__name__
         reason = reason if len(reason) <= 80 else f"{reason[:77]}..."
         raise NumericalError(f"{what} failed numerically ({reason}); {cause}") from error
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Linear algebra in one thread, since on matrices as small as ours more threads only wait for each other."""
+    import scipy.linalg  # noqa: F401  brings a library of its own, which a limit that is set before does not reach
+
+    with threadpool_limits(1):
+        yield
 
 
 def _is_numerical(error: Exception) -> bool:

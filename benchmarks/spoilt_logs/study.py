@@ -34,9 +34,9 @@ from spoilt import (
 )
 
 import excite
+from excite.identification.fault_search import FaultSearch
 from excite.identification.log_faults import NO_FAULT
 from excite.identification.prediction import instantaneous_target
-from excite.identification.spoilt_log import FaultSearch
 from excite.logs.log import Log
 from excite.tasks.installation import Installation
 from excite.tasks.payload import installed
@@ -125,7 +125,7 @@ def factors_right(case: Spoilt, sentences: str) -> bool:
     of more joints, to blame a single one is wrong.
     """
     true = dict(zip(case.log.joints, case.truth, strict=True))
-    for joints, values, how in re.findall(r"torques of ([\w, ]+) are ([\d.e+, -]+) times what ([\w ]+)", sentences):
+    for joints, values, how in re.findall(r"torques of ([\w, ]+?) are ([\d.e+, -]+) times what ([\w ]+)", sentences):
         names, said = joints.split(", "), [float(x) for x in values.split(", ")]
         others = [factor for name, factor in true.items() if name not in names and len(true) == 3]
         references = [1.0] if "described" in how else [np.median(case.truth)] if "together" in how else others

@@ -76,7 +76,11 @@ def page(group: str, names: list[str]) -> str:
         value = getattr(excite, name)
         if not isinstance(value, type):
             return f".. autofunction:: {name}\n"
-        members = "" if issubclass(value, Exception) else "   :members:\n   :exclude-members: __init__\n"
+        members = (
+            ""
+            if issubclass(value, Exception)
+            else "   :members:\n   :inherited-members:\n   :exclude-members: __init__\n"
+        )
         return f".. autoclass:: {name}\n{members}"
 
     table = "\n   ".join([".. autosummary::", ":nosignatures:", "", *names])

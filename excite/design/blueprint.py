@@ -13,7 +13,8 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
-from constraints.linear import LinearConstraint, linear_limits
+from constraints.closed_loops import closing_limits, free_limits
+from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.grid_limits import GridLimits
 from excite.design.initial_guesses import random_motion
@@ -61,7 +62,7 @@ class Blueprint:
     ) -> Problem:
         """The design problem."""
         robot, task, motion = robot_from_description(self.robot), self.task, self.motion
-        limits = restricted_limits(linear_limits(robot), motion)
+        limits = restricted_limits(free_limits(robot), motion)
         family, equations = task.trajectory.family(), task.model.equations
         slowest = min((float(limit.upper.min()) for limit in limits if limit.derivative == 1), default=1.0)
         soft = model_of(robot, task, _SIGN_WIDTH * slowest).restricted(motion, equations)
@@ -69,7 +70,7 @@ class Blueprint:
         function = VectorisedFunction(symbols, soft.expression(*symbols)[:, self.index.tolist()])
         samples, grid = objective_instants(family.richness), grid_instants(family.richness)
         combination = soft.combination(task.trajectory.period, samples)
-        servos, pose = task.objective.servos, motion.matrix @ self.centre + motion.offset
+        servos, pose = task.objective.servos, motion.poses(self.centre)
         tracking = None if servos is None else LinearServos.of(servos, robot, pose, task.trajectory.period)
         information = Information(function, family, combination, motion, self.noise, tracking)
         exact = model_of(robot, task).restricted(motion, equations)
@@ -100,7 +101,9 @@ class Blueprint:
                 unit=combination.unit,
                 exact_matrix=exact_matrix,
             ),
-            limits=GridLimits.imposed(family.on_grid(grid), limits, nonlinear, motion, stated),
+            limits=GridLimits.imposed(
+                family.on_grid(grid), limits, (*closing_limits(robot), *nonlinear), motion, stated
+            ),
             centre=self.centre,
             shapes=task.search.start,
             initial=self.initial,

@@ -81,7 +81,7 @@ def plan_campaign(
     """
     one_model(robot_or_model, options)
     robot, task = robot_and_task(robot_or_model)
-    robot.check_open("the design of a motion")
+    robot.check_open("a campaign of partial motions")
     if isinstance(robot_or_model, Robot | str):
         task = task.changed(model="energy")
     task = task.changed(**options)

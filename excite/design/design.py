@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from constraints.certificate import EXACT, LimitUse
+from constraints.closed_loops import free_limits
 from constraints.enclosure import uses_of
 from constraints.geometry import World
 from constraints.interpolation import Curve, InterpolatedLimits, curves_text, interpolated_limits
@@ -29,7 +30,7 @@ from excite.information.weighting import PriorAndPosterior, minimised_text
 from excite.registry import name_of
 from excite.storage.codec import INLINE, OBJECT, named
 from excite.storage.manifest import entry_sha256, sha256_of
-from excite.storage.records import Shown
+from excite.storage.records import Saved
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
@@ -44,7 +45,7 @@ _ROUNDING = 1e-9  # of a metric, from process to process
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Design(Shown):
+class Design(Saved):
     """One designed motion with its certificate.
 
     Of a design that was loaded, limits and metrics are computed again from its coefficients, whatever its file states.
@@ -328,7 +329,8 @@ class Design(Shown):
         """The joints that move, the family and its coefficients, as ``design.json`` has them."""
         if self.stated_series is not None:
             return dict(self.stated_series)
-        return {"joints": list(self.moving.joint_names), **self.trajectory.family.to_dict(self.trajectory.x)}
+        names = self.trajectory.joints(self.moving.joint_names)
+        return {"joints": list(names), **self.trajectory.family.to_dict(self.trajectory.x)}
 
     @property
     def coefficients_sha256(self) -> str:
@@ -345,28 +347,10 @@ class Design(Shown):
         """Folder of the design, or the name of its robot."""
         return str(self.folder) if self.folder is not None else self.robot.name
 
-    def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
-        """Write the design into a folder, which is created if it does not exist.
-
-        Parameters
-        ----------
-        folder : path
-        replace : bool
-            Replace a design that is already there.
-
-        Returns
-        -------
-        list of Path
-            Files that were written.
-
-        Raises
-        ------
-        InputError
-            The folder holds a design, or cannot be written to.
-        """
+    def _written(self, place: Path, *, replace: bool) -> list[Path]:
         from excite.design.design_folder import save_design
 
-        return save_design(self, folder, replace=replace)
+        return save_design(self, place, replace=replace)
 
     def stored(self) -> Design:
         """The design that is written: with what is computed from the coefficients in place of what a file states."""
@@ -418,7 +402,9 @@ def recomputed_limits(design: Design, *, enclosed: bool = True) -> RecomputedLim
             of_ways = of_motion if alike else design.imposed_on(robot.joint_names)
     except InputError as error:
         reason = f": {error}"
-    motion, believed = _with_stated(uses_of(design.trajectory, linear_limits(moving), of_motion), design.certified)
+    proven = design.trajectory.proven if enclosed else ()
+    uses = (*uses_of(design.trajectory, free_limits(moving), of_motion), *proven)
+    motion, believed = _with_stated(uses, design.certified)
     whole = linear_limits(design.task.limits.applied(robot)) if transfers else ()
     of_transfers = {}
     for name, way in transfers.items():

@@ -26,7 +26,7 @@ from excite.storage.sampled_motion import read_table
 from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.stored_files import EarlierInformation, InitialDesign, StoredRobot, TaskMotion
 from excite.tasks.task import Task
-from excite.trajectories import stored_trajectory
+from excite.trajectories.closed import stored_motion
 from excite.trajectories.sequence import WholeRobotMotion
 from regressors.arguments import checked
 from regressors.errors import InputError
@@ -89,7 +89,7 @@ def _objects(
         raise chosen.missing()
     family = None if isinstance(chosen, str) and not is_own(chosen) else task.trajectory.family()
     moving = moving_robot(robot, task)
-    trajectory = stored_trajectory(content["trajectory"], moving.n, family)
+    trajectory = stored_motion(content["trajectory"], moving, family)
     _check_motion(content, folder)
     float(content["provenance"]["cpu_seconds"])
     if "condition_number" not in content["criteria"]:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from constraints.closed_loops import dependent_limits, free_limits
 from constraints.diagnosis import ContradictionError, interior_pose, smallest_relaxation
-from constraints.linear import LinearConstraint, linear_limits
+from constraints.linear import QUANTITIES, LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import check_home
 from excite.design.blueprint import Blueprint, check_richness, check_size, restricted_limits
@@ -32,6 +32,7 @@ from excite.design.task_checks import (
     check_bounded,
     check_excitable,
     check_gradient,
+    check_loops,
     check_model,
     check_required,
     check_solver,
@@ -48,8 +49,8 @@ from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.stored_files import TaskMotion, UnopenedFile
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.models.partial import PartialMotion
-from regressors.numerical import numerical_work
+from regressors.models.partial import PartialMotion, of_joints
+from regressors.numerical import numerical_work, one_thread
 from regressors.readers.description import refuse_missing_ranges
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
@@ -89,9 +90,9 @@ LIKELY_CAUSE = (
 @numerical_work("the formulation of the design", LIKELY_CAUSE)
 def formulate(robot: Robot, task: Task) -> Formulation:
     """Build and check the design problem of a task."""
-    robot.check_open("the design of a motion")
     task = with_information_in_hand(robot, with_servos(with_task_motion(with_initial_design(task))))
     check_richness(task)
+    check_loops(robot, task)
     if not task.trajectory.family().linear:
         check_solver(task, f"motions of the family {task.trajectory.name}")
     target = target_of(robot, task)
@@ -99,8 +100,8 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     if task.objective.servos is not None and target.model.window is not None:
         raise InputError("`servos`: the motion that they make is for models of single instants, without windows")
     motion = target.motion
-    refuse_missing_ranges(target.robot, motion.matrix.any(axis=1))
-    limits = linear_limits(target.robot)
+    refuse_missing_ranges(target.robot, motion.chosen)
+    limits = free_limits(target.robot)
     restricted = restricted_limits(limits, motion)
     check_bounded(motion, restricted)
     joints = target.robot.joint_names
@@ -120,7 +121,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
             stated = stated_limits(robot, joints, task, world)
             centre = _pose_to_start_from(nonlinear, stated, restricted, motion, middle)
     imposed = (*nonlinear, *stated.constraints)
-    rest = motion.matrix @ centre + motion.offset
+    rest = motion.poses(centre)
     transfer_limits = _transfer_limits(robot, task, joints, imposed, world)
     check_home(robot, task, joints, rest, transfer_limits)
     check_model(target, task)
@@ -141,16 +142,29 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         initial=initial_motion(target, task),
         goal=goal_of(target, task),
     )
-    unchecked = gravest_first((*unchecked_limits(motion, restricted), *stated.unchecked))
+    unchecked = gravest_first((*_unstated(target.robot, motion, limits), *stated.unchecked))
     of_limits = (*stated.notes, *(note for limit in imposed for note in limit.notes))
     notes = (*task.installation.notes, *task_notes(target, task, restricted), *of_limits)
     formulation = Formulation(
         target, task, limits, nonlinear, stated.constraints, unchecked, transfer_limits, blueprint, notes
     )
-    with threadpool_limits(1):
+    with one_thread():
         check_excitable(blueprint, formulation.problem, target.base)
         check_gradient(task, formulation.problem)
     return formulation
+
+
+def _unstated(robot: Robot, motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> tuple[Unchecked, ...]:
+    """Limits that are not stated; of closed loops for each joint, and those that are not checked although they are."""
+    if not robot.closures:
+        return unchecked_limits(motion, restricted_limits(limits, motion))
+    jerks = [name for name, most in zip(robot.joint_names, robot.limits.jerk, strict=True) if np.isfinite(most)]
+    following = [name for name in jerks if name not in motion.labels]
+    left = unchecked_limits(of_joints(robot, range(robot.n)), (*limits, *dependent_limits(robot)))
+    if not following:
+        return left
+    kept = (each for each in left if each.limit != QUANTITIES[-1])
+    return (*kept, Unchecked(QUANTITIES[-1], f"limits of {', '.join(following)} are not checked: they follow others"))
 
 
 def _pose_to_start_from(
@@ -162,7 +176,7 @@ def _pose_to_start_from(
 ) -> Array:
     """Pose that keeps every limit; those that hold by default move it only where they leave it no room."""
     pose = roomy_pose(nonlinear, restricted, motion, centre)
-    q = motion.matrix @ pose + motion.offset
+    q = motion.poses(pose)
     if all(_room(limit, limit.at_rest(q)).min() >= _ROOM for limit in stated.constraints):
         return pose  # a motion can start there
     try:
@@ -245,7 +259,7 @@ def roomy_pose(
     if not nonlinear:
         return centre
     poses = _poses(linear, centre)
-    q = poses @ motion.matrix.T + motion.offset
+    q = motion.poses(poses)
     zero = np.zeros_like(q)
     at_rest = Samples(np.zeros(len(q)), q, zero, zero, zero)
     room = [_room(limit, limit.values(at_rest)) for limit in nonlinear]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint, StackedConstraint
 from excite.trajectories.family import GridMotion, MotionTangent
-from regressors.models.partial import PartialMotion
+from regressors.models.partial import ClosedMotion, PartialMotion
 from regressors.samples import Array, Index
 
 
@@ -55,13 +55,8 @@ class GridLimits:
         )
 
     def with_broken(self, x: Array) -> GridLimits:
-        """With those that hold by default, but not for this x, among the others; itself if there are none.
-
-        Those that it uses almost whole come with them, since the motion that gives way to the others would break them.
-        """
-        if all(limit.holds(x) for limit in self.stated):
-            return self
-        return self.with_near([x])
+        """With those that hold by default, but not for this x, among the others; itself if there are none."""
+        return self._with([limit for limit in self.stated if not limit.holds(x)])
 
     def with_near(self, motions: Sequence[Array]) -> GridLimits:
         """With those that hold by default, and that some motions use almost whole, among the others."""
@@ -297,7 +292,8 @@ class JointFunction:
     @property
     def derivatives(self) -> tuple[int, ...]:
         """Those of position, velocity and acceleration that they depend on."""
-        return self.constraint.derivatives
+        of_joints = self.constraint.derivatives
+        return of_joints if self.joints.motion.straight else tuple(range(max(of_joints) + 1))
 
     @property
     def varies(self) -> NDArray[np.bool_]:
@@ -311,13 +307,12 @@ class JointFunction:
     def slopes(self, x: Array, instants: Index) -> Slopes:
         """Derivatives with respect to the moving coordinates' position, velocity and acceleration, where used."""
         of_joints = self.constraint.slopes_at_instants(self.joints(x, instants))
-        n, motion = self.constraint.joints, self.joints.motion
-        orders = np.array(self.derivatives)
+        n, orders = self.constraint.joints, np.array(self.derivatives)
+        to_coordinates = self.joints.to_coordinates(x, instants)
 
         def slopes(function: Index, place: Index) -> Array:
             columns = (orders[:, None] * n + np.arange(n)).ravel()
-            parts = of_joints(function, place, columns).reshape(function.size, orders.size, n)
-            return parts if motion.complete else np.asarray(parts @ motion.matrix)
+            return to_coordinates(of_joints(function, place, columns).reshape(function.size, orders.size, n), place)
 
         return slopes
 
@@ -352,6 +347,27 @@ class GridJoints:
         motion = self._last(x)
         return motion if instants is None else [part[:, instants] for part in motion]
 
+    def to_coordinates(self, x: Array, instants: Index) -> Callable[[Array, Index], Array]:
+        """Slopes with respect to the coordinates from those with respect to joints, each at one of some instants.
+
+        Both of shape (rows, derivatives, joints or coordinates), of the first derivatives.
+        """
+        motion = self.motion
+        if not isinstance(motion, ClosedMotion):
+            return lambda slopes, place: slopes if motion.complete else np.asarray(slopes @ motion.matrix)
+        q, loops = self(x, instants)[0], motion.loops
+        rates = [self.grid.values(x, order)[instants].T for order in (1, 2)]
+
+        def closed(slopes: Array, place: Index) -> Array:
+            orders = slopes.shape[1]
+            each = [slopes[:, k].T if k < orders else np.zeros((len(q), place.size)) for k in range(3)]
+            found = loops.pullback(q[:, place], [rate[:, place] for rate in rates], each)
+            return np.stack([part.T for part in found[:orders]], axis=1)
+
+        return closed
+
     def _all(self, x: Array) -> list[Array]:
+        if isinstance(self.motion, ClosedMotion):
+            return self.motion.loops.moved([np.ascontiguousarray(self.grid.values(x, k).T) for k in range(3)])
         q, dq, ddq = (self.grid.combined(x, self.motion.matrix, derivative) for derivative in range(3))
         return [q + self.motion.offset[:, None], dq, ddq]

@@ -16,7 +16,7 @@ from excite.storage.atomic import Destination, read_json
 from excite.storage.commit import settle
 from excite.tasks.stored_files import InitialDesign, UnopenedFile
 from excite.tasks.task import Task
-from excite.trajectories import stored_trajectory
+from excite.trajectories.closed import stored_motion
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -220,15 +220,15 @@ def initial_motion(target: IdentificationTarget, task: Task) -> Array | None:
     if task.search.begin is None:
         return None
     begin: InitialDesign = with_initial_design(task).search.begin
-    names, wanted = tuple(begin.trajectory.get("joints", ())), target.robot.joint_names
+    names = tuple(begin.trajectory.get("joints", ()))
+    wanted = target.robot.joint_names if target.motion.straight else target.motion.labels
     if names != wanted:
         raise InputError(
             f"{begin.name} moves {', '.join(names)}; the motion to begin with must move {', '.join(wanted)}"
         )
-    trajectory = begin.motion or stored_trajectory(begin.trajectory, len(names))
+    trajectory = begin.motion or stored_motion(begin.trajectory, target.robot)
     q = trajectory.samples(np.linspace(0.0, trajectory.duration, _SAMPLES)).q
-    motion = target.motion
-    return np.asarray((q - motion.offset) @ np.linalg.pinv(motion.matrix).T)
+    return target.motion.coordinates(q)
 
 
 def _series(folder: Path) -> dict[str, Any]:

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from constraints.certificate import LimitUse
 from constraints.enclosure import uses_of
@@ -56,7 +55,7 @@ from excite.trajectories import Trajectory
 from excite.trajectories.family import Family
 from regressors.arguments import checked
 from regressors.models.model import RegressorModel
-from regressors.numerical import numerical_work
+from regressors.numerical import numerical_work, one_thread
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.vectorised import evaluation, interpreted_note
 from regressors.samples import Array
@@ -219,7 +218,7 @@ def solve(
         random = None if search.starts is None else rounds.first
         task = formulation.task.changed(search=replace(search, budget=None, starts=random, rounds=rounds.count))
         formulation = replace(formulation, task=task)
-    with threadpool_limits(1), suspecting(robot):
+    with one_thread(), suspecting(robot):
         design = certify(robot, formulation, results, provenance, interrupted=interrupted)
     return replace(design, search=rounds.summary, notes=(*design.notes, *interpreted_note()))
 
@@ -314,6 +313,8 @@ def _unwound(
     position, shows in the equations or in the certificate: then the motion stays as it was found.
     """
     target, problem = formulation.target, formulation.problem
+    if not target.motion.straight:
+        return problem.information.trajectory(x), uses
     trajectory, N = problem.information.trajectory(x), target.motion.matrix
     joint = np.argmax(np.abs(N), axis=0)  # of each coordinate
     alone = (np.count_nonzero(N, axis=0) == 1) & (np.count_nonzero(N[joint], axis=1) == 1) & (N.max(axis=0) == 1.0)
@@ -343,6 +344,12 @@ def _unwound(
 def _closest(broken: list[LimitUse], formulation: Formulation) -> str:
     """Message on the motion that is closest to feasible: which limit it violates, when, by how much; the remedy."""
     use = min(broken, key=lambda use: use.use)
+    if use.quantity == "loops":
+        return (
+            "no start ended with a motion that keeps every limit over continuous time; the closest motion has no "
+            f"proven {use.label}, near which they do not follow the others; give narrower limits of positions, or "
+            "lower velocities"
+        )
     beyond = f"{-use.margin:.2g} {use.unit} beyond {use.bound:.4g} {use.unit}"
     return (
         "no start ended with a motion that keeps every limit over continuous time; "
@@ -353,4 +360,5 @@ def _closest(broken: list[LimitUse], formulation: Formulation) -> str:
 
 def limits_of(formulation: Formulation, trajectory: Trajectory) -> tuple[LimitUse, ...]:
     """Certificate of every limit for a motion: exact extrema of linear ones, enclosures of the others."""
-    return uses_of(trajectory, formulation.limits, (*formulation.nonlinear, *formulation.stated))
+    nonlinear = (*formulation.nonlinear, *formulation.stated)
+    return (*uses_of(trajectory, formulation.limits, nonlinear), *trajectory.proven)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from constraints.clearance import assumed_radius, mounting_surface, skeleton, upwards, why_not_mounted
+from constraints.closed_loops import loop_limits
 from constraints.collision_limits import Clearance, SelfCollisions
 from constraints.geometry import HalfSpace, Obstacle, World
 from constraints.linear import QUANTITIES, LinearConstraint, spanned
@@ -67,6 +68,8 @@ def stated_limits(robot: Robot, joints: tuple[str, ...], task: Task, world: Stat
     torques = _torques(robot, joints, task)
     distances = _distances(robot, joints, task, world)
     unchecked = (*torques.unchecked, *distances.unchecked)
+    if not robot.is_chain and task.limits.support is None:  # robots of several limbs may stand free
+        unchecked = (*unchecked, Unchecked("balance", "no support polygon is given"))
     return StatedLimits((*torques.constraints, *distances.constraints), unchecked, (*torques.notes, *distances.notes))
 
 
@@ -299,7 +302,11 @@ def kept_text(unchecked: Sequence[Unchecked], quantities: Iterable[str] = ()) ->
 
 
 def nonlinear_limits(robot: Robot, joints: tuple[str, ...], task: Task) -> tuple[NonlinearConstraint, ...]:
-    """Torque limits, the tool's box and its speed, and distances from obstacles, where a task asks for them."""
+    """Torque limits, the tool's box and its speed, and distances from obstacles, where a task asks for them.
+
+    Before them what closed loops limit.
+    """
     robot = task.limits.applied(robot)
     limits, motion = task.limits.imposed(task.known_friction), _motion(robot, joints)
-    return tuple(constraint for limit in limits for constraint in limit.imposed(robot, motion))
+    asked = (constraint for limit in limits for constraint in limit.imposed(robot, motion))
+    return (*loop_limits(robot), *asked)

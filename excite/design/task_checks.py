@@ -35,6 +35,7 @@ from regressors.models.partial import PartialMotion
 from regressors.robot.columns import COULOMB
 from regressors.robot.friction.load_and_temperature import Warm, moving_drive_numbers, warm_part
 from regressors.robot.robot import Robot
+from regressors.robot.symbolic.loops import loops_of
 from regressors.samples import Array
 
 _DIRECTIONS, _STEP = 5, 1e-3  # along which gradients are compared with finite differences
@@ -44,6 +45,22 @@ def check_solver(task: Task, what: str) -> None:
     """Raise `InputError` where a task's solver does not take limits that are not linear in x."""
     if not part("solver", task.search.solver).takes_nonlinear_limits:
         raise InputError(f"{what} are for the solver sqp, not for {name_of(task.search.solver)}")
+
+
+def check_loops(robot: Robot, task: Task) -> None:
+    """Raise `InputError` where a robot with closed loops cannot be moved, or what is asked for does not know loops."""
+    if not robot.closures:
+        return
+    loops = loops_of(robot)
+    if loose := [name for name in loops.names if name in robot.passive]:
+        raise InputError(
+            f"robot {robot.name!r}: no drive moves {listed_names(loose)}, nor do the loops; take a joint with a drive "
+            "from `passive` in its description"
+        )
+    if task.model.channel != "effort":
+        robot.check_open(f"a design for the {name_of(task.model.model)} model")
+    if task.output.home is not None:
+        robot.check_open("an approach from `home` on straight lines of all joints")
 
 
 def check_model(target: IdentificationTarget, task: Task) -> None:

@@ -9,8 +9,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol
 
-from threadpoolctl import threadpool_limits
-
 from excite.design.friction_runs.friction_plan import FrictionPlan, load_friction_plan
 from excite.friction.constant_speed_windows import FitSettings
 from excite.friction.friction_fit import FrictionFit, characteristics
@@ -25,7 +23,7 @@ from excite.logs.mapping import LogMapping
 from excite.tasks.reference import MotionSource
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
-from regressors.numerical import numerical_work
+from regressors.numerical import numerical_work, one_thread
 from regressors.readers.library import load_robot
 from regressors.robot.robot import Robot, transmission_of
 
@@ -94,7 +92,7 @@ def fit_friction(
     settings = replace(settings if settings is not None else FitSettings(), **options)
     robot = load_robot(robot) if isinstance(robot, str) else robot
     robot.check_open("a fit of friction curves")
-    with threadpool_limits(1):
+    with one_thread():
         model = _rigid(robot, parameters, settings)
         read = read_logs(logs, robot, mapping, tuple(drop), progress)
         for part in (part for log in read for part in segments(log)):

@@ -30,8 +30,8 @@ from excite.friction.friction_equations import Form, forms
 from excite.friction.plan_match import PlannedRuns, Source
 from excite.friction.points import DriveLog, Point, RigidModel, drive_log
 from excite.logs.log import Log, LogReference
-from excite.storage.records import Shown, write_record
-from excite.storage.result_folder import check_not_taken, result_folder
+from excite.storage.records import Saved, write_record
+from excite.storage.result_folder import check_not_taken
 from excite.tasks.friction_file import write_friction
 from regressors.errors import InputError, UnknownName
 from regressors.robot.friction.curve import FrictionCurve
@@ -42,7 +42,7 @@ KIND, FIT, FRICTION, FIGURE = "friction-fit", "fit.json", "friction.yaml", "fric
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FrictionFit(Shown):
+class FrictionFit(Saved):
     """Result of fitting friction curves; the same when it is loaded.
 
     Parameters
@@ -82,30 +82,10 @@ class FrictionFit(Shown):
         drives = ", ".join(characteristic.drive for characteristic in self.characteristics)
         return f"<FrictionFit of {self.robot}: curves of {drives} from {len(self.logs)} log(s)>"
 
-    def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
-        """Write the curves and the fitted data into a folder, made if it does not exist.
-
-        Parameters
-        ----------
-        folder : path
-        replace : bool
-            Replace a fit that is already there.
-
-        Returns
-        -------
-        list of Path
-            Files that were written.
-
-        Raises
-        ------
-        InputError
-            The folder holds a fit, or cannot be written to.
-        """
-        place = Path(folder)
-        with result_folder(place):
-            check_no_fit(place, replace=replace)
-            further = {FRICTION: lambda path: write_friction(self.curves, path)}
-            return write_record(self, KIND, place, "fit", [FIGURE], further, KIND)
+    def _written(self, place: Path, *, replace: bool) -> list[Path]:
+        check_no_fit(place, replace=replace)
+        further = {FRICTION: lambda path: write_friction(self.curves, path)}
+        return write_record(self, KIND, place, "fit", [FIGURE], further, KIND)
 
 
 def check_no_fit(folder: Path, names: Collection[str] = (FRICTION,), *, replace: bool = False) -> None:

@@ -36,7 +36,8 @@ from excite.identification.spoilt_log import spoilt_log
 from excite.information.target import IdentificationTarget
 from excite.logs.signals.method import interpolated
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
-from regressors.errors import percent
+from regressors.errors import listed_names, percent
+from regressors.numerical import one_thread
 from regressors.robot.columns import OFFSET, drive_column
 from regressors.robot.friction.load_and_temperature import drives_with_friction
 from regressors.robot.robot import drive_numbers
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from excite.identification.identification import Identification
 
 
+@one_thread()
 def doubts_of(result: Identification) -> tuple[Doubt, ...]:
     """Reasons why a result cannot be right; empty if there are none."""
     target = result.target_of_instants
@@ -80,6 +82,7 @@ def _found(result: Identification, target: IdentificationTarget) -> tuple[Doubt,
     return tuple(doubt for doubt in checks if doubt is not None)
 
 
+@one_thread()
 def warnings_of(result: Identification) -> tuple[Doubt, ...]:
     """What the logs do not determine, although the result may be right; empty if there is nothing."""
     target = result.target_of_instants
@@ -147,6 +150,9 @@ def _offsets(result: Identification) -> NDArray[np.bool_]:
     return np.array([name in offsets for name in result.names], dtype=bool)
 
 
+_MANY = 40  # names: the table has them all
+
+
 def unknown_texts(result: Identification) -> Iterator[str]:
     """Which parameters may be zero, and which do not show, with what would show them: a sentence each."""
     estimate = result.estimate
@@ -154,7 +160,7 @@ def unknown_texts(result: Identification) -> Iterator[str]:
         uncertain = np.isfinite(estimate.relative_deviation) & (estimate.relative_deviation > 1) & ~_offsets(result)
         vague = np.array(result.names)[uncertain].tolist()
     if vague:
-        yield f"may be zero, as far as these logs show: {', '.join(vague)}"
+        yield f"may be zero, as far as these logs show: {listed_names(vague, _MANY)}"
     if estimate.unseen:
         named = ", ".join(estimate.unseen)
         yield f"not shown by these logs: {named}; design a motion for them, or state what is known beforehand"

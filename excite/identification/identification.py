@@ -26,7 +26,7 @@ from excite.identification.result import FitCurves, FitData, FitFacts, PlayedDes
 from excite.identification.symmetry import Symmetry
 from excite.information.target import IdentificationTarget
 from excite.storage.codec import INLINE, OBJECT, named
-from excite.storage.records import Shown, chosen, short
+from excite.storage.records import Saved, chosen, short
 from excite.tasks.task import Task
 from regressors.errors import InputError, percent
 from regressors.robot.friction.curves import FrictionCurves
@@ -38,7 +38,7 @@ _INSTANTS = 3000  # of estimates over time, in a file
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Identification(Shown):
+class Identification(Saved):
     """An estimate, with the data and settings behind it: the same when it is loaded, but for the logs.
 
     Parameters
@@ -303,28 +303,10 @@ class Identification(Shown):
             history = history[0][part], short(history[1][part])
         return replace(self, estimate=replace(self.estimate, history=history), kept=self.facts, data=None)
 
-    def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
-        """Write the result into a folder, made if it does not exist.
-
-        Parameters
-        ----------
-        folder : path
-        replace : bool
-            Replace a result that is already there.
-
-        Returns
-        -------
-        list of Path
-            Files that were written.
-
-        Raises
-        ------
-        InputError
-            The folder holds a result, or cannot be written to.
-        """
+    def _written(self, place: Path, *, replace: bool) -> list[Path]:
         from excite.identification.result_json import save_result
 
-        return save_result(self, folder, replace=replace)
+        return save_result(self, place, replace=replace)
 
 
 def _parameter(result: Identification, k: int, reference: float) -> dict[str, Any]:

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from excite.design.design import Design
 from excite.errors import ConicSolverError
@@ -43,7 +42,7 @@ from regressors.arguments import checked
 from regressors.errors import ExciteError, InputError
 from regressors.memory_cap import FLOAT, check_memory
 from regressors.models.model import RegressorModel
-from regressors.numerical import numerical_work
+from regressors.numerical import numerical_work, one_thread
 from regressors.quantities import check
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Limits, Robot
@@ -55,6 +54,7 @@ _RECIPE = frozenset(field.name for field in fields(Recipe))
 
 
 @checked
+@one_thread()
 @numerical_work(
     "the identification",
     "rows that hardly move, or numbers of very different sizes are the likely cause: "
@@ -163,8 +163,8 @@ def identify(
     if design is not None or not task.model.friction:
         free -= TERM_SETTINGS
     announce("the identification", identification_seconds(read, chosen=bool(free)))
-    # on matrices of this size more threads only wait for each other
-    with threadpool_limits(1), _refusals_explained(robot, task, read, recipe, curves):
+
+    with _refusals_explained(robot, task, read, recipe, curves):
         target = instantaneous_target(robot, task, recipe)
         read = [with_external_forces(robot, target, log, recipe) for log in read]
         chosen = choose_settings(robot, task, read, recipe, free, friction=curves, progress=progress)

@@ -27,7 +27,7 @@ from regressors.samples import Array, Index, Samples
 Flags = NDArray[np.bool_]
 
 LEAST_ERROR = 2e-3  # of the torques: a smaller one is no further evidence
-ODD_GAIN = 1.25  # a gain nearer to one is not a fault
+ODD_GAIN, _ODD_AMONG_OTHERS = 1.25, 1.1  # a gain nearer to one is not a fault; nor one joint's to the others'
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ def gain_fault(names: tuple[str, ...], j: int, log_gain: float) -> Fault:
             what = f"the torques of {names[j]} are in {unit}, not in {taken}"
             cure = f"use `{_each('unit', n, j, unit, taken)}` for the torques in the mapping"
     torques = np.diag(np.where(np.arange(n) == j, gain, 1.0))
-    kind = "torque gain" if abs(log_gain) > np.log(ODD_GAIN) else NO_FAULT.kind
+    kind = "torque gain" if abs(log_gain) > np.log(_ODD_AMONG_OTHERS) else NO_FAULT.kind
     return Fault(kind, (names[j],), what, cure, torques)
 
 

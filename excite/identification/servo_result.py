@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from excite.logs.log import Log, LogReference
-from excite.storage.records import Shown, read_record, write_record
-from excite.storage.result_folder import check_not_taken, result_folder
+from excite.storage.records import Saved, read_record, write_record
+from excite.storage.result_folder import check_not_taken
 from excite.tasks.stored_files import TaskServos, UnopenedFile
 from regressors.errors import InputError
 from regressors.models.servo_response import QUANTITIES, RATIOS, SYMBOLS
@@ -75,7 +75,7 @@ def motion_fits(predicted: Sequence[tuple[Log, Array]], units: Sequence[str]) ->
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ServoResult(Shown):
+class ServoResult(Saved):
     """Identified servos; the same when it is loaded.
 
     Parameters
@@ -169,29 +169,9 @@ class ServoResult(Shown):
         """At which damping takes all of the torque limit, ``L / D``, shape (n,); infinite where none is reached."""
         return np.asarray(self.torque_limit / np.maximum(self.of("D"), 1e-12))
 
-    def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
-        """Write ``servos.json`` into a folder, made if it does not exist.
-
-        Parameters
-        ----------
-        folder : path
-        replace : bool
-            Replace servos that are already there.
-
-        Returns
-        -------
-        list of Path
-            Files that were written.
-
-        Raises
-        ------
-        InputError
-            The folder holds servos, is being written by another process, or cannot be written to.
-        """
-        place = Path(folder)
-        with result_folder(place):
-            check_not_taken(place, SERVOS, "servos", replace=replace)
-            return write_record(self, KIND, place, KIND)
+    def _written(self, place: Path, *, replace: bool) -> list[Path]:
+        check_not_taken(place, SERVOS, "servos", replace=replace)
+        return write_record(self, KIND, place, KIND)
 
     def __repr__(self) -> str:
         """One line."""

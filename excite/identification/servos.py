@@ -11,7 +11,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from excite.identification.procedure import LogLike, read_logs
 from excite.identification.result import provenance_of
@@ -25,7 +24,7 @@ from excite.tasks.robot_of_task import robot_and_task
 from regressors.arguments import checked
 from regressors.errors import listed_names
 from regressors.models.servo import ServoModel
-from regressors.numerical import numerical_work
+from regressors.numerical import numerical_work, one_thread
 from regressors.quantities import Tips
 from regressors.robot.robot import Robot
 from regressors.samples import Array
@@ -81,7 +80,7 @@ def identify_servos(
     whole.check_open("the identification of servos")
     motions = [servo_motion(log, whole) for log in read_logs(logs, whole, mapping, tuple(drop), progress)]
     places = windows_in(motions)
-    with threadpool_limits(1):
+    with one_thread():
         fit = fit_servos(motions, places, whole, progress)
     units = [unit for _, unit in ServoModel(whole).row_labels]
     spent = time.monotonic() - began, time.process_time() - cpu

@@ -12,6 +12,7 @@ import numpy as np
 from excite.information.target import IdentificationTarget
 from excite.information.tracking import LinearServos
 from excite.storage.codec import OBJECT, Beside, named
+from excite.trajectories.closed import joint_motion, joint_trajectory
 from excite.trajectories.family import Family, Trajectory
 from regressors.errors import InputError
 from regressors.models.model import Combination, RegressorModel
@@ -70,7 +71,7 @@ class Information:
     ) -> None:
         self._function = Y
         self._family, self._motion = family, motion
-        told = family.joints(combination.time, motion)
+        told = joint_motion(family, combination.time, motion)
         self._joints = told if tracking is None else tracking.motion(told, combination.time.size)
         self._difference, self._integral = combination.difference, combination.integral
         self._count = combination.difference.shape[0]
@@ -89,7 +90,7 @@ class Information:
 
     def trajectory(self, x: Array) -> Trajectory:
         """Motion of every joint, from that of the moving coordinates."""
-        return Trajectory(self._family, x).carried(self._motion.matrix, self._motion.offset)
+        return joint_trajectory(self._family, x, self._motion)
 
     def joint_coefficients(self, x: Array) -> Array:
         """The x of the motion of every joint; for a linear family ``N x + q0``, shape (n, size)."""

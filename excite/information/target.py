@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from excite.information.prior import base_sizes, sizes_of
 from excite.registry import CONVENTIONS, name_of
@@ -38,7 +37,7 @@ from regressors.models.base import (
 )
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, drive_names, of_drives, of_joints, of_loops
-from regressors.numerical import ROUNDING, numerical_work
+from regressors.numerical import ROUNDING, numerical_work, one_thread
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import drives_with_friction, friction_rows, moving_drive_numbers
 from regressors.robot.robot import Robot
@@ -106,7 +105,7 @@ def left_to_right_base(robot: Robot, task: Task) -> tuple[PartialMotion, Base]:
     moving, motion, whole = _moving(robot, task, 0.0)
     model = _shows(_restricted(whole, motion, task), motion, task)
     states = motion.states(random_states(moving, few_states(model)))
-    with threadpool_limits(1):
+    with one_thread():
         return motion, base_parameters(model, states=states, rounding=_rounding(task))
 
 
@@ -151,7 +150,7 @@ def target_of(
         return known
     model = _restricted(whole.instantaneous() if instantaneous else whole, motion, task)
     states = motion.states(random_states(moving, enough_states(model)))
-    with threadpool_limits(1):  # matrices of this size do not gain from more threads
+    with one_thread():
         chosen = bases(_shows(model, motion, task), states, _rounding(task))
         if task.objective.nearly_unidentifiable == "drop" and chosen[0].rank > 0:
             torques = whole.instantaneous().restricted(motion, task.model.equations)

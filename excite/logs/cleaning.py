@@ -66,11 +66,29 @@ def _of_whole(log: Log, kind: str, time: Array, text: str) -> Event:
 
 
 def held_rows(log: Log) -> NDArray[np.bool_]:
-    """Which rows have all positions, or all torques, or one hanging position, of the row before in motion, (N,)."""
+    """Which rows have all positions, or all torques, or one hanging position, of the row before in motion, (N,).
+
+    Or all of both of a row further back, as where rows come in another order than they were sent.
+    """
     moving = np.any(moves(log), axis=1)
     still, caught_up = _long_runs(log)
     at_once = _held_positions(log) | _held_torques(log, moving)
-    return np.asarray(caught_up | _hung_joints(log) | (moving & ~still & at_once))
+    return np.asarray(caught_up | _hung_joints(log) | (moving & ~still & at_once) | _rows_again(log))
+
+
+_BACK = 25  # rows
+
+
+def _rows_again(log: Log) -> NDArray[np.bool_]:
+    """Rows to which the robot jumps back: with all positions and torques of a row before the last one."""
+    torque, again = log.effort if log.effort is not None else log.wrench, np.zeros(log.count, dtype=bool)
+    if torque is None:
+        return again
+    values = np.column_stack([log.q, torque])
+    for back in range(2, min(_BACK, log.count)):
+        again[back:] |= np.all(values[back:] == values[:-back], axis=1)
+    jumps = np.any(np.abs(np.diff(log.q, axis=0)) > _STEPS * _grain(log.q), axis=1)
+    return np.asarray(again & np.concatenate([[False], jumps]))
 
 
 def _equal(x: Array) -> NDArray[np.bool_]:

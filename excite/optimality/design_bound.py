@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from excite.design.blueprint import restricted_limits
 from excite.design.design import Design
@@ -33,7 +32,7 @@ from excite.storage.result_folder import result_folder
 from excite.tasks.criteria import TorqueCriterion
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
-from regressors.numerical import numerical_work
+from regressors.numerical import numerical_work, one_thread
 from regressors.samples import Array
 
 _INSTANTS = 40  # of the design's motion, for each harmonic
@@ -199,7 +198,8 @@ def bound(
             f"{design.name} breaks {len(design.broken)} limits ({design.broken[0]}), and a bound holds for motions "
             "within the limits only; design it again within the limits"
         )
-    with threadpool_limits(1):
+    design.robot.check_open("a bound on criteria over all motions")
+    with one_thread():
         formulation = formulate(design.robot, design.task)
         planes = cutting_planes(formulation, design)
         best, changes, said = dict[str, CriterionBound](), None, _assumptions(formulation, planes)

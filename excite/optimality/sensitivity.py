@@ -10,7 +10,6 @@ from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from constraints.certificate import LimitUse, limit_uses
 from excite.design.blueprint import check_richness, grid_instants, restricted_limits
@@ -23,7 +22,7 @@ from excite.design.solvers.solver import Solver
 from excite.registry import instance, name_of
 from excite.storage.codec import Beside
 from regressors.errors import InputError
-from regressors.numerical import numerical_work
+from regressors.numerical import numerical_work, one_thread
 from regressors.samples import Array
 
 _RICHER, _LONGER, _LOOSER = 2, 1.5, 1.2
@@ -81,7 +80,7 @@ def sensitivity(design: Design, progress: Callable[[str], None] = lambda _: None
     motions, since this one is none of them.
     """
     began = time.process_time()
-    with threadpool_limits(1), np.errstate(all="ignore"):
+    with one_thread(), np.errstate(all="ignore"):
         change = ProblemChanges.of(design, progress)
         rows = []
         for name, made in change.every():

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from excite.identification.preparation import drives_of_torques
 from excite.identification.procedure import LogLike
@@ -19,7 +18,7 @@ from excite.tasks.installation import Installation
 from excite.tasks.robot_of_task import robot_and_task
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName, percent
-from regressors.numerical import numerical_work
+from regressors.numerical import numerical_work, one_thread
 from regressors.quantities import Tips, check
 from regressors.robot.robot import Robot
 
@@ -127,7 +126,7 @@ def calibrate_gains(
     choice = logs if logs is not None else LogChoice()
     whole, task = robot_and_task(robot, base_link, tip, installation, snap_angles, xacro)
     task = bare_task(whole, task)
-    with threadpool_limits(1):
+    with one_thread():
         with_load = choice.read(loaded, whole, choice.rows, progress)
         bare = choice.read(without, whole, choice.without_rows, progress)
         check_pair(bare, with_load)

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from excite.identification.identification import Identification
 from excite.identification.prediction import instantaneous_target, without_friction
@@ -40,7 +39,7 @@ from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError, percent
 from regressors.models.load import LoadModel, Sensor
-from regressors.numerical import numerical_work
+from regressors.numerical import numerical_work, one_thread
 from regressors.quantities import Tips, check
 from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.robot import Robot
@@ -137,7 +136,7 @@ def identify_payload(
     stated = read_gains(Path(gains)) if isinstance(gains, str | Path) else gain_deviation if gains is None else gains
     whole, task = robot_and_task(robot, base_link, tip, installation, snap_angles, xacro)
     task = bare_task(whole, task)
-    with threadpool_limits(1):
+    with one_thread():
         with_load = choice.read(loaded, whole, choice.rows, progress)
         bare = choice.read(without, whole, choice.without_rows, progress) if given else []
         check_pair(bare, with_load)

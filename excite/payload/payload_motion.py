@@ -131,7 +131,7 @@ def design_payload_motion(
         raise UnknownName("sensor", sensor, SENSORS)
     check("period", period)
     described, task = robot_and_task(robot, base_link, tip, installation, snap_angles, xacro)
-    described.check_open("the design of a motion")
+    described.check_open("a motion for a payload")
     limits = limits if limits is not None else LimitChoice()
     within = limits.applied(described)
     about, notes = _pose(within, pose)

@@ -124,6 +124,7 @@ def joint_log(robot: Robot, run: SimulatedRun, settings: SimulationSettings, rng
     q = run.samples.q if settings.encoder is None else quantised(robot, run.samples.q, settings.encoder)
     temperature = joint_temperatures(settings, robot)
     effort = sensed_torques(run.samples.time, run.effort, run.friction, settings)
+    measured = [name not in robot.passive for name in robot.joint_names]
     return Log(
         source=SOURCE,
         sha256="",
@@ -131,7 +132,7 @@ def joint_log(robot: Robot, run: SimulatedRun, settings: SimulationSettings, rng
         time=run.samples.time,
         q=stepped(noisy(q, settings.position_noise, "position_noise", rng), settings.position_step),
         dq=noisy(run.samples.dq, settings.velocity_noise, "velocity_noise", rng),
-        effort=noisy(effort, settings.torque_noise, "torque_noise", rng),
+        effort=noisy(effort, settings.torque_noise, "torque_noise", rng) * measured,
         temperature=None if temperature is None else np.tile(temperature, (run.samples.time.size, 1)),
     )
 

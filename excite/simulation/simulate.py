@@ -11,6 +11,7 @@ import numpy as np
 
 from excite.design.design import Design
 from excite.information.target import friction_of_moving
+from excite.simulation.closed_run import NOTE, closed_run
 from excite.simulation.control import ControlledRobot, RampedDrive, broken_loose, controller_of
 from excite.simulation.integration import Progress, Steps, simulated_run, steps_for
 from excite.simulation.plant import Plant, plant_of
@@ -161,11 +162,16 @@ def simulate_motion(
     notes = (*temperature_notes, *notes)
     if ramps is not None and settings.periods > 1:
         raise InputError(f"torque ramps are played once, given {settings.periods} periods")
-    controlled = controlled_robot(plant, plant_of(bare, friction)[0], motion, settings, ramps)
-    steps = steps_for(controlled, motion, settings.rate, settings.sign_width, settings.breakaway)
-    delayed = None if ramps is None else ramps.delayed(wait)
-    impacts = impacts_on(moving, settings.impact, wait) if settings.impact else None
-    simulated = simulated_run(controlled, reference, settings.rate, steps, progress, delayed, impacts).after(lead)
+    if moving.closures:
+        simulated, steps = closed_run(plant, reference, settings)
+        notes = (*notes, NOTE)
+    else:
+        controlled = controlled_robot(plant, plant_of(bare, friction)[0], motion, settings, ramps)
+        steps = steps_for(controlled, motion, settings.rate, settings.sign_width, settings.breakaway)
+        delayed = None if ramps is None else ramps.delayed(wait)
+        impacts = impacts_on(moving, settings.impact, wait) if settings.impact else None
+        simulated = simulated_run(controlled, reference, settings.rate, steps, progress, delayed, impacts)
+    simulated = simulated.after(lead)
     rng = np.random.default_rng(settings.seed)
     log = joint_log(moving, simulated, settings, rng)
     wrench_log = None

@@ -140,6 +140,7 @@ class Simulation(Shown):
                 "breakaway": None if steps.sticking is None else steps.sticking.distance,
                 "breakaway_lead": None if steps.sticking is None else list(steps.sticking.lead),
                 **({} if self.tracked is None else {"controller": "servos"}),
+                **({"controller": None} if self.robot.closures else {}),
             },
             seed=self.settings.seed,
             truth=dict(self.truth),

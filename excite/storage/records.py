@@ -53,6 +53,35 @@ class Shown:
         return built_in("shown", how)(self, *given)
 
 
+class Saved(Shown):
+    """A result that has a folder of its own."""
+
+    def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
+        """Write the result into a folder, made if it does not exist.
+
+        Parameters
+        ----------
+        folder : path
+        replace : bool
+            Replace a result of the kind that is already there.
+
+        Returns
+        -------
+        list of Path
+            Files that were written.
+
+        Raises
+        ------
+        InputError
+            The folder holds such a result, is being written by another process, or cannot be written to.
+        """
+        with result_folder(Path(folder)):
+            return self._written(Path(folder), replace=replace)
+
+    def _written(self, place: Path, *, replace: bool) -> list[Path]:
+        raise NotImplementedError
+
+
 def write_record(
     record: object,
     kind: str,

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
@@ -38,6 +37,7 @@ from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel
+from regressors.numerical import one_thread
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -100,7 +100,6 @@ def design_for_precision(
     """
     one_model(robot_or_model, options)
     robot, task = robot_and_task(robot_or_model)
-    robot.check_open("the design of a motion")
     task = task.changed(**options, **({} if precision is None else {"precision": precision}))
     with search_folder(folder) as place:
 
@@ -204,7 +203,7 @@ def out_of_reach(
     if not (wide := forecast.too_wide):
         return None
     needed = run.fewest_runs() * run.seconds
-    with threadpool_limits(1), np.errstate(all="ignore"):
+    with one_thread(), np.errstate(all="ignore"):
         narrower = [*_changes(design, report), (_LOAD_NAME, _with_load(design, run))]
     trials = [SeparationTrial(change, factor, needed / factor**2) for change, factor in narrower]
     trials.sort(key=lambda trial: -trial.narrower)

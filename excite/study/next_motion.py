@@ -167,7 +167,6 @@ def next_motion(
         raise InputError(f"`of` must be one of {', '.join(_OF)}, given {of!r}")
     given = {} if precision is None else {"precision": precision}
     robot, task = robot_and_task(robot_or_model)
-    robot.check_open("the design of a motion")
     task = with_information_in_hand(robot, task.changed(**given, **options))
     asked = task.objective.precision
     if not isinstance(asked, PrecisionTarget):

@@ -194,7 +194,7 @@ def task_at(task: Task, period: float, begin: PeriodTrial | None) -> Task:
     if begin is None:
         return task
     design = begin.design
-    series = {"joints": list(design.moving.joint_names), **design.trajectory.family.to_dict(design.trajectory.x)}
+    series = design.series
     return task.changed(begin=InitialDesign(f"the best motion of {begin.period:g} s", series))
 
 

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import scipy
-from threadpoolctl import threadpool_limits
 
 from excite.design.executors.dask_cluster import DaskCluster, check_versions, unit_executor, versions_of
 from excite.design.executors.unit_executor import SHORT, InProcesses, InThisProcess, LostUnit, UnitExecutor
@@ -38,7 +37,7 @@ from excite.study.moments import BLOCK, entries_of_equations, has_gpu
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened
 from regressors.memory_cap import FLOAT, check_memory, memory_cap
-from regressors.numerical import numerical_work
+from regressors.numerical import numerical_work, one_thread
 from regressors.quantities import check
 from regressors.samples import Array
 
@@ -125,7 +124,7 @@ class SeededExperiment:
     def chain(self) -> Chain:
         """Built once per process; a forked one inherits it."""
         check_versions(self.versions)
-        with threadpool_limits(1):
+        with one_thread():
             return Chain(self.experiment)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -142,7 +141,7 @@ def repeat_numbers(common: SeededExperiment, numbers: range) -> list[Repetition]
 
 def repeat_in_one_thread(common: SeededExperiment, numbers: range) -> list[Repetition]:
     """The same where linear algebra may have more threads, which add in another order."""
-    with threadpool_limits(1):
+    with one_thread():
         return repeat_numbers(common, numbers)
 
 
@@ -210,7 +209,7 @@ def repeat_experiment(
     announce("the repetitions", repetition_seconds(experiment, count) / max(1, processes_here(units)), _ENDED)
     common = SeededExperiment(experiment, seed, versions_of(units))
     # a process that limits its threads could not be forked
-    with threadpool_limits(1) if isinstance(units, InThisProcess) else nullcontext():
+    with one_thread() if isinstance(units, InThisProcess) else nullcontext():
         file = KeptRepetitions(None if kept is None else Path(kept), common)
         found, interrupted = _repeated(units, common, count, file, progress or (lambda *_: None))
     base, beta = experiment.base, np.asarray(experiment.beta, dtype=float)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from excite.design.design import Design
 from excite.design.design_json import load_design
@@ -34,7 +33,7 @@ from excite.trajectories.family import Trajectory
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.memory_cap import FLOAT, check_memory
-from regressors.numerical import numerical_work
+from regressors.numerical import numerical_work, one_thread
 from regressors.quantities import check
 from regressors.samples import Array, Index
 
@@ -340,7 +339,7 @@ def _values(common: MeasuredRun, number: int) -> Array:
     run, settings, result, commanded, time, versions = common
     check_versions(versions)
     log = measured_again(run, settings, number)
-    with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
+    with one_thread():
         again = estimate_parameters(
             result.robot, result.task, [log], result.recipe, commanded=commanded, friction=result.friction
         )

@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.storage.records import NUMBERS, Shown, short, write_record
-from excite.storage.result_folder import check_not_taken, result_folder
+from excite.storage.records import NUMBERS, Saved, short, write_record
+from excite.storage.result_folder import check_not_taken
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -19,7 +19,7 @@ KIND, FIGURE = "study", "estimates_over_time"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TimeStudy(Shown):
+class TimeStudy(Saved):
     """Time courses of several motions of one robot; the same when it is loaded.
 
     Parameters
@@ -68,28 +68,9 @@ class TimeStudy(Shown):
             for course in self.courses
         ]
 
-    def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
-        """Write ``study.json`` with its curves; `excite.write_figures` draws it.
-
-        Parameters
-        ----------
-        folder : path
-            Created where it is not there.
-        replace : bool
-            Replace existing files.
-
-        Returns
-        -------
-        list of Path
-
-        Raises
-        ------
-        InputError
-            Files that exist already, or a folder that cannot be written to.
-        """
-        with result_folder(Path(folder)):
-            check_free(folder, replace=replace)
-            return write_record(self, KIND, Path(folder), KIND, [FIGURE])
+    def _written(self, place: Path, *, replace: bool) -> list[Path]:
+        check_free(place, replace=replace)
+        return write_record(self, KIND, place, KIND, [FIGURE])
 
 
 def check_free(folder: str | Path, names: Collection[str] = (), *, replace: bool) -> None:

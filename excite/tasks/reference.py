@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 
 from constraints.certificate import Extrema, LimitUse, limit_uses, worst_of_each
+from constraints.closed_loops import dependent_limits, free_limits
 from constraints.interpolation import Curve, curve_pieces
 from constraints.linear import Constraint, linear_limits
 from constraints.torque import TorqueLimit, why_no_torques
@@ -128,11 +129,13 @@ def played_uses(source: MotionSource) -> tuple[tuple[LimitUse, ...], tuple[Limit
     # Of a motion with coefficients the extrema over continuous time are exact, but for torques. One from a file is
     # looked at in its samples, positions and velocities also between them, and may pass a limit by 0.1 %: accelerations
     # between samples depend on what interpolates them, and its jerk is not known.
-    linear, motion = linear_limits(moving_robot(source.robot, source.task)), source.motion
+    moving, motion = moving_robot(source.robot, source.task), source.motion
     if isinstance(motion, Trajectory):
-        exact = [use for limit in linear for use in limit_uses(limit, motion.extrema(limit))]
-        uses, allowed = [*exact, *_uses_at(source, _torque_limits(source))], _ROUNDING
+        exact = [use for limit in free_limits(moving) for use in limit_uses(limit, motion.extrema(limit))]
+        others = [*dependent_limits(moving), *_torque_limits(source)]
+        uses, allowed = [*exact, *_uses_at(source, others)], _ROUNDING
     else:
+        linear = linear_limits(moving)
         slow, fast = ([limit for limit in linear if limit.derivative in orders] for orders in ((0, 1), (2,)))
         between = _uses_at(source, slow, _BETWEEN)
         uses, allowed = [*between, *_uses_at(source, [*fast, *_torque_limits(source)])], _INTERPOLATED

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from constraints.certificate import Extrema
+from constraints.certificate import Extrema, LimitUse
 from constraints.linear import Constraint, LinearConstraint
 from excite.registry import BUILT_IN, OwnPart, built_in
 from regressors.errors import InputError, UnknownName
@@ -194,6 +194,10 @@ class Trajectory:
         samples.dq[ends] = samples.ddq[ends] = 0.0
         return samples
 
+    def joints(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Those of a robot's joints that its coefficients are of: all, unless loops make some of them follow."""
+        return names
+
     def sampled(self, rate: float) -> Samples:
         """Motion at a uniform rate [Hz] from 0 to the duration, both included."""
         return self.samples(np.linspace(0.0, self.duration, round(self.duration * rate) + 1))
@@ -210,6 +214,11 @@ class Trajectory:
         n = self.family.motion(self.x, np.zeros(1), 0).shape[1]
         third = self.family.combined_extrema(self.x, np.eye(n), np.zeros(n), 3)
         return np.maximum(np.abs(third.low), np.abs(third.high))
+
+    @property
+    def proven(self) -> tuple[LimitUse, ...]:
+        """Certificate of what the motion itself needs."""
+        return ()
 
     def carried(self, matrix: Array, offset: Array) -> Trajectory:
         """The motion ``matrix q + offset``."""

@@ -49,13 +49,14 @@ from excite.verification.verdict import CorrectedError, TorqueError, Verdict, co
 from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
 from regressors.arguments import checked
 from regressors.errors import InputError, cut, percent
-from regressors.numerical import numerical_work
+from regressors.numerical import numerical_work, one_thread
 from regressors.quantities import check
 
 HORIZON = 0.5
 
 
 @checked
+@one_thread()
 @numerical_work(
     "the verification",
     "rows that hardly move, or numbers of very different sizes are the likely cause: "

@@ -136,6 +136,8 @@ def simulation_view(simulation: Simulation | SimulatedLog) -> View:
 
 def _driven(log: SimulatedLog) -> str:
     """What moved the robot."""
+    if log.settings["controller"] is None:
+        return "no controller"
     if log.tracked is None:
         return f"{log.settings['controller']} of {log.settings['bandwidth']:g} Hz"
     commanded, tracked = (log.tracked[name]["condition_number"] for name in ("commanded", "tracked"))

@@ -7,12 +7,13 @@ own coordinate, so that joints behind a coupling may move (the IRp-6's motor 2 a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import ClassVar
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from regressors.errors import InputError
 from regressors.quantities import place_of
@@ -42,6 +43,23 @@ class PartialMotion:
         """``dq / ds`` in a configuration, shape (n, k)."""  # q (n, 1)
         return sparse(self.matrix)
 
+    @property
+    def chosen(self) -> NDArray[np.bool_]:
+        """Which joints the coordinates move, but for those that only follow, shape (n,)."""
+        return np.asarray(self.matrix.any(axis=1))
+
+    def poses(self, s: Array) -> Array:
+        """Joint positions, shape (..., n), from those of the moving coordinates, shape (..., k)."""
+        return np.asarray(s @ self.matrix.T + self.offset)
+
+    def functions(self, matrix: Array, offset: Array) -> tuple[Array, Array]:
+        """``matrix q + offset`` as a function of the moving coordinates."""  # matrix (m, n)
+        return matrix @ self.matrix, offset + matrix @ self.offset
+
+    def coordinates(self, q: Array) -> Array:
+        """Moving coordinates, shape (..., k), of joint positions, shape (..., n)."""
+        return np.asarray((q - self.offset) @ np.linalg.pinv(self.matrix).T)
+
     def torques(self, q: Array, measured: Array) -> Array:
         """``N' tau`` of the torques of all joints, shape (N, k)."""  # q, measured (N, n)
         return np.asarray(measured @ self.matrix)
@@ -61,6 +79,10 @@ class ClosedMotion(PartialMotion):
     straight: ClassVar[bool] = False
     loops: Loops
 
+    def __getstate__(self) -> dict[str, object]:
+        """Return the state without compiled functions, which are rebuilt when needed."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
+
     def directions(self, q: ca.SX) -> ca.SX:
         """``N(q)``, shape (n, k); with drives at dependent joints too, ``N (N_d' N_d)^(-1/2)`` of these drives' rows.
 
@@ -71,6 +93,30 @@ class ClosedMotion(PartialMotion):
             return N
         driven = N[list(self.loops.driven), :]
         return ca.solve(ca.chol(ca.mtimes(driven.T, driven)).T, N.T).T
+
+    @property
+    def independent(self) -> PartialMotion:
+        """The motion of the independent joints on their own, each its own coordinate."""
+        k = len(self.labels)
+        return PartialMotion(self.labels, self.units, np.eye(k), np.zeros(k))
+
+    @property
+    def chosen(self) -> NDArray[np.bool_]:
+        """The independent joints."""
+        return np.isin(np.arange(self.loops.robot.n), self.loops.independent)
+
+    def poses(self, s: Array) -> Array:
+        """Joint positions in which the loops are closed."""
+        q, _ = self.loops.solved(np.atleast_2d(s))
+        return q.reshape(*np.shape(s)[:-1], q.shape[1])
+
+    def functions(self, matrix: Array, offset: Array) -> tuple[Array, Array]:
+        """The same of functions that do not depend on dependent joints."""
+        return matrix[:, self.loops.independent], offset
+
+    def coordinates(self, q: Array) -> Array:
+        """Positions of the independent joints."""
+        return np.asarray(q[..., self.loops.independent])
 
     @cached_property
     def _directions(self) -> VectorisedFunction:

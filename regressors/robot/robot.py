@@ -400,7 +400,7 @@ class Robot(Rebuilt):
         if self.closures:
             raise InputError(
                 f"robot {self.name!r}: {what} does not support closed loops, and it has {self.closures[0].label}; "
-                "identify it from the log of a motion that you choose, or read a part without loops with `tip`"
+                "read a part without loops with `tip`"
             )
 
     @property

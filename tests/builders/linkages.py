@@ -13,6 +13,7 @@ from regressors.samples import Array
 FOUR_BAR = (0.12, 0.35, 0.25, 0.4)
 PARALLELOGRAM = (0.25, 0.3, 0.25, 0.3)
 START = np.deg2rad(60.0)  # of the crank where the file puts it
+STEP = 0.0002  # of MuJoCo [s]
 
 _MJCF = """<mujoco model="{name}"><compiler angle="radian"/>
 <option timestep="0.0002" integrator="implicitfast" gravity="0 0 -9.81"/>
@@ -76,12 +77,20 @@ def played(
 
     Beside it the torques of the closure at all joints, without noise.
     """
-    model, rng, rows = mujoco.MjModel.from_xml_string(text), np.random.default_rng(seed), []
-    data, numbers, step = mujoco.MjData(model), np.arange(1, 5), model.opt.timestep
+    rng, numbers, step = np.random.default_rng(seed), np.arange(1, 5), STEP
     w, phases = 2 * np.pi / period * numbers, rng.uniform(0, 2 * np.pi, 4)
     size = swing / np.sum(1.0 / numbers) / numbers
     angles = w * (np.arange(round(period / step) + 1) * step)[:, None] + phases
     wanted = middle + np.sin(angles) @ size, np.cos(angles) @ (size * w), -np.sin(angles) @ (size * w**2)
+    return followed(lengths, text, noise, rng, *wanted)
+
+
+def followed(
+    lengths: tuple[float, ...], text: str, noise: float, rng: np.random.Generator, *wanted: Array
+) -> dict[str, Array]:
+    """The same of a given motion of the crank: positions, velocities and accelerations at MuJoCo's steps."""
+    model, rows, step = mujoco.MjModel.from_xml_string(text), [], STEP
+    data = mujoco.MjData(model)
     before = joint_angles(lengths, wanted[0][0] + np.array([-1e-6, 0.0, 1e-6]))
     data.qpos[:], data.qvel[:] = before[1], (before[2] - before[0]) / 2e-6 * wanted[1][0]
     for k, (q, dq, ddq) in enumerate(zip(*wanted, strict=True)):

@@ -12,10 +12,11 @@ import pytest
 import scipy
 from commands import Here
 from identified import relative
-from linkages import FOUR_BAR, PARALLELOGRAM, linkage, played, written
+from linkages import FOUR_BAR, PARALLELOGRAM, STEP, followed, linkage, played, written
 from mechanisms import LEGS, delta, played as mechanism_played, quadruped
 
 import excite
+from excite.design.design import Design
 from excite.export.models.robot_yaml import robot_text
 from excite.identification.identification import Identification
 from excite.identification.servos import identify_servos
@@ -26,6 +27,8 @@ from regressors.models.base import random_states
 from regressors.models.partial import of_loops
 from regressors.readers.description import parse_description
 from regressors.readers.library import load_robot
+from regressors.robot.friction.curve import CoulombViscous
+from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -102,6 +105,68 @@ def test_a_four_bar_is_identified_by_the_energy_of_its_motion() -> None:
     assert result.equations == (("work", "J"),)
     assert all(within(result))
     assert true_torques("four-bar", 7, result.coefficients) < 0.01
+
+
+OPTIONS = {"velocity": (5.0,), "acceleration": (40.0,), "period": 4.0}
+
+
+@cache
+def designed(name: str, model: str, seed: int) -> Design:
+    search = excite.Search(starts=2, seed=seed, executor="serial")
+    return excite.design_trajectory(robot_of(name), model=model, search=search, **OPTIONS)
+
+
+@pytest.mark.parametrize(("name", "model"), [("four-bar", "differential"), ("parallelogram", "energy")])
+def test_a_linkage_is_identified_from_its_own_design_and_confirmed_by_another(name: str, model: str) -> None:
+    design, other = (designed(name, model, seed) for seed in (0, 1))
+    simulation = excite.simulate(design, noise=NOISE, seed=1)
+    assert simulation.energy_residual < 1e-8
+    assert simulation.truth["m1c1x"] > 0
+    assert not np.any(simulation.log.effort[:, 1:])
+    result = excite.identify(Task(robot_of(name), model=model), simulation, design=design, choose=False)
+    assert all(within(result))
+    assert result.condition_number == pytest.approx(design.condition_number, rel=0.02)
+    assert excite.verify(result, excite.simulate(other, noise=NOISE, seed=2)).verdict.holds
+
+
+def test_friction_of_a_drive_takes_work_in_a_simulation_and_is_identified() -> None:
+    friction = FrictionCurves({"q1": CoulombViscous(coulomb=0.3, viscous=0.1)})
+    design = designed("four-bar", "differential", 0)
+    simulation = excite.simulate(design, friction=friction, noise=NOISE)
+    assert simulation.record.loss > 1.0
+    assert simulation.energy_residual < 1e-3 * simulation.record.loss
+    result = excite.identify(robot_of("four-bar"), simulation, design=design, choose=False)
+    found = dict(zip(result.names, zip(result.coefficients, result.estimate.half_width, strict=True), strict=True))
+    for name, true in (("F1c", 0.3), ("F1v", 0.1)):
+        value, half_width = found[name]
+        assert abs(value - true) < half_width < 0.1
+
+
+def test_mujoco_plays_a_design_and_its_parameters_are_found() -> None:
+    design = designed("four-bar", "differential", 0)
+    time = np.arange(round(design.trajectory.duration / STEP) + 1) * STEP
+    crank = design.trajectory.independent.samples(np.minimum(time, design.trajectory.duration))
+    wanted = (crank.q[:, 0], crank.dq[:, 0], crank.ddq[:, 0])
+    log = followed(FOUR_BAR, linkage("four-bar", FOUR_BAR), NOISE, np.random.default_rng(3), *wanted)
+    of_robot = {column: values for column, values in log.items() if not column.endswith("closure")}
+    planned = excite.simulate(design, rate=500.0).log
+    assert relative(planned.effort[100:-1, 0], log["q1.effort"][100:-1]) < 0.1  # its controller lags
+    result = excite.identify(robot_of("four-bar"), of_robot, choose=False)
+    assert np.mean(within(result)) >= 0.9
+    assert true_torques("four-bar", 7, result.coefficients) < 0.01
+    assert excite.verify(result, excite.simulate(designed("four-bar", "differential", 1), noise=NOISE)).verdict.holds
+
+
+def test_drives_of_a_quadruped_that_bear_against_each_other_are_simulated_with_the_least_torques() -> None:
+    loops, rng = of_loops(mechanism("quadruped")).loops, np.random.default_rng(0)
+    states = loops.states(random_states(mechanism("quadruped"), 20))
+    every = rng.normal(size=states.q.shape)
+    torques = loops.drive_torques(states.q, every)
+    assert not np.any(torques[:, :6])
+    motion = of_loops(mechanism("quadruped"))
+    np.testing.assert_allclose(motion.torques(states.q, torques), motion.torques(states.q, every), atol=1e-8)
+    again = loops.drive_torques(states.q, torques)
+    np.testing.assert_allclose(again, torques, atol=1e-8)  # nothing is left that does no work
 
 
 def test_positions_of_the_crank_alone_say_the_same() -> None:
@@ -268,9 +333,11 @@ def test_logs_that_do_not_fit_are_refused(columns: dict[str, Array | None], mess
 
 def test_what_does_not_know_loops_says_so() -> None:
     robot, log = robot_of("four-bar"), log_of("four-bar", 1)
-    loops = "does not support closed loops, and it has the loop that closes between coupler and rocker; identify it"
-    with pytest.raises(InputError, match=f"the design of a motion {loops}"):
-        excite.design_trajectory(robot)
+    loops = "does not support closed loops, and it has the loop that closes between coupler and rocker; read a "
+    with pytest.raises(InputError, match=f"a bound on criteria over all motions {loops}"):
+        excite.bound(designed("four-bar", "differential", 0))
+    with pytest.raises(InputError, match=f"a campaign of partial motions {loops}"):
+        excite.plan_campaign(robot)
     with pytest.raises(InputError, match=f"a plan of runs at constant speed {loops}"):
         excite.plan_friction(robot)
     with pytest.raises(InputError, match=f"the identification of servos {loops}"):

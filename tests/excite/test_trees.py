@@ -85,6 +85,10 @@ def test_two_arms_keep_apart() -> None:
     assert nearest(design(apart=False)) < 0.0
 
 
+def test_balance_is_not_checked_where_nobody_says_what_they_stand_on() -> None:
+    assert [each.reason for each in design().unchecked if each.limit == "balance"] == ["no support polygon is given"]
+
+
 def test_they_keep_above_the_floor() -> None:
     robot, made = two_arms(), design()
     lowest = [

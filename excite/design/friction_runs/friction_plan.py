@@ -25,8 +25,8 @@ from excite.design.stated_limits import Unchecked
 from excite.storage.atomic import read_json
 from excite.storage.codec import INLINE, Beside, named
 from excite.storage.migrations import is_of_kind, schema_of
-from excite.storage.records import Shown, complete, read_record, write_record
-from excite.storage.result_folder import check_not_taken, result_folder
+from excite.storage.records import Saved, complete, read_record, write_record
+from excite.storage.result_folder import check_not_taken
 from excite.storage.sampled_motion import motion_columns, write_motion_table
 from excite.tasks.reference import MotionSource, SampledMotion
 from excite.tasks.task import Task
@@ -201,7 +201,7 @@ class CoordinatePlan:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FrictionPlan(Shown):
+class FrictionPlan(Saved):
     """Measurements of the friction of a robot; the same when it is loaded.
 
     Parameters
@@ -274,24 +274,10 @@ class FrictionPlan(Shown):
                 return MotionSource(self.robot, task, SampledMotion(samples), None, None, origin)
         raise UnknownName("coordinate of the plan", coordinate, (planned.label for planned in self.coordinates))
 
-    def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
-        """Write the plan into a folder, made if it does not exist.
-
-        Parameters
-        ----------
-        folder : path
-        replace : bool
-            Also a plan that is already there.
-
-        Raises
-        ------
-        InputError
-            The folder holds a plan, or cannot be written to; or two coordinates would share a file.
-        """
-        place, tables = Path(folder), self._tables()
-        with result_folder(place):
-            check_no_plan(place, tables, replace=replace)
-            *written, plan = write_record(self, KIND, place, "plan", [FIGURE], tables, KIND, _stated_files(place))
+    def _written(self, place: Path, *, replace: bool) -> list[Path]:
+        tables = self._tables()
+        check_no_plan(place, tables, replace=replace)
+        *written, plan = write_record(self, KIND, place, "plan", [FIGURE], tables, KIND, _stated_files(place))
         return [plan, *written]
 
     def _tables(self) -> dict[str, Callable[[Path], None]]:

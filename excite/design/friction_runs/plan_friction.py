@@ -119,7 +119,7 @@ def plan_friction(
     motions = _motions(robot, joints, drives)
     check_size(robot, schedule)
     for motion in motions:
-        refuse_missing_ranges(robot, motion.matrix.any(axis=1))
+        refuse_missing_ranges(robot, motion.chosen)
     largest = _largest_torques(torque_ramp, [motion.labels[0] for motion in motions])
     checks, gravity = None if stated.world is None else CollisionChecks(robot, stated.world), gravity_of(robot)
     searches = [PlaceSearch(robot, gravity, motion, kept, checks) for motion in motions]

@@ -82,7 +82,8 @@ def export_motion(
         raise InputError(f"{out}: the format {chosen.name} expects a name that ends in {chosen.suffix}")
     chosen.check_robot(design.robot)
     motion, certificate = _certified(design, chosen, rate)
-    notes = _notes(motion, certificate, chosen, rate)
+    notes, facts = _notes(motion, certificate, chosen, rate), _facts(motion, certificate)
+    motion = motion.of_drives
     recorder = chosen.recorder(motion, out.name)
     with result_file(out):
         file = chosen.file(motion, out.stem)
@@ -103,7 +104,7 @@ def export_motion(
         name_of(format) if isinstance(format, str) else chosen.name,
         tuple(out.parent / name for name in dict.fromkeys((out.name, *contents))),
         (*notes, *file.notes, *recorder.notes, chosen.checked),
-        _facts(motion, certificate),
+        facts,
         holds=not (played and closest_first(certificate, broken=True)),
     )
 

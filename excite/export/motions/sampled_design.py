@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -35,6 +35,7 @@ class SampledDesign:
     rate: float  # [Hz]
     samples: Samples  # motion of every joint; exactly at rest at both ends
     segments: tuple[str, ...]  # ``approach``, ``excite`` or ``return``, of each instant
+    commanded: tuple[str, ...] | None = None  # joints of the samples, where they are not those of every joint
 
     @property
     def time(self) -> Array:
@@ -43,8 +44,18 @@ class SampledDesign:
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Names of every joint of the robot, in its order."""
-        return self.robot.joint_names
+        """Names of the joints that are written, in the robot's order."""
+        return self.robot.joint_names if self.commanded is None else self.commanded
+
+    @property
+    def of_drives(self) -> SampledDesign:
+        """The same motion of the joints that drives act on, which is what a controller commands."""
+        names, s = self.robot.joint_names, self.samples
+        driven = [k for k, name in enumerate(names) if name not in self.robot.passive]
+        if len(driven) == len(names):
+            return self
+        samples = Samples(s.time, *(x[:, driven] for x in (s.q, s.dq, s.ddq, s.dddq)))
+        return replace(self, samples=samples, commanded=tuple(names[k] for k in driven))
 
     @property
     def sha256(self) -> str:
@@ -61,6 +72,7 @@ class SampledDesign:
             f"design.json sha256: {self.design.file_sha256 or 'none, the design was not loaded from a folder'}",
             f"coefficients sha256: {self.design.coefficients_sha256}",
             f"joints: {', '.join(self.joints)}",
+            *(("joints without a drive follow",) if self.commanded is not None else ()),
             f"{self.time.size} samples over {self.time[-1]:.9g} s, nominal rate {self.rate:.12g} Hz",
         )
         return tuple(printable(line).encode("ascii", "replace").decode() for line in lines)

@@ -8,7 +8,8 @@ differentiating the velocities along the motion.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 
 import casadi as ca
@@ -17,17 +18,20 @@ import scipy
 
 from regressors.errors import InputError, listed_names
 from regressors.robot.robot import BASE, Robot
+from regressors.robot.symbolic.elimination import eliminated
 from regressors.robot.symbolic.kinematics import bodies, sparse
 from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array, Index, Samples
 
 CLOSED = 1e-9  # what may be left open [m, or the sine of an angle]
 _RANK = 1e-8  # of the largest singular value
-_SINGULAR = 1e-3  # ratio of singular values of J_d below which the independent joints hardly determine the others
+SINGULAR = 1e-3  # ratio of singular values of J_d below which the independent joints hardly determine the others
 _STEP, _STEPS = 0.3, 30  # largest Newton step [rad or m], and how many there may be
 _CONVERGED, _DAMPING = 1e-13, 1e-13  # step that is none [rad or m]; part of the trace of J_d' J_d that is added to it
 _NEAR = 0.1  # of the reference's root of det(J_d' J_d), below which a path passes a singular configuration
 _PATH = 0.1  # between two configurations that are solved one after the other [rad or m]
+_TURN = 2 * np.pi
+_ANCHORS, _PIVOTS = 2000, 200  # configurations from which others are solved, and for which pivots are chosen
 
 
 def closure_residual(robot: Robot, q: ca.SX) -> ca.SX:
@@ -57,6 +61,10 @@ class Loops:
     independent: tuple[int, ...]
     dependent: tuple[int, ...]
 
+    def __getstate__(self) -> dict[str, object]:
+        """Return the state without compiled functions, which are rebuilt when needed."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the independent joints."""
@@ -74,13 +82,11 @@ class Loops:
 
     def directions(self, q: ca.SX) -> ca.SX:
         """``N(q)`` of ``dq = N dq_i``, shape (n, k)."""  # q (n, 1)
-        x = ca.SX.sym("x", self.robot.n)
-        J = ca.jacobian(closure_residual(self.robot, x), x)
-        J_d, J_i = J[:, list(self.dependent)], J[:, list(self.independent)]
+        J_d, J_i = self._split_jacobian(q)
         N = ca.SX(self.robot.n, len(self.independent))
         N[list(self.independent), :] = ca.SX.eye(len(self.independent))
         N[list(self.dependent), :] = -ca.solve(ca.mtimes(J_d.T, J_d), ca.mtimes(J_d.T, J_i))
-        return ca.substitute(N, x, q)
+        return N
 
     @cached_property
     def _rates(self) -> VectorisedFunction:
@@ -101,6 +107,117 @@ class Loops:
         values = dense(self._rates, samples.q, *given)
         return Samples(samples.time, samples.q, *(np.ascontiguousarray(values[:, :, k]) for k in range(3)))
 
+    @cached_property
+    def _velocities(self) -> VectorisedFunction:
+        """Velocities and accelerations of all joints as columns, shape (n, 2)."""
+        q, (v, a) = ca.SX.sym("q", self.robot.n), (ca.SX.sym(name, len(self.independent)) for name in "va")
+        dq = ca.mtimes(self.directions(q), v)
+        ddq = ca.jtimes(dq, ca.vertcat(q, v), ca.vertcat(dq, a))
+        return VectorisedFunction([q, v, a], ca.horzcat(dq, ddq))
+
+    @cached_property
+    def _projected(self) -> VectorisedFunction:
+        """``N' u`` of a vector u of all joints."""
+        q, u = ca.SX.sym("q", self.robot.n), ca.SX.sym("u", self.robot.n)
+        return VectorisedFunction([q, u], ca.densify(ca.mtimes(self.directions(q).T, u)))
+
+    def moved(self, motion: Sequence[Array]) -> list[Array]:
+        """Positions, velocities and accelerations of all joints, (n, N), from those of the independent ones, (k, N).
+
+        Where the loops do not close, dependent joints are those of the reference, which leaves the loops open.
+        """
+        s, v, a = motion
+        q, left = self.solved(s.T)
+        apart = np.flatnonzero(~(left <= CLOSED))
+        q[np.ix_(apart, np.array(self.dependent))] = self.reference[list(self.dependent)]
+        q = np.ascontiguousarray(q.T)
+        rates = np.zeros((2, *q.shape))
+        found = self._velocities
+        rates[found.column, found.row] = found(q, v, a)
+        return [q, rates[0], rates[1]]
+
+    def pullback(self, q: Array, rates: Sequence[Array], slopes: Sequence[Array]) -> list[Array]:
+        """Slopes with respect to the independent joints' position, velocity and acceleration, each of shape (k, N).
+
+        Of functions with given slopes with respect to those of all joints, (n, N), in closed configurations q with the
+        velocities and accelerations of the independent joints: ``dq = N dq_i`` makes it ``N'`` of all slopes with
+        respect to positions, those of N among them.
+        """
+        found = self._velocities
+        seeds = np.stack([slopes[1], slopes[2]])[found.column, found.row]
+        of_q, of_v, of_a = found.pullback([q, *rates], np.ascontiguousarray(seeds))
+        return [self._projected(q, slopes[0] + of_q), of_v, of_a]
+
+    @cached_property
+    def _directions(self) -> VectorisedFunction:
+        q = ca.SX.sym("q", self.robot.n)
+        return VectorisedFunction([q], self.directions(q))
+
+    def drive_torques(self, q: Array, torques: Array) -> Array:
+        """Torques of the drives, of the least norm, that do the same as torques of all joints, shape (N, n)."""
+        # q, torques (N, n)
+        N, driven = dense(self._directions, q), list(self.driven)
+        found = np.zeros_like(torques)
+        along = np.einsum("tnk,tn->tk", N, torques)
+        found[:, driven] = np.einsum("tdk,tk->td", np.linalg.pinv(np.swapaxes(N[:, driven], 1, 2)), along)
+        return found
+
+    def at_drives(self, q: ca.SX, torques: ca.SX) -> ca.SX:
+        """Torques of the drives that do the same as torques of all joints, where they are determined, shape (n, m)."""
+        # q (n, 1); torques (n, m)
+        if self.driven != self.independent:
+            raise InputError(
+                f"robot {self.robot.name!r}: its drives act on {len(self.driven)} joints, of which the loops leave "
+                f"{len(self.independent)} free, so that their torques are not determined by a motion"
+            )
+        found, (J_d, J_i) = ca.SX(*torques.shape), self._split_jacobian(q)
+        if J_d.shape[0] == J_d.shape[1]:
+            _, known, *_ = self._anchors
+            N_d = -eliminated(J_d, J_i, dense(VectorisedFunction([q], ca.horzcat(J_d, J_i)), known[:_PIVOTS]))
+        else:
+            N_d = self.directions(q)[list(self.dependent), :]
+        of_free, of_others = torques[list(self.independent), :], torques[list(self.dependent), :]
+        found[list(self.driven), :] = of_free + ca.mtimes(N_d.T, of_others)
+        return found
+
+    def _split_jacobian(self, q: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """``J_d`` and ``J_i``."""
+        x = ca.SX.sym("x", self.robot.n)
+        J = ca.substitute(ca.jacobian(closure_residual(self.robot, x), x), x, q)
+        return J[:, list(self.dependent)], J[:, list(self.independent)]
+
+    @cached_property
+    def _anchors(self) -> tuple[scipy.spatial.KDTree, Array, Array, Array]:
+        """Closed configurations all over the ranges of the independent joints: these joints, q, N and J_d.
+
+        A range that is not limited is a turn either way.
+        """
+        limits = self.robot.limits
+        ends = (np.where(np.isfinite(end), end, turn) for end, turn in ((limits.lower, -_TURN), (limits.upper, _TURN)))
+        low, high = (end[list(self.independent)] for end in ends)
+        start = self.reference[list(self.independent)]
+        drawn = np.random.default_rng(0).uniform(low, high, (_ANCHORS, len(start)))
+        q, left = self.reached(np.vstack([start, drawn]))
+        q = q[left <= CLOSED]
+        N = dense(self._directions, q)
+        _, J = _split(dense(self._constraint, q))
+        return scipy.spatial.KDTree(q[:, self.independent]), q, N, J[:, :, self.dependent]
+
+    def solved(self, independent: Array) -> tuple[Array, Array]:
+        """As `reached`, from the nearest of many configurations that were reached before."""  # independent (N, k)
+        tree, known, N, before = self._anchors
+        _, near = tree.query(independent)
+        step = independent - known[near][:, self.independent]
+        guess = known[near] + np.einsum("tnk,tk->tn", N[near], step)
+        guess[:, self.independent] = independent
+        q, left, J_d = self._closed(guess)
+        same, itself = (_determinant(first, J_d) for first in (before[near], J_d))
+        regular = (same > 0.0) & (itself > _NEAR**2 * _determinant(before[:1], before[:1]))
+        missed = np.flatnonzero(~((left <= CLOSED) & regular))
+        if missed.size:
+            q[missed], left[missed] = self.reached(independent[missed])
+        return q, left
+
     def closed(self, q: Array) -> tuple[Array, Array]:
         """Configurations from a guess of the dependent joints, and how far each is open, infinite near a singularity.
 
@@ -108,7 +225,7 @@ class Loops:
         """  # q (N, n); open (N,)
         q, left, J_d = self._closed(q)
         sigma = np.linalg.svd(J_d, compute_uv=False)
-        return q, np.where((left <= CLOSED) & (sigma[:, -1] < _SINGULAR * sigma[:, 0]), np.inf, left)
+        return q, np.where((left <= CLOSED) & (sigma[:, -1] < SINGULAR * sigma[:, 0]), np.inf, left)
 
     def _closed(self, q: Array) -> tuple[Array, Array, Array]:
         """Configurations, how far each is open, and J_d, shape (N, r, m)."""

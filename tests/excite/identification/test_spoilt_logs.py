@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from played import EXACT, TASK, curves, found, irp6, noisy, periodic, played, three_joints, torques
 
+from excite.identification.fault_search import GAIN, FaultSearch
 from excite.identification.identify import identify
 from excite.identification.log_faults import NO_FAULT, gains_fault
 from excite.identification.procedure import estimate_parameters
 from excite.identification.recipe import Recipe
-from excite.identification.spoilt_log import GAIN, SPOILT, FaultSearch, named
+from excite.identification.spoilt_log import SPOILT, named
 from excite.logs.log import Log
 from excite.tasks.task import Task
 from regressors.errors import InputError
@@ -70,6 +71,11 @@ CASES = {
         "the torques of q2 are in mNm, not in Nm",
         "`unit: [Nm, mNm, Nm]`",
     ),
+    "a torque constant": (
+        effort(lambda y: y * np.array([1, 0.85, 1])),
+        "the torques of q2 are 0.85 times what the other joints say of it, or the torques of q3 are 1.2 times",
+        "`gain: [1, 1.17, 1]`",
+    ),
     "torque unit of a joint that friction explains": (
         effort(lambda y: y * np.array([1e-3, 1, 1])),
         "the torques of q1 are in kNm, not in Nm",
@@ -109,7 +115,7 @@ def test_a_fault_is_named_with_what_mends_it(case: str) -> None:
     assert cure in doubt.cure
 
 
-@pytest.mark.parametrize("gravity", [(9.81, 0.0, 0.0), (5.0, 5.0, -6.8)])
+@pytest.mark.parametrize("gravity", [(9.81, 0.0, 0.0), (5.0, 5.0, -6.8), (1.0, 4.0, -8.9)])
 def test_a_base_that_is_mounted_otherwise_is_named_with_its_gravity(gravity: tuple[float, float, float]) -> None:
     (doubt,) = estimate_parameters(irp6().replace(gravity=np.array(gravity)), TASK, (sound(),), EXACT).doubts
     stated = numbers(r"gravity=([-.\d]+),([-.\d]+),([-.\d]+)`", doubt.cure)
@@ -157,14 +163,26 @@ def test_a_clock_that_jumps_is_named_and_a_real_gap_is_not() -> None:
     assert not any("clock" in doubt.what for doubt in found(TASK, gap, recipe=Recipe(rows="all")).doubts)
 
 
-def test_another_robot_of_the_family_is_named_with_its_lengths() -> None:
+def ur10e_log() -> Log:
     robot = built_in("ur10e")
     motion = periodic(np.eye(6), 3, 0.6).samples(np.arange(800) / 200)
     model = DifferentialModel(robot)
     known = standard_values(robot)
     y = (model.instants(motion) @ [known.get(column.name, 0.0) for column in model.columns]).reshape(motion.q.shape)
     y += 0.02 * np.sqrt(np.mean(y**2, axis=0)) * np.random.default_rng(0).normal(size=y.shape)
-    log = Log("LOG", "other", robot.joint_names, motion.time, motion.q, effort=y)
+    return Log("LOG", "other", robot.joint_names, motion.time, motion.q, effort=y)
+
+
+def test_a_zero_that_is_little_off_is_named_where_all_else_is_white_noise() -> None:
+    log = ur10e_log()
+    off = replace(log, q=log.q + np.deg2rad([0.0, 0.0, 3.0, 0.0, 0.0, 0.0]), sha256="off")
+    (doubt,) = estimate_parameters(built_in("ur10e"), Task("ur10e"), (off,), EXACT).doubts
+    assert numbers("the zero of elbow_joint is off by (.+) degrees$", doubt.what) == pytest.approx([-3.0], abs=0.3)
+    assert estimate_parameters(built_in("ur10e"), Task("ur10e"), (log,), EXACT).doubts == ()
+
+
+def test_another_robot_of_the_family_is_named_with_its_lengths() -> None:
+    robot, log = built_in("ur10e"), ur10e_log()
     factors = (1.0, 1.0, 0.7, 0.65, 0.8, 0.9)
     joints = tuple(replace(j, translation=f * j.translation) for j, f in zip(robot.joints, factors, strict=True))
     (doubt,) = estimate_parameters(robot.replace(joints=joints, shapes=()), Task("ur10e"), (log,), EXACT).doubts
@@ -199,5 +217,5 @@ def test_a_sound_log_is_not_accused(seed: int) -> None:
     search = FaultSearch.of(result.target, result.prepared, result.friction)
     none = search.plain.fit(NO_FAULT)
     fits = [*search.fits(), *search.late_joints(none), search.with_lengths()]
-    assert named(none, fits) is None
+    assert named(none, fits, search.noise) is None
     assert none.size - min(fit.size for fit in fits) < GAIN / 2

@@ -108,6 +108,14 @@ def test_a_recorder_hangs_and_a_robot_at_rest_repeats_itself():
     assert not held_rows(quiet)[3100:].any()
 
 
+def test_a_row_that_comes_late_is_left_out():
+    log = recorded()
+    again = np.arange(log.count)
+    again[[1200, 2900]] -= 4, 15
+    late = replace(log, q=log.q[again], effort=log.effort[again])
+    np.testing.assert_array_equal(np.flatnonzero(held_rows(late)), [1200, 2900])
+
+
 def test_one_joint_hangs_and_makes_up_for_it_and_one_that_steps_does_not():
     log, rows = recorded(), np.concatenate([np.arange(k, k + 9) for k in (1000, 2500, 3300)])
     hung, stepped = log.q.copy(), log.q.copy()

@@ -39,6 +39,37 @@ def test_a_crank_turns_all_round() -> None:
     np.testing.assert_allclose(q, joint_angles(FOUR_BAR, q1), atol=1e-9)
 
 
+def test_positions_from_known_configurations_are_those_of_the_closed_form() -> None:
+    loops, q1 = loops_of(robot_of()), np.random.default_rng(0).uniform(-9.0, 9.0, 500)
+    q, left = loops.solved(q1[:, None])
+    assert left.max() <= CLOSED
+    np.testing.assert_allclose(q, joint_angles(FOUR_BAR, q1), atol=1e-9)
+
+
+def test_slopes_of_all_joints_are_those_of_differences() -> None:
+    loops, rng, h = loops_of(robot_of()), np.random.default_rng(1), 1e-6
+    motion, slopes = rng.uniform(-1.5, 1.5, (3, 1, 40)), rng.normal(size=(3, 3, 40))
+    q, *_ = loops.moved(motion)
+    found = loops.pullback(q, motion[1:], slopes)
+    for k in range(3):
+        step = np.zeros((3, 1, 40))
+        step[k] = h
+        ahead, behind = (loops.moved(each) for each in (motion + step, motion - step))
+        change = sum(np.sum(s * (a - b), axis=0) for s, a, b in zip(slopes, ahead, behind, strict=True)) / (2 * h)
+        np.testing.assert_allclose(found[k][0], change, rtol=1e-6, atol=1e-6)
+
+
+def test_where_loops_do_not_close_they_are_left_open() -> None:
+    """A crank that is longer than its neighbours reach cannot turn all round; nothing is made up beyond."""
+    loops = loops_of(robot_of((0.3, 0.2, 0.25, 0.4)))
+    beyond = np.array([[3.0]])
+    _, left = loops.solved(beyond)
+    assert left[0] > CLOSED
+    q, *_ = loops.moved([beyond, np.zeros((1, 1)), np.zeros((1, 1))])
+    gap = np.array(ca.Function("g", [x := ca.SX.sym("q", 3)], [closure_residual(loops.robot, x)])(q))
+    assert np.abs(gap).max() > 1e-3
+
+
 def test_a_parallelogram_moves_its_coupler_without_turning() -> None:
     q1 = np.linspace(-0.9, 1.9, 50)
     q, left = loops_of(robot_of(PARALLELOGRAM)).reached(q1[:, None])
