@@ -20,8 +20,9 @@ from excite.trajectories.family import Family
 from regressors.samples import Array
 
 _WITHIN = 1.0 - 1e-9  # of what the limits allow, against rounding
-# seconds of an evaluation; by instructions of the regressor; by the root of those of limits, of which few are near
-_CALL, _OF_REGRESSOR, _OF_LIMITS = 3e-4, 6e-7, 2.4e-5
+# seconds of an evaluation; by instructions of the regressor; by the root of those of limits, of which few are near; by
+# joints that follow others, for whose positions the loops are solved
+_CALL, _OF_REGRESSOR, _OF_LIMITS, _OF_FOLLOWING = 3e-4, 6e-7, 2.4e-5, 1.4e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +84,7 @@ class Problem:
             _CALL
             + _OF_REGRESSOR * self.information.instructions
             + _OF_LIMITS * float(np.sqrt(self.limits.instructions))
+            + _OF_FOLLOWING * self.information.following
         )
 
     @cached_property

@@ -84,6 +84,11 @@ class Information:
         self._weights = None if np.all(noise == 1.0) else 1.0 / noise[equation, None]
 
     @property
+    def following(self) -> int:
+        """Number of joints that follow others since loops close."""
+        return self._motion.following
+
+    @property
     def instructions(self) -> int:
         """Those of the regressor at one instant."""
         return self._function.instructions

@@ -48,6 +48,11 @@ class PartialMotion:
         """Which joints the coordinates move, but for those that only follow, shape (n,)."""
         return np.asarray(self.matrix.any(axis=1))
 
+    @property
+    def following(self) -> int:
+        """Number of joints that follow others since loops close."""
+        return 0
+
     def poses(self, s: Array) -> Array:
         """Joint positions, shape (..., n), from those of the moving coordinates, shape (..., k)."""
         return np.asarray(s @ self.matrix.T + self.offset)
@@ -104,6 +109,11 @@ class ClosedMotion(PartialMotion):
     def chosen(self) -> NDArray[np.bool_]:
         """The independent joints."""
         return np.isin(np.arange(self.loops.robot.n), self.loops.independent)
+
+    @property
+    def following(self) -> int:
+        """Number of the dependent joints."""
+        return len(self.loops.dependent)
 
     def poses(self, s: Array) -> Array:
         """Joint positions in which the loops are closed."""

@@ -225,3 +225,11 @@ def test_a_joint_that_neither_a_drive_nor_the_loops_move_is_refused() -> None:
     loose = robot_of("four-bar").replace(passive=("q1", "q2", "q3"))
     with pytest.raises(InputError, match=r"no drive moves q[12], nor do the loops"):
         excite.design_trajectory(loose, **OPTIONS)
+
+
+def test_a_search_counts_what_it_takes_to_solve_loops() -> None:
+    problems = [problem_of(name, "fourier", "differential")[0] for name in ("four-bar", "delta")]
+    assert [problem.information.following for problem in problems] == [2, 9]
+    plain = formulate(load_robot("irp6"), Task("irp6")).problem
+    assert plain.information.following == 0
+    assert problems[0].seconds > 3.0 * plain.seconds
