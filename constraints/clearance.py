@@ -8,78 +8,60 @@ smooth.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
 
 from constraints.geometry import Box, HalfSpace, Obstacle, Part, Shape, vector_of
 from regressors.errors import percent
-from regressors.models.partial import PartialMotion
 from regressors.robot.inertia import skew
 from regressors.robot.robot import BASE, Joint, Robot, finite_ranges, placed_bodies
 from regressors.robot.shapes import Capsule
 from regressors.robot.symbolic.kinematics import relative_pose, sparse
-from regressors.robot.symbolic.vectorised import VectorisedFunction
-from regressors.samples import Array, Index
+from regressors.samples import Array
 
 
 @dataclass(frozen=True, eq=False)
 class Gap:
-    """Functions whose bounds keep points of one of two bodies away from a shape of the other."""
+    """A function whose bound keeps two bodies, or parts of them, apart."""
 
-    centres: Array  # (k, 3) the points, in the frame of the body that bears them
-    of_first: bool  # whether that is the first of the two
-    shape: Shape  # in the frame of the other
+    # distance from a plane [m]; or squared distance of two points [m^2], one of them the nearest of a body
+    value: ca.SX
     reach: float  # sum of the bodies' radii, to be subtracted from the distance [m]
-
-    @property
-    def squared(self) -> bool:
-        """Whether the functions are squared distances [m^2], instead of distances from a plane [m]."""
-        return not isinstance(self.shape, HalfSpace)
-
-    def values(self, first: Pose, second: Pose) -> tuple[ca.SX, tuple[tuple[ca.SX, ca.SX], ...]]:
-        """The functions, shape (k, 1), and symbols in them with their expressions, held constant in derivatives."""
-        (R, p), (R_s, p_s) = (first, second) if self.of_first else (second, first)
-        points, shape, k = _moved(R, p, self.centres), self.shape, len(self.centres)
-        if isinstance(shape, HalfSpace):
-            return ca.mtimes(sparse(shape.normal).T, points).T - shape.offset, ()
-        if isinstance(shape, Box):
-            local = ca.mtimes(sparse(shape.rotation.T), points - ca.repmat(sparse(shape.centre), 1, k))
-            half, y = np.tile(np.array(shape.size)[:, None] / 2, k), ca.SX.sym("y", 3, k)
-            return ca.sum1((local - y) ** 2).T, ((ca.vec(y), ca.vec(ca.fmin(ca.fmax(local, -half), half))),)
-        beside = points - ca.repmat(_moved(R_s, p_s, np.array([shape.start])), 1, k)
-        if shape.length == 0:
-            return ca.sum1(beside**2).T, ()
-        line, t = ca.mtimes(R_s, sparse(np.subtract(shape.end, shape.start))), ca.SX.sym("t", 1, k)
-        nearest = ca.fmin(ca.fmax(ca.mtimes(line.T, beside) / shape.length**2, 0.0), 1.0)
-        return ca.sum1((beside - ca.mtimes(line, t)) ** 2).T, ((ca.vec(t), ca.vec(nearest)),)
-
-    @property
-    def cuboid(self) -> tuple[Array, Array, Array, Array]:
-        """Axes and origin of the shape in its body's frame, and between what it is in these; a plane is at x = 0."""
-        shape, zero = self.shape, np.zeros(3)
-        if isinstance(shape, Box):
-            half = np.array(shape.size) / 2
-            return shape.rotation, np.array(shape.centre), -half, half
-        if isinstance(shape, HalfSpace):
-            return _along(np.array(shape.normal)), shape.offset * np.array(shape.normal), zero, zero
-        line = np.subtract(shape.end, shape.start)
-        return _along(line), np.array(shape.start), zero, np.array([shape.length, 0.0, 0.0])
+    squared: bool
+    # symbols in the value and their expressions, which are held constant in derivatives
+    held: tuple[tuple[ca.SX, ca.SX], ...] = field(default=())
 
 
-def _moved(R: ca.SX, p: ca.SX, points: Array) -> ca.SX:
-    """Points (k, 3) of a body at a pose, as columns."""
-    return ca.repmat(p, 1, len(points)) + ca.mtimes(R, sparse(points.T))
+def _at(pose: Pose, point: Array) -> ca.SX:
+    return pose[1] + ca.mtimes(pose[0], sparse(point))
 
 
-def _along(line: Array) -> Array:
-    """Axes of which x is along a line; any where that has no length."""
-    axes = np.linalg.svd(line[None])[2].T
-    return np.asarray(axes * np.array([1.0 if line @ axes[:, 0] >= 0.0 else -1.0, 1.0, 1.0]))
+def _clipped(value: ca.SX, low: Array | float, high: Array | float) -> ca.SX:
+    return ca.fmin(ca.fmax(value, low), high)
 
 
-def gap_between(capsule: Capsule, shape: Shape, tolerance: float) -> Gap:
+def _to_line(point: ca.SX, pose: Pose, capsule: Capsule, reach: float) -> Gap:
+    """Squared distance of a point from the line of a capsule."""
+    start = _at(pose, np.array(capsule.start))
+    if capsule.length == 0:
+        return Gap(ca.sumsqr(point - start), reach, True)
+    line = ca.mtimes(pose[0], sparse(np.subtract(capsule.end, capsule.start)))
+    t = ca.SX.sym("t")
+    nearest = _clipped(ca.dot(point - start, line) / capsule.length**2, 0.0, 1.0)
+    return Gap(ca.sumsqr(point - start - t * line), reach, True, ((t, nearest),))
+
+
+def _to_box(point: ca.SX, box: Box, reach: float) -> Gap:
+    """Squared distance of a point from a fixed box in the same frame."""
+    local = ca.mtimes(sparse(box.rotation.T), point - sparse(np.array(box.centre)))
+    half = np.array(box.size) / 2
+    y = ca.SX.sym("y", 3)
+    return Gap(ca.sumsqr(local - y), reach, True, ((y, _clipped(local, -half, half)),))
+
+
+def gaps(capsule: Capsule, pose: Pose, shape: Shape, other: Pose, tolerance: float) -> list[Gap]:
     """Functions that together keep a capsule and another body apart; they never exceed the true distance.
 
     For a plane, and for a pair with a sphere, they are exact. Otherwise one body is covered by spheres, which reduces
@@ -87,14 +69,17 @@ def gap_between(capsule: Capsule, shape: Shape, tolerance: float) -> Gap:
     """
     ends = [capsule.start] if capsule.length == 0 else [capsule.start, capsule.end]
     if isinstance(shape, HalfSpace):
-        return Gap(np.array(ends), True, replace(shape, offset=shape.offset + capsule.radius), 0.0)
+        normal = sparse(np.array(shape.normal))
+        return [
+            Gap(ca.dot(normal, _at(pose, np.array(end))) - shape.offset - capsule.radius, 0.0, False) for end in ends
+        ]
     centres, radius = capsule.covering(tolerance)
     if isinstance(shape, Box):
-        return Gap(centres, True, shape, radius)
+        return [_to_box(_at(pose, centre), shape, radius) for centre in centres]
     others, wide = shape.covering(tolerance)
     if len(others) < len(centres):
-        return Gap(others, False, capsule, wide + capsule.radius)
-    return Gap(centres, True, shape, radius + shape.radius)
+        return [_to_line(_at(other, centre), pose, capsule, wide + capsule.radius) for centre in others]
+    return [_to_line(_at(pose, centre), other, shape, radius + shape.radius) for centre in centres]
 
 
 Pose = tuple[ca.SX, ca.SX]
@@ -132,48 +117,6 @@ class Frames:
             step, origin = self._step[body]
             self._known[body, ancestor] = ca.mtimes(R, step), p + ca.mtimes(R, origin)
         return self._known[body, ancestor]
-
-
-class MovingBodies:
-    """Poses of a robot's bodies at many instants, and how its coordinates move them."""
-
-    def __init__(self, robot: Robot, frames: Frames, q: ca.SX, motion: PartialMotion) -> None:
-        placed = list(placed_bodies(robot))
-        names = [name for name, *_ in placed]
-        self._last: tuple[Array, Array] | None = None
-        self.number = {name: k for k, name in enumerate((BASE, *names))}
-        poses = [frames.pose(name, BASE) for name in names]
-        self._function = VectorisedFunction([q], ca.vertcat(*(ca.vec(ca.horzcat(*pose)) for pose in poses)))
-        self.carried = np.array([[name in frames.path(body) for name in names] for body in self.number])  # by joints
-        self._axes = np.array([joint.axis for _, _, joint, *_ in placed])
-        self._turns = np.array([joint.kind == "revolute" for _, _, joint, *_ in placed])
-        self._rows = np.array([row for *_, row, _ in placed]) @ motion.matrix
-
-    def poses(self, q: Array) -> Array:
-        """Axes and origin of the base and of each body in the base frame, shape (instants, bodies, 3, 4).
-
-        Limits ask for the same poses one after the other.
-        """
-        if self._last is None or not np.array_equal(q, self._last[0]):
-            self._last = q.copy(), self._poses(q)
-        return self._last[1]
-
-    def _poses(self, q: Array) -> Array:
-        flat = np.zeros((12 * len(self.carried), q.shape[1]))
-        flat[[0, 4, 8]] = 1.0
-        flat[12 + self._function.row] = self._function.seldom(q)
-        return np.asarray(flat.T.reshape(q.shape[1], -1, 4, 3).transpose(0, 1, 3, 2))
-
-    def rates(self, poses: Array, wrench: Array, instant: Index, sign: Array) -> Array:
-        """Power of wrenches (moment about the base's origin, force) on bodies, per rate of each coordinate.
-
-        The sign of each joint is 1 where it moves the body that the wrench acts on, -1 where that which it reacts on.
-        """  # wrench (rows, 6); instant (rows,); sign (rows, joints)
-        axes = np.einsum("tbij,bj->tbi", poses[:, 1:, :, :3], self._axes)
-        turning = np.concatenate([axes, np.cross(poses[:, 1:, :, 3], axes)], axis=2)
-        shifting = np.concatenate([np.zeros_like(axes), axes], axis=2)
-        screws = np.where(self._turns[:, None], turning, shifting)
-        return np.asarray((np.einsum("rji,ri->rj", screws[instant], wrench) * sign) @ self._rows)
 
 
 def link_poses(robot: Robot, q: Array) -> dict[str, Array]:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from itertools import groupby, product
+from itertools import chain, product
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from constraints.clearance import Frames, Gap, MovingBodies, gap_between
+from constraints.clearance import Frames, Gap, gaps
 from constraints.geometry import Obstacle, Shape, World
 from constraints.nonlinear import Limit, NonlinearConstraint, motion_symbols
 from regressors.arguments import checked
@@ -22,11 +21,11 @@ from regressors.robot.robot import BASE, Robot, finite_ranges
 from regressors.robot.shapes import Capsule
 from regressors.robot.symbolic.intervals import OverBoxes, interval_function
 from regressors.robot.symbolic.kinematics import sparse
-from regressors.samples import Array, Index, Samples
+from regressors.robot.symbolic.vectorised import VectorisedFunction
+from regressors.samples import Array, Samples
 
 _POSES = 2000
 _SCALE = 0.1  # m: a distance that counts as large
-_AT_ONCE = 512  # instants
 _STILL = 1e-9  # m: a distance that varies by less counts as independent of the motion
 
 
@@ -64,9 +63,8 @@ class Clearance(NonlinearConstraint):
     def __init__(self, robot: Robot, motion: PartialMotion, pairs: Sequence[Pair], world: World) -> None:
         self.robot, self.motion, self.pairs, self.world = robot, motion, tuple(pairs), world
         self.joints = motion.matrix.shape[1]
-        counts = [len(gap.centres) for _, gap in self._gaps]
-        of_gaps = [(gap.reach, gap.squared, pair.clearance) for pair, gap in self._gaps]
-        reach, squared, clearance = np.repeat(np.array(of_gaps), counts, axis=0).T
+        reach, squared = (np.array([getattr(gap, name) for _, gap in self._gaps]) for name in ("reach", "squared"))
+        clearance = np.array([pair.clearance for pair, _ in self._gaps])
         d = reach + clearance
 
         def shown(values: Array) -> Array:
@@ -74,120 +72,38 @@ class Clearance(NonlinearConstraint):
             return np.where(squared, np.sqrt(np.maximum(square, 0.0)) - reach, values)
 
         bounds = clearance, np.full(d.size, np.inf), np.full(d.size, _SCALE)
-        labels = tuple(pair.label for (pair, _), k in zip(self._gaps, counts, strict=True) for _ in range(k))
-        super().__init__(self.joints, self._at, *bounds, labels, ("m",) * d.size, shown, "distance")
-
-    @classmethod
-    def joined(cls, parts: Sequence[NonlinearConstraint]) -> Sequence[NonlinearConstraint]:
-        """Those of one robot and motion as one, whose functions share the poses of its bodies."""
-        clearances = [part for part in parts if isinstance(part, Clearance)]
-        same = groupby(clearances, key=lambda one: (id(one.robot), id(one.motion), one.world.tolerance))
-        each = [list(some) for _, some in same]
-        pairs = ([pair for one in some for pair in one.pairs] for some in each)
-        return [cls(some[0].robot, some[0].motion, own, some[0].world) for some, own in zip(each, pairs, strict=True)]
+        texts = tuple(pair.label for pair, _ in self._gaps), ("m",) * d.size
+        super().__init__(self.joints, self._at, *bounds, *texts, shown, "distance")
 
     def _at(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         return ca.substitute(self._expressions[0], motion_symbols(self.joints)[0], q)
 
     @cached_property
     def _gaps(self) -> list[tuple[Pair, Gap]]:
-        every = ((pair, product(pair.capsules, pair.shapes)) for pair in self.pairs)
-        return [(pair, gap_between(*each, self.world.tolerance)) for pair, both in every for each in both]
+        frames, found = _frames(self.robot, self.motion), []
+        for pair in self.pairs:
+            common = frames.common(pair.link, pair.carrier)
+            pose, other = frames.pose(pair.link, common), frames.pose(pair.carrier, common)
+            both = product(pair.capsules, pair.shapes)
+            each = (gaps(capsule, pose, shape, other, self.world.tolerance) for capsule, shape in both)
+            found += [(pair, gap) for gap in chain.from_iterable(each)]
+        return found
 
     @cached_property
     def _expressions(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """The functions, the same with symbols for held values, the symbols, and their expressions."""
-        frames, values = _frames(self.robot, self.motion), list[ca.SX]()
-        held: list[tuple[ca.SX, ca.SX]] = []
-        for pair, gap in self._gaps:
-            common = frames.common(pair.link, pair.carrier)
-            value, more = gap.values(frames.pose(pair.link, common), frames.pose(pair.carrier, common))
-            d = gap.reach + pair.clearance
-            values.append((value - d**2) / (2 * d) + pair.clearance if gap.squared else value)
-            held += more
-        open_form = ca.vertcat(*values)
+        open_form = ca.vertcat(*(_value(gap, pair.clearance) for pair, gap in self._gaps))
+        held = [pair for _, gap in self._gaps for pair in gap.held]
         symbols, meaning = (ca.vertcat(ca.SX(0, 1), *(pair[k] for pair in held)) for k in (0, 1))
-        meaning = ca.densify(meaning)
         return ca.substitute(open_form, symbols, meaning), open_form, symbols, meaning
 
     @cached_property
-    def _points(self) -> dict[str, Array]:
-        """Of each function: its point and shape, the bodies that bear them, and the joints that move these apart."""
-        moving, rows = _bodies(self.robot, self.motion), []
-        for pair, gap in self._gaps:
-            on, of = (moving.number[name] for name in (pair.link, pair.carrier)[:: 1 if gap.of_first else -1])
-            axes, origin, low, high = gap.cuboid
-            sign = moving.carried[on] * 1.0 - moving.carried[of]
-            d = gap.reach + pair.clearance if gap.squared else 1.0
-            rows += [(on, of, centre, axes, origin, low, high, sign, d, gap.squared) for centre in gap.centres]
-        names = ("on", "of", "centre", "axes", "origin", "low", "high", "sign", "d", "squared")
-        return {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
-
-    def slopes_at_instants(self, motion: Sequence[Array]) -> Callable[[Index, Index, Index], Array]:
-        """See `NonlinearConstraint`; with n from the nearest point of the shape, of length 1 at the bound.
-
-        The rate of the distance is the power of the force n at the point, and of its reaction.
-        """
-        moving, count = _bodies(self.robot, self.motion), self.joints
-        poses = moving.poses(motion[0])
-
-        def slopes(function: Index, instant: Index, columns: Index) -> Array:
-            own = {name: column[function] for name, column in self._points.items()}
-            on, of = poses[instant, own["on"]], poses[instant, own["of"]]
-            point = (on[:, :, :3] @ own["centre"][:, :, None])[..., 0] + on[:, :, 3]
-            axes = of[:, :, :3] @ own["axes"]
-            origin = (of[:, :, :3] @ own["origin"][:, :, None])[..., 0] + of[:, :, 3]
-            local = np.einsum("rij,ri->rj", axes, point - origin)
-            beside = local - np.clip(local, own["low"], own["high"])
-            beside[np.logical_not(own["squared"])] = 1.0, 0.0, 0.0
-            n = np.einsum("rij,rj->ri", axes, beside) / own["d"][:, None]
-            rates = moving.rates(poses, np.hstack([np.cross(point, n), n]), instant, own["sign"])
-            return np.asarray(np.pad(rates, ((0, 0), (0, 2 * count)))[:, columns])
-
-        return slopes
-
-    @property
-    def derivatives(self) -> tuple[int, ...]:
-        """Positions alone."""
-        return (0,)
-
-    @cached_property
-    def varies(self) -> NDArray[np.bool_]:
-        """Those with a slope somewhere."""
-        q = np.random.default_rng(0).uniform(-1.0, 1.0, (1, self.joints))
-        return np.asarray(np.any(np.abs(self.slopes(Samples(np.zeros(1), q, q, q, q))[0]) > _STILL, axis=1))
-
-    def values(self, samples: Samples) -> Array:
-        """Values of g at every instant, shape (N, k)."""
-        return self._at_poses(samples.q.T).T
-
-    def _evaluated(self, motion: Sequence[Array]) -> Array:
-        """All values of g: few of the limits are imposed, and those that are become one that is compiled."""
-        return self._at_poses(motion[0])
-
-    def _at_poses(self, q: Array) -> Array:
-        """Values of g, shape (k, N), from the poses of the bodies at positions of shape (n, N)."""
-        every, values = _bodies(self.robot, self.motion).poses(q), np.empty((len(self.lower), q.shape[1]))
-        for first in range(0, q.shape[1], _AT_ONCE):
-            part = slice(first, first + _AT_ONCE)
-            for on, of, which, own in self._between_two:
-                (R, p), (R_s, p_s) = ((pose[..., :3], pose[..., 3:]) for pose in (every[part, on], every[part, of]))
-                back = R_s.transpose(0, 2, 1)
-                points = (back @ R) @ own["centre"].T + back @ (p - p_s)  # (N, 3, k)
-                local = own["axes"].transpose(0, 2, 1) @ (points.transpose(2, 1, 0) - own["origin"][:, :, None])
-                beside = local - np.clip(local, own["low"][:, :, None], own["high"][:, :, None])
-                d = own["d"][:, None]
-                curved = (np.sum(beside**2, axis=1) - d**2) / (2 * d) + self.lower[which, None]
-                values[which, part] = np.where(own["squared"][:, None], curved, local[:, 0])
-        return values
-
-    @cached_property
-    def _between_two(self) -> list[tuple[int, int, Index, dict[str, Array]]]:
-        """The two bodies, the numbers and the points of functions, by bodies."""
-        both = np.stack([self._points["on"], self._points["of"]], axis=1)
-        of_bodies, number = np.unique(both, axis=0, return_inverse=True)
-        each = ((int(on), int(of), np.flatnonzero(number == k)) for k, (on, of) in enumerate(of_bodies))
-        return [(on, of, which, {name: x[which] for name, x in self._points.items()}) for on, of, which in each]
+    def jacobian(self) -> VectorisedFunction:
+        """``dg / d(q, dq, ddq)``, shape (k, 3 n), for many instants at once."""
+        q, dq, ddq, _ = motion_symbols(self.joints)
+        _, g, held, meaning = self._expressions
+        slopes = ca.substitute(ca.jacobian(g, q), held, meaning)
+        return VectorisedFunction([q, dq, ddq], ca.horzcat(slopes, ca.SX(g.numel(), 2 * self.joints)))
 
     @cached_property
     def rate(self) -> OverBoxes:
@@ -204,9 +120,9 @@ def _frames(robot: Robot, motion: PartialMotion) -> Frames:
     return Frames(robot, ca.mtimes(sparse(motion.matrix), q) + ca.DM(motion.offset))
 
 
-@lru_cache(maxsize=1)
-def _bodies(robot: Robot, motion: PartialMotion) -> MovingBodies:
-    return MovingBodies(robot, _frames(robot, motion), motion_symbols(motion.matrix.shape[1])[0], motion)
+def _value(gap: Gap, clearance: float) -> ca.SX:
+    d = gap.reach + clearance
+    return (gap.value - d**2) / (2 * d) + clearance if gap.squared else gap.value
 
 
 def collision_limits(robot: Robot, world: World, motion: PartialMotion) -> list[NonlinearConstraint]:

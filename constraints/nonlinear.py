@@ -10,7 +10,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cache, cached_property
-from itertools import groupby
 from typing import Any
 
 import casadi as ca
@@ -153,11 +152,6 @@ class NonlinearConstraint(Constraint):
         s, bounds, texts = motion.matrix.shape[1], (self.lower, self.upper, self.scale), (self.labels, self.units)
         return NonlinearConstraint(s, expression, *bounds, *texts, self.shown, self.quantity)
 
-    @classmethod
-    def joined(cls, parts: Sequence[NonlinearConstraint]) -> Sequence[NonlinearConstraint]:
-        """Fewer constraints with the same functions, where these are evaluated faster."""
-        return parts
-
     def values(self, samples: Samples) -> Array:
         """Values of g at every instant, shape (N, k)."""
         return evaluate_samples(self.function, samples)[:, :, 0]
@@ -214,10 +208,7 @@ class NonlinearConstraint(Constraint):
 
     def slopes(self, samples: Samples) -> Array:
         """``dg / d(q, dq, ddq)`` at every instant, shape (N, k, 3 n)."""
-        shape = samples.time.size, len(self.lower)
-        instant, function = (place.ravel() for place in np.indices(shape))
-        at = self.slopes_at_instants([np.ascontiguousarray(x.T) for x in (samples.q, samples.dq, samples.ddq)])
-        return at(function, instant, np.arange(3 * self.joints)).reshape(*shape, -1)
+        return evaluate_samples(self.jacobian, samples)
 
 
 @cache
@@ -230,8 +221,7 @@ class StackedConstraint(NonlinearConstraint):
     """The functions of several constraints on the same coordinates, which share the robot's kinematics."""
 
     def __init__(self, parts: Sequence[NonlinearConstraint]) -> None:
-        runs = [list(some) for _, some in groupby(parts, key=type)]
-        parts = self.parts = tuple(part for some in runs for part in some[0].joined(some))
+        self.parts = tuple(parts)
         self._first = np.cumsum([0, *(len(part.lower) for part in parts)])
         names = ("lower", "upper", "scale")
         lower, upper, scale = (np.concatenate([getattr(part, name) for part in parts]) for name in names)

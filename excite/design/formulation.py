@@ -264,7 +264,6 @@ def roomy_pose(
     at_rest = Samples(np.zeros(len(q)), q, zero, zero, zero)
     room = [_room(limit, limit.values(at_rest)) for limit in nonlinear]
     least = np.concatenate([*room, _linear_room(linear, poses)[:, None]], axis=1).min(axis=1)
-    least = np.round(least, 9)  # distances that no pose changes are no reason to choose one by their rounding
     if least[0] >= _AMPLE:
         return centre
     best = np.argsort(-least)[:_STARTS]

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint, StackedConstraint
-from excite.trajectories.family import GridMotion, MotionTangent
+from excite.trajectories.family import GridMotion
 from regressors.models.partial import ClosedMotion, PartialMotion
 from regressors.samples import Array, Index
 
@@ -51,7 +51,7 @@ class GridLimits:
             tuple(GridConstraint.on_coordinates(limit, grid) for limit in linear),
             each,
             tuple(GridConstraint.on_joints(limit, joints) for limit in stated),
-            (GridConstraint.on_joints(StackedConstraint(nonlinear), joints),) if each else (),
+            each if len(each) < 2 else (GridConstraint.on_joints(StackedConstraint(nonlinear), joints),),
         )
 
     def with_broken(self, x: Array) -> GridLimits:
@@ -66,14 +66,18 @@ class GridLimits:
         if not more:
             return self
         kept = tuple(limit for limit in self.stated if limit not in more)
-        imposed = (*self.nonlinear, *more)
+        return GridLimits(self.linear, (*self.nonlinear, *more), kept, (*self.together, *more))
+
+    def with_expected(self, motions: Sequence[Array]) -> GridLimits:
+        """With those that hold by default, but not for all of some motions, among the others, evaluated as one."""
+        expected = tuple(limit for limit in self.stated if not all(limit.holds(x) for x in motions))
+        if not expected:
+            return self
+        kept = tuple(limit for limit in self.stated if limit not in expected)
+        imposed = (*self.nonlinear, *expected)
         functions = [limit.function for limit in imposed if isinstance(limit.function, JointFunction)]
         stacked = StackedConstraint([function.constraint for function in functions])
         return GridLimits(self.linear, imposed, kept, (GridConstraint.on_joints(stacked, functions[0].joints),))
-
-    def with_expected(self, motions: Sequence[Array]) -> GridLimits:
-        """With those that hold by default, but not for all of some motions, among the others."""
-        return self._with([limit for limit in self.stated if not all(limit.holds(x) for x in motions)])
 
     @property
     def linear_in_x(self) -> tuple[GridConstraint, ...]:
@@ -157,18 +161,14 @@ class GridConstraint:
         """The functions at all or some instants, linearised about x."""
         if instants is None:
             instants = np.arange(self.values(x).shape[1])
-        slopes, motion = self.linearised(x, instants)
-        return lambda function, place: motion.rows(slopes(function, place), place)
-
-    def linearised(self, x: Array, instants: Index) -> tuple[Slopes, MotionTangent]:
-        """The functions about the motion x at some instants, and this motion about x."""
-        return self.function.slopes(x, instants), self.grid.tangent(x, self.function.derivatives, instants)
+        slopes = self.function.slopes(x, instants)  # with respect to the motion
+        motion = self.grid.tangent(x, self.function.derivatives, instants)
+        return lambda function, place: motion(slopes(function, place), place)
 
     def uses(self, values: Array) -> Array:
         """Use of the bounds by each value, shape (k, N): 1 at a bound, more beyond, 0 one scale away from both."""
-        room = values - self.lower[:, None]
-        if np.any(np.isfinite(self.upper)):
-            np.minimum(self.upper[:, None] - values, room, out=room)
+        room = self.upper[:, None] - values
+        np.minimum(room, values - self.lower[:, None], out=room)
         room /= self.scale[:, None]
         return np.asarray(np.subtract(1.0, room, out=room))
 
@@ -233,7 +233,7 @@ def sampled_use(limit: GridConstraint, x: Array) -> SampledUse:
     instants = np.concatenate([instants, between])
     order = np.argsort(instants)
     values, uses = np.concatenate([coarse, fine], axis=1), np.concatenate([use, limit.uses(fine)], axis=1)
-    return instants[order], values.take(order, axis=1), uses.take(order, axis=1)
+    return instants[order], values[:, order], uses[:, order]
 
 
 def _between(use: Array, count: int) -> Index:

@@ -234,14 +234,9 @@ class JointMotion:
     pullback: Callable[[Array, Sequence[Array]], Array]
 
 
-@dataclass(frozen=True, eq=False)
-class MotionTangent:
-    """Some derivatives of the k coordinates' motion at T instants of a grid, linearised about one x."""
-
-    # slopes of weighted sums, each at one instant, with respect to the flat x, shape (rows, x.size), from weights
-    # (rows, derivatives, k) and places (rows,)
-    rows: Callable[[Array, Index], Array]
-    changes: Callable[[Array], Array]  # by a step of the flat x, shape (T, derivatives, k)
+#: Some derivatives of the k coordinates' motion at T instants of a grid, linearised about one x: slopes of weighted
+#: sums, each at one instant, with respect to the flat x, from weights (rows, derivatives, k) and places (rows,).
+MotionTangent = Callable[[Array, Index], Array]
 
 
 @dataclass(frozen=True, eq=False)

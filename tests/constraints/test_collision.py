@@ -106,13 +106,6 @@ def test_distances_are_those_of_coal_and_never_more(seed: int) -> None:
                 assert theirs - slack - 1e-6 < ours < theirs + 1e-6, label
 
 
-def test_compiled_distances_are_those_of_the_poses() -> None:
-    robot, _, limits, q = random_case(0)
-    for limit in limits:
-        compiled = limit.function(q.T.copy(), *np.zeros((2, robot.n, len(q))))
-        np.testing.assert_allclose(compiled, limit.values(still(q))[:, limit.function.row].T, atol=1e-12, rtol=1e-12)
-
-
 @pytest.mark.slow
 @given(SEED)
 @settings(max_examples=2, deadline=None)

@@ -9,7 +9,6 @@ Only functions near a bound are linearised, where a search looks at them, see `e
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 
 import daqp
@@ -17,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.design.grid_limits import GridConstraint, LinearFunction
-from excite.trajectories.family import MotionTangent
 from regressors.samples import Array, Index
 
 _SMALL = 100**2  # numbers in a matrix, up to which one product is faster than several with less
@@ -145,17 +143,16 @@ class NearRows:
     """Linearised functions near their bounds, of which those that are needed are rows of the programme."""
 
     def __init__(self, limits: Sequence[GridConstraint], x: Array) -> None:
-        self._parts = [_near(limit, x) for limit in limits]
-        self._ends = np.cumsum([part.number.size for part in self._parts])[:-1]
-        of_entries = np.concatenate([part.entries for part in self._parts], axis=1)
-        self._value, self._lower, self._upper, self._scale, self._reserve = of_entries
-        self._adjacent = np.diff(np.concatenate([part.number for part in self._parts])) == 1
+        parts = [_near(limit, x) for limit in limits]
+        of_entries, of_numbers, of_rows = zip(*parts, strict=True)
+        self._value, self._lower, self._upper, self._scale, self._reserve = np.concatenate(of_entries, axis=1)
+        self._rows = np.concatenate(of_rows)
+        self._adjacent = np.diff(np.concatenate(of_numbers)) == 1
         self._chosen = self._peaks(self._value, _ROW)
 
     def broken(self, d: Array) -> bool:
         """Whether a step violates a limit where no row of the programme forbids it; if so, add rows."""  # d (x.size,)
-        changes = [np.einsum("rok,rok->r", part.slopes, part.motion.changes(d)[part.place]) for part in self._parts]
-        more = self._peaks(self._value + np.concatenate(changes), 1.0 + _SLACK)
+        more = self._peaks(self._value + self._rows @ d, 1.0 + _SLACK)
         fresh = bool(np.any(more & ~self._chosen))
         self._chosen |= more
         return fresh
@@ -166,8 +163,7 @@ class NearRows:
         value, reserve = self._value[k], self._reserve[k]
         upper = np.maximum(self._upper[k] - reserve - value, 0.0)
         lower = np.minimum(self._lower[k] + reserve - value, 0.0)
-        each = zip(self._parts, np.split(k, self._ends), strict=True)
-        return np.concatenate([part.motion.rows(part.slopes[own], part.place[own]) for part, own in each]), lower, upper
+        return self._rows[k], lower, upper
 
     def _peaks(self, value: Array, threshold: float) -> NDArray[np.bool_]:
         """Which are local maxima of the use over neighbouring instants, beyond a threshold."""
@@ -190,30 +186,19 @@ def _telling(use: Array, instants: Index) -> Index:
     return np.flatnonzero(told)
 
 
-@dataclass(frozen=True, eq=False)
-class _Near:
-    """Functions of a limit near a bound, each at an instant; those of neighbouring instants follow each other."""
-
-    entries: Array  # (5, entries) value, bounds, scale, reserve
-    number: Index  # (entries,) of function and instant
-    slopes: Array  # (entries, derivatives, k) of each with respect to the motion
-    place: Index  # (entries,) of its instant in the motion's tangent
-    motion: MotionTangent
-
-
-def _near(limit: GridConstraint, x: Array) -> _Near:
+def _near(limit: GridConstraint, x: Array) -> tuple[Array, Index, Array]:
+    """Value, bounds, scale and reserve of each function near a bound at an instant; its number; its row."""
     instants, values, use = limit.sampled(x)
     some = _telling(use, instants)
-    instants, values, use = instants[some], values.take(some, axis=1), use.take(some, axis=1)
+    instants, values, use = instants[some], values[:, some], use[:, some]
     near = use > _LINEARISED
     near[~limit.function.varies] = False
     function, place = np.nonzero(near)
     needed = np.flatnonzero(near.any(axis=0))
-    slopes, motion = limit.linearised(x, instants[needed])
+    rows = limit.tangent(x, instants[needed])(function, np.searchsorted(needed, place))
     of_functions = np.array([limit.lower, limit.upper, limit.scale, limit.reserve])
-    entries = np.vstack([values[function, place], of_functions[:, function]])
-    number, place = (instants.size + 1) * function + place, np.searchsorted(needed, place)
-    return _Near(entries, number, slopes(function, place), place, motion)
+    number = (instants.size + 1) * function + place  # those of neighbouring instants follow each other
+    return np.vstack([values[function, place], of_functions[:, function]]), number, rows
 
 
 Sides = NDArray[np.int32]
