@@ -15,6 +15,7 @@ import click
 from excite.cli.lazy import LazyGroup
 from excite.cli.streams import be_quiet, in_options, open_streams, printed_warnings, say, sign_of_life
 from excite.design.interruption import answered_signals, repeat_lost_signal
+from excite.operating_system import THREADS
 from regressors.errors import ExciteError, InputError, NumericalError, one_line
 
 _COMMANDS = {
@@ -51,7 +52,6 @@ _FILES = {
     "study_commands": ("simulate", "predict", "study"),
 }
 BAD_INPUT, NOT_HELD = 2, 1
-_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _OBJECTS = 1_000_000  # before the collector looks for cycles: imports and figures make many objects and few cycles
 
 
@@ -151,7 +151,7 @@ def _errors_of_compiled_code() -> Iterator[None]:
 def main() -> None:
     """Run the command line and end the process with its exit status."""
     gc.set_threshold(_OBJECTS, 50, 100)
-    for variable in _THREADS:  # of linear algebra: on matrices as small as ours more threads only wait for each other
+    for variable in THREADS:  # of linear algebra: on matrices as small as ours more threads only wait for each other
         os.environ.setdefault(variable, "1")
     atexit.register(gc.freeze)  # what is left at the end goes with the process: no search for cycles among it
     open_streams()

@@ -31,10 +31,9 @@ from excite.design.problem import Problem
 from excite.design.start_results import Origin, StartResult, Starts, number_of
 from excite.design.starts import optimise_starts
 from excite.errors import LostWorkersError
-from excite.operating_system import can_fork
+from excite.operating_system import THREADS, can_fork
 from excite.registry import instance
 
-_THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _TOGETHER = 2  # times that a start may end its worker beside other processes; after that it runs alone, once
 _log = logging.getLogger(__name__)
 
@@ -200,12 +199,12 @@ class Workers:
 @contextmanager
 def environment_of_workers() -> Iterator[None]:
     """Let processes started in the block use one thread for linear algebra, since the pool uses all cores."""
-    before = {name: os.environ[name] for name in _THREAD_VARIABLES if name in os.environ}
-    os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))
+    before = {name: os.environ[name] for name in THREADS if name in os.environ}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
     try:
         yield
     finally:
-        for name in _THREAD_VARIABLES:
+        for name in THREADS:
             os.environ.pop(name, None)
         os.environ.update(before)
 
