@@ -32,7 +32,8 @@ from excite.identification.streamed_rows import HELD
 from excite.identification.symmetry import symmetry_of
 from excite.information.target import friction_of_moving
 from excite.logs.log import Log
-from excite.logs.mapping import LogMapping
+from excite.logs.base_motion import measured_equations
+from excite.logs.mapping import LogMapping, read_mapping
 from excite.storage.work_prediction import announce
 from excite.tasks.friction_file import read_friction
 from excite.tasks.installation import Installation
@@ -133,8 +134,12 @@ def identify(
     check("seed", seed)
     check("known_mass", known_mass)
     began, cpu = time.monotonic(), time.process_time()
+    layout = read_mapping(mapping) if isinstance(mapping, str | Path) else mapping
+    model = _on_moving_base(model, layout, options)
     installation = _installation(model, design, options)
     robot, task = robot_and_task(model, **_ends(model, design, options), installation=installation)
+    if layout is not None and (measured := measured_equations(layout, robot)) is not None:
+        options.setdefault("equations", measured)
     given = {*options, *(() if estimator is None else ("estimator",))}
     of_recipe = {name: options.pop(name) for name in list(options) if name in _RECIPE}
     if estimator is not None:
@@ -286,6 +291,25 @@ def _installation(model: object, design: Design | None, options: dict[str, Any])
     given = {name: options.pop(name) for name in named}
     as_designed = design is not None and isinstance(model, str)
     return replace(design.task.installation if design is not None and as_designed else Installation(), **given)
+
+
+def _on_moving_base(
+    model: RegressorModel | Robot | Task | str, mapping: LogMapping | None, options: dict[str, Any]
+) -> RegressorModel | Robot | Task | str:
+    """What is to be identified, on a moving base where the mapping has one."""
+    if mapping is None or mapping.base is None:
+        return model
+    moving = Installation(moving_base=True)
+    if isinstance(model, str):
+        options["moving_base"] = True
+        return model
+    if isinstance(model, Robot):
+        return moving.applied(model)
+    if isinstance(model, RegressorModel):
+        return model.on(moving.applied(model.robot))
+    if isinstance(model.robot, Robot):
+        return model.changed(robot=moving.applied(model.robot))
+    return model.changed(moving_base=True)
 
 
 def check_design(robot: Robot, design: Design) -> None:

@@ -69,6 +69,8 @@ class Log:
         [deg C]
     command : ndarray, shape (N, n), or None
         Commanded position, the last one that was given at or before each instant [rad or m].
+    base : ndarray, shape (N, k), or None
+        Channels of a moving base, as a mapping names them, before they become joints.
     left_out : tuple of str
         Rows left out and repairs on reading, each with its count, such as ``3 rows with time repeated``.
     truth : mapping of str to float, optional
@@ -98,6 +100,7 @@ class Log:
     wrench: Array | None = None
     temperature: Array | None = None
     command: Array | None = None
+    base: Array | None = None
     left_out: tuple[str, ...] = ()
     truth: Mapping[str, float] | None = None
     saturated: tuple[Saturation, ...] = ()
@@ -119,7 +122,7 @@ class Log:
             )
 
     def _check(self, name: str, channel: Array) -> None:
-        columns = {"time": (), "wrench": (len(WRENCH),)}.get(name, (len(self.joints),))
+        columns = {"time": (), "wrench": (len(WRENCH),), "base": channel.shape[1:]}.get(name, (len(self.joints),))
         if channel.shape != (expected := (self.time.size, *columns)):
             raise InputError(f"{self.source}: {name} has shape {channel.shape}, not {expected}")
         if not np.isfinite(channel).all():
@@ -241,7 +244,7 @@ class Log:
         digest = sha256(" ".join(self.joints).encode())
         for name in ("time", *_CHANNELS):
             channel = getattr(self, name)
-            if name != "command" or channel is not None:  # logs had none when their identities were first stated
+            if name in _FIRST or channel is not None:  # logs had no others when their identities were first stated
                 digest.update(name.encode())
             if channel is not None:
                 digest.update(np.ascontiguousarray(channel).tobytes())
@@ -303,11 +306,12 @@ class Log:
         if tuple(joints) == self.joints:
             return self
         index = [self.joints.index(name) for name in joints]
-        cut = {name: x[:, index] for name, x in channels_of(self).items() if name != "wrench"}
+        cut = {name: x[:, index] for name, x in channels_of(self).items() if name not in ("wrench", "base")}
         return replace(self, joints=tuple(joints), **cut)
 
 
-_CHANNELS = ("q", "dq", "effort", "temperature", "wrench", "command")
+_FIRST = ("time", "q", "dq", "effort", "temperature", "wrench")
+_CHANNELS = (*_FIRST[1:], "command", "base")
 
 
 def channels_of(log: Log) -> dict[str, Any]:

@@ -159,7 +159,8 @@ def _constant_channels(case: _Case) -> Findings:
     """Channels that are constant while their joint moves."""
     for name, channel in (("velocity", case.log.dq), ("effort", case.log.effort)):
         if channel is not None:
-            driven = np.array([name != "effort" or joint not in case.robot.passive for joint in case.log.joints])
+            undriven = (*case.robot.passive, *case.robot.base_joints) if name == "effort" else ()
+            driven = ~np.isin(case.log.joints, undriven)
             for k in np.flatnonzero((np.ptp(channel, axis=0) == 0) & case.moved & driven):
                 yield True, f"{case.log.joints[k]}.{name} is constant at {channel[0, k]:.4g} while the joint moves"
 

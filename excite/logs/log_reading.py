@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from excite.logs.base_motion import with_base_motion
 from excite.logs.event import Saturation
 from excite.logs.guess.log_guess import certain_mapping
 from excite.logs.layout import ForeignHeader, Layout, cells, columns_by_name, header_line, house_layout, listed
@@ -198,7 +199,7 @@ def log_of_table(table: Table, mended: tuple[str, ...] = ()) -> Log:
 
 
 def at_the_joints(log: Log, mapping: LogMapping, robot: Robot | None) -> Log:
-    """The log with the channels that a mapping describes on the motors' side converted to the joints.
+    """The log with the channels that a mapping describes on the motors' side, or of a base, converted to the joints.
 
     With the motor angle phi of each drive, its gear ``phi = F(z)`` and the coupling ``z = C q + z0``::
 
@@ -209,7 +210,7 @@ def at_the_joints(log: Log, mapping: LogMapping, robot: Robot | None) -> Log:
     sections = mapping.sections
     motor = {name: s for name, s in sections.items() if isinstance(s, GearedSection) and s.side == "motor"}
     if not motor:
-        return log
+        return with_base_motion(log, mapping, robot)
     if robot is None:
         raise InputError("the log mapping has side: motor, but no robot is given whose gears these are")
     index = [robot.joint_index(name) for name in log.joints]
@@ -237,7 +238,7 @@ def at_the_joints(log: Log, mapping: LogMapping, robot: Robot | None) -> Log:
         dq = _at_joints(C, dq / ratios if motor["dq"].own_gears else dq)
     if "effort" in motor and effort is not None:
         effort = (effort * ratios if motor["effort"].own_gears else effort) @ C
-    return replace(log, q=q, dq=dq, effort=effort, command=command)
+    return with_base_motion(replace(log, q=q, dq=dq, effort=effort, command=command), mapping, robot)
 
 
 def _at_joints(C: Array, z: Array) -> Array:

@@ -30,6 +30,19 @@ The logs of an arm that records motor currents, six joints in 31 columns without
     position: {columns: [2, 3, 4, 5, 6, 7], unit: rad}
     velocity: {columns: [8, 9, 10, 11, 12, 13], unit: rad/s}
     current: {columns: [14, 15, 16, 17, 18, 19], unit: A, gain: [14.87, 13.26, 11.13, 10.62, 11.03, 11.47]}
+
+`base` has the channels of a base that moves, see `excite.logs.base_motion`: its position and its orientation, as
+``quaternion`` (x, y, z, w) or as ``rpy`` (roll, pitch, yaw), in a frame whose z axis points up; where an IMU measures
+them, ``angular_velocity`` and ``specific_force`` in its axes; and the wrench that acts on the base from outside, or
+``wrench: none`` where nothing touches the robot. `xyz` and `rpy` of a channel place its sensor, or the frame that is
+tracked, in the frame of the base::
+
+    base:
+      position: {columns: [px, py, pz], unit: m}
+      quaternion: {columns: [qx, qy, qz, qw]}
+      angular_velocity: {columns: [gx, gy, gz], unit: rad/s}
+      specific_force: {columns: [ax, ay, az], unit: m/s^2, xyz: [0.02, 0, 0.05]}
+      wrench: {columns: [fx, fy, fz, nx, ny, nz], unit: N, xyz: [0, 0, 0.1]}
 """
 
 from __future__ import annotations
@@ -227,6 +240,62 @@ class WrenchSection(ChannelSection):
     units: ClassVar = {"N": 1.0, "kN": 1e3}
 
 
+OF_BASE = {  # columns of each channel of a base, and their units
+    "position": (3, ("m", "mm")), "rpy": (3, ("rad", "deg")), "quaternion": (4, ("1",)),
+    "angular_velocity": (3, ("rad/s", "deg/s")), "specific_force": (3, ("m/s^2", "g")), "wrench": (6, ("N", "kN")),
+}  # fmt: skip
+Triple = Annotated[list[float], Field(min_length=3, max_length=3), AfterValidator(within("length"))]
+
+
+class BaseChannel(ChannelSection):
+    """One channel of a base that moves."""
+
+    units: ClassVar = {**_ANGLES, **_SPEEDS, **WrenchSection.units, "1": 1.0, "m/s^2": 1.0, "g": 9.80665}
+    unit: Names = ["1"]
+    xyz: Triple = [0.0, 0.0, 0.0]  # of the sensor's frame, or the tracked one, in that of the base [m, rad]
+    rpy: Triple = [0.0, 0.0, 0.0]
+
+
+class BaseSection(Section):
+    """Channels of a base that moves; together one channel of the log, in this order."""
+
+    file: str | None = None
+    time: TimeSection | None = None
+    position: BaseChannel
+    rpy: BaseChannel | None = None
+    quaternion: BaseChannel | None = None
+    angular_velocity: BaseChannel | None = None
+    specific_force: BaseChannel | None = None
+    wrench: BaseChannel | Literal["none"] | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if (self.rpy is None) == (self.quaternion is None):
+            raise ValueError("needs one of rpy and quaternion, the orientation of the base")
+        for name, section in self.channels.items():
+            count, units = OF_BASE[name]
+            if len(section.columns) != count or not {*section.unit} <= {*units}:
+                raise ValueError(f"{name} needs {count} columns, in {' or '.join(units)}")
+            if section.file is not None or section.time is not None:
+                raise ValueError(f"{name}: give file and time of all channels of the base together")
+        return self
+
+    @property
+    def channels(self) -> dict[str, BaseChannel]:
+        """Channels by name, of those that have columns."""
+        return {name: one for name in OF_BASE if isinstance(one := getattr(self, name), BaseChannel)}
+
+    @property
+    def columns(self) -> list[int | str]:
+        """Columns of all channels."""
+        return [column for section in self.channels.values() for column in section.columns]
+
+    def channel(self, columns: tuple[int, ...]) -> Channel:
+        """All channels in given columns."""
+        parts = [section.channel(tuple(range(len(section.columns)))) for section in self.channels.values()]
+        return Channel(columns, *(np.concatenate([getattr(part, name) for part in parts]) for name in ("scale", "zero")))
+
+
 class LogMapping(Section):
     """Layout of a file, and units of its columns; see the module's example."""
 
@@ -239,6 +308,7 @@ class LogMapping(Section):
     temperature: TemperatureSection | None = None
     wrench: WrenchSection | None = None
     command: PositionSection | None = None
+    base: BaseSection | None = None
     separator: Literal[",", ";", "\t", "tab", "whitespace"] = ","
     header: bool = True
     skip: Annotated[int, AfterValidator(within("skip"))] = 0
@@ -268,11 +338,11 @@ class LogMapping(Section):
         return value
 
     @property
-    def sections(self) -> dict[str, ChannelSection]:
+    def sections(self) -> dict[str, ChannelSection | BaseSection]:
         """Sections by the names of the channels of `excite.logs.log.Log`."""
         given = {
             "q": self.position, "dq": self.velocity, "effort": self.effort or self.current,
-            "temperature": self.temperature, "wrench": self.wrench, "command": self.command,
+            "temperature": self.temperature, "wrench": self.wrench, "command": self.command, "base": self.base,
         }  # fmt: skip
         return {name: section for name, section in given.items() if section is not None}
 
@@ -282,13 +352,14 @@ class LogMapping(Section):
             return self
         if robot is None:
             raise InputError("the log mapping does not name its joints, and no robot is given whose they are")
+        names = robot.joint_names[len(robot.base_joints) :]
         for name, section in self.sections.items():
-            if name != "wrench" and len(section.columns) != robot.n:
+            if name not in ("wrench", "base") and len(section.columns) != len(names):
                 raise InputError(
-                    f"the log mapping has {len(section.columns)} columns of one quantity for the {robot.n} joints "
-                    f"{', '.join(robot.joint_names)} of {robot.name}; name those that were recorded (joints: [...])"
+                    f"the log mapping has {len(section.columns)} columns of one quantity for the {len(names)} joints "
+                    f"{', '.join(names)} of {robot.name}; name those that were recorded (joints: [...])"
                 )
-        return self.model_copy(update={"joints": list(robot.joint_names)})
+        return self.model_copy(update={"joints": list(names)})
 
     def layout(self, source: str, lines: Sequence[str], file: str | None = None) -> Layout:
         """Layout of the lines of a file, which is the log itself where the mapping's name of another is not given."""

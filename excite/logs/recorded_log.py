@@ -166,7 +166,7 @@ def seconds_of(clock: Numbers, second: float, zero: float) -> Array:
 
 _QUANTITIES = {
     "q": "positions", "dq": "velocities", "effort": "efforts", "temperature": "temperatures", "wrench": "wrench",
-    "command": "commands",
+    "command": "commands", "base": "motion of the base",
 }  # fmt: skip
 _HELD = "command"  # the channel whose values hold until the next one
 

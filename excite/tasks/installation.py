@@ -38,6 +38,9 @@ class Installation:
         joints then follow, as the hand of a parallelogram keeps its direction. Where joints of a model are locked
         instead, see `ModelChoice`, the links behind them are one body, as [KD96] takes forearm and wrist, and the
         drives behind the coupling turn along.
+    moving_base : bool
+        The base moves as a log says: six joints carry it, see `regressors.robot.moving_base`. A mapping with `base`
+        implies it. Gravity is then along -z of the frame that poses are stated in.
 
     Raises
     ------
@@ -66,8 +69,12 @@ class Installation:
         None, "names", "Drives that hold still; behind a coupling their joints follow the others.", metavar="4,5"
     )
 
+    moving_base: bool = option(False, "flag", "The base moves, as a log says.", hidden=True, late=True)
+
     def __post_init__(self) -> None:
         strict(self)
+        if self.moving_base and self.mount is not None:
+            raise InputError("`mount` is for a base that stands still; leave it out, or `moving_base`")
         if self.gravity is not None and self.mount is not None:
             raise InputError("`gravity` and `mount` both set the direction of gravity; give one of them")
         if self.gravity is not None and len(self.gravity) != 3:
@@ -81,7 +88,7 @@ class Installation:
     @property
     def described(self) -> bool:
         """True if the robot is as its description says."""
-        return self.gravity is None and self.mount is None and self.payload is None and self.locked_drives is None
+        return self == Installation()
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ from regressors.robot.inertia import (
     transport,
 )
 from regressors.robot.locked_joints import with_locked_drives
+from regressors.robot.moving_base import with_moving_base
 from regressors.robot.robot import Link, Robot
 from regressors.samples import Array, Samples
 
@@ -102,6 +103,7 @@ def read_load(path: Path) -> Payload:
 
 def installed(robot: Robot, by: Installation) -> Robot:
     """The robot as mounted and as equipped."""
+    robot = with_moving_base(robot) if by.moving_base else robot
     if by.gravity is not None:
         robot = robot.replace(gravity=np.array(by.gravity))
     if by.mount is not None:

@@ -97,6 +97,7 @@ def robot_of_tree(tree: UrdfTree, base: str | None, tip: Tips) -> Robot:
             gravity=_gravity(tree, part.base),
             source=f"URDF {tree.source}",
             parents=parents,
+            base=Link(part.base, _merged_parameters(tree, part.base, part.moving_names)),
             notes=health(tree, part),
         )
     except InputError as error:

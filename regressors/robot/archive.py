@@ -42,6 +42,7 @@ def robot_from_description(plain: Mapping[str, Any]) -> Robot:
             parents=tuple(plain.get("parents", [])),
             closures=tuple(map(Closure.from_dict, plain.get("closures", []))),
             passive=tuple(plain.get("passive", [])),
+            base_joints=tuple(plain.get("base_joints", [])),
         )
     except InputError:
         raise

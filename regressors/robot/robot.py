@@ -250,7 +250,7 @@ class Structure:
 @checked
 @dataclass(frozen=True, eq=False)
 class Robot(Rebuilt):
-    """A robot on a base that stands still: everything that its regressor and its limits need.
+    """A robot on a base that stands still, or that six joints move: everything its regressor and its limits need.
 
     Parameters
     ----------
@@ -283,6 +283,11 @@ class Robot(Rebuilt):
         What closes loops: the joints and links are the tree that is left when these are cut.
     passive : tuple of str
         Joints of these loops that no drive acts on, by name: their torque is zero.
+    base_joints : tuple of str
+        First joints, by name, which stand for the motion of the base: no drive acts on them. See
+        `regressors.robot.moving_base`.
+    base : Link, optional
+        What stands still, with all that hangs on it; no part of the description.
     notes : tuple of Finding
         What the reader noticed; no part of the description, nor of its hash.
 
@@ -307,6 +312,8 @@ class Robot(Rebuilt):
     parents: tuple[int, ...] = ()
     closures: tuple[Closure, ...] = ()
     passive: tuple[str, ...] = ()
+    base_joints: tuple[str, ...] = ()
+    base: Link | None = None
     notes: tuple[Finding, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
@@ -345,6 +352,8 @@ class Robot(Rebuilt):
         known = (BASE, *(body.name for body in self.bodies))
         check_names(f"link with a shape, of robot {self.name!r},", (part.link for part in self.shapes), known)
         check_closures(self.name, self.closures, self.passive, names, known)
+        if names[: len(self.base_joints)] != self.base_joints:
+            raise InputError(f"robot {self.name!r}: base_joints must be its first joints, in their order")
 
     def __repr__(self) -> str:
         """One line."""
@@ -403,6 +412,14 @@ class Robot(Rebuilt):
                 "read a part without loops with `tip`"
             )
 
+    def check_fixed(self, what: str) -> None:
+        """Raise `InputError` for what does not know a moving base, where the robot has one."""
+        if self.base_joints:
+            raise InputError(
+                f"robot {self.name!r}: {what} does not support a moving base; leave out `moving_base`, with the base "
+                "on a stand"
+            )
+
     @property
     def link_numbers(self) -> tuple[int, ...]:
         """Number of each link in parameter names."""
@@ -445,10 +462,11 @@ class Robot(Rebuilt):
         assert isinstance(content, dict)
         content["shapes"] = [part.to_dict() for part in self.shapes]
         # robots without them keep the hash that they had before there were branches, homes, trees, or loops
-        optional = ("branches", "home", "shapes", "parents", "closures", "passive")
+        optional = ("branches", "home", "shapes", "parents", "closures", "passive", "base_joints")
         if self.is_chain:
             content["parents"] = []
-        return {name: value for name, value in content.items() if name != "notes" and (value or name not in optional)}
+        stated = ((name, value) for name, value in content.items() if name not in ("notes", "base"))
+        return {name: value for name, value in stated if value or name not in optional}
 
     def sha256(self) -> str:
         """Hash of the content, independent of the format and the place of the file that it was read from."""
@@ -480,8 +498,11 @@ def transmission_of(robot: Robot) -> Transmission:
 
 
 def drive_numbers(robot: Robot) -> tuple[int, ...]:
-    """Number of each of these drives in parameter names."""
-    return robot.link_numbers if robot.transmission is None else tuple(range(1, len(robot.transmission.drives) + 1))
+    """Number of each of these drives in parameter names; those of the base's joints follow the others."""
+    if robot.transmission is None:
+        return robot.link_numbers
+    m, of_base = len(robot.transmission.drives), len(robot.base_joints)
+    return tuple((place - of_base) % m + 1 for place in range(m))
 
 
 def linear_drives(robot: Robot) -> tuple[bool, ...]:

@@ -1,0 +1,166 @@
+"""The motion of a base in a log, and the wrench on it, as those of the six joints that carry it.
+
+With the tracked frame at ``R_t, p_t``, which is at rotation A and place a in the frame of the base,
+
+    R = R_t A',   p = p_t - R a,
+
+and yaw, pitch and roll of R follow. Where an IMU is given, its rates replace those of the pose above `_CROSSOVER`,
+below which it drifts: angular velocities by ``omega = E (dyaw, dpitch, droll)``, velocities by the integral of
+``R f + g`` at the place of the accelerometer, which measures the specific force f.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy
+from scipy.spatial.transform import Rotation
+
+from excite.logs.log import Log, integrate_rates
+from excite.logs.mapping import OF_BASE, BaseChannel, LogMapping
+from regressors.errors import InputError
+from regressors.robot.inertia import rotation_from_rpy
+from regressors.robot.moving_base import BASE_JOINTS, steepest, turning_axes
+from regressors.robot.robot import Robot
+from regressors.samples import Array
+
+_CROSSOVER = 1.0  # [Hz]
+_DRIFT = 3  # degree of the polynomial that the drift of an integral is near
+_UNIT = 0.05  # that the length of a quaternion may be off one
+
+
+def measured_equations(mapping: LogMapping, robot: Robot) -> tuple[str, ...] | None:
+    """Joints whose efforts a log of a moving base has, by its mapping; None for all of them.
+
+    Where no wrench is measured, the base's six equations are left out: those of the other joints hold whatever acts on
+    the base.
+    """
+    if mapping.base is None:
+        return None
+    wrench, driven = mapping.base.wrench, mapping.effort is not None or mapping.current is not None
+    if driven:
+        return robot.joint_names[len(BASE_JOINTS) :] if wrench is None else None
+    if not isinstance(wrench, BaseChannel):
+        raise InputError(
+            "the log mapping has neither torques of the joints nor a wrench on the base, so the motion shows no masses; "
+            "give `effort`, or columns of base: wrench"
+        )
+    return BASE_JOINTS
+
+
+def with_base_motion(log: Log, mapping: LogMapping, robot: Robot | None) -> Log:
+    """The log with the joints that carry a moving base, where its mapping has channels of one."""
+    if mapping.base is None or log.base is None:
+        return log
+    if robot is None or not robot.base_joints:
+        raise InputError(
+            f"{log.source}: its mapping has a moving base (base), and here the base stands still; moving bases are for "
+            "identify and verify: elsewhere take a log of the robot on a stand, or give `moving_base`"
+        )
+    motion = _BaseMotion(log, mapping)
+    q, dq = motion.positions(), motion.velocities(float(np.linalg.norm(robot.gravity)))
+    steepest(log.source, log.time, q[:, 4])
+    if dq is not None or log.dq is not None:
+        own = np.gradient(log.q, log.time, axis=0) if log.dq is None else log.dq
+        dq = np.column_stack([np.gradient(q, log.time, axis=0) if dq is None else dq, own])
+    forces, effort = motion.forces(q), log.effort
+    if effort is None and mapping.base.wrench is not None:
+        effort = np.zeros(log.q.shape)
+    return replace(
+        log,
+        joints=(*BASE_JOINTS, *log.joints),
+        q=np.column_stack([q, log.q]),
+        dq=dq,
+        effort=None if effort is None else np.column_stack([forces, effort]),
+        temperature=None if log.temperature is None else np.pad(log.temperature, ((0, 0), (6, 0)), mode="mean"),
+        command=None,
+        base=None,
+        left_out=(*log.left_out, *motion.notes),
+    )
+
+
+class _BaseMotion:
+    """Channels of a moving base."""
+
+    def __init__(self, log: Log, mapping: LogMapping) -> None:
+        assert mapping.base is not None
+        assert log.base is not None
+        self.log, self.given, first = log, mapping.base.channels, 0
+        self.values: dict[str, Array] = {}
+        for name in self.given:
+            self.values[name] = log.base[:, first : first + OF_BASE[name][0]]
+            first += OF_BASE[name][0]
+        self.rotation = self._rotation()
+
+    def _rotation(self) -> Rotation:
+        """Axes of the base, N of them."""
+        name = "quaternion" if "quaternion" in self.given else "rpy"
+        values = self.values[name]
+        if name == "rpy":
+            tracked = Rotation.from_euler("ZYX", values[:, ::-1])
+        else:
+            off = np.abs(np.linalg.norm(values, axis=1) - 1.0)
+            if off.max() > _UNIT:
+                k = int(np.argmax(off))
+                raise InputError(
+                    f"{self.log.source}: the quaternion of the base at {self.log.time[k]:.4g} s has the length "
+                    f"{1.0 + off[k]:.3g}, expected 1; check its columns, x, y, z, w"
+                )
+            tracked = Rotation.from_quat(values)
+        return tracked * Rotation.from_matrix(rotation_from_rpy(self.given[name].rpy)).inv()
+
+    def _axes(self, name: str) -> Array:
+        """Axes of a sensor in those of the base."""
+        return rotation_from_rpy(self.given[name].rpy)
+
+    def positions(self) -> Array:
+        """Positions of the joints that carry the base, shape (N, 6)."""
+        p = self.values["position"] - self.rotation.apply(self.given["position"].xyz)
+        return np.column_stack([p, np.unwrap(self.rotation.as_euler("ZYX"), axis=0)])
+
+    def velocities(self, gravity: float) -> Array | None:
+        """Their velocities, shape (N, 6), where an IMU measures some of them."""
+        time, q = self.log.time, self.positions()
+        if not {"angular_velocity", "specific_force"} & self.given.keys():
+            return None
+        dq, E = np.gradient(q, time, axis=0), turning_axes(q[:, 3:])
+        if "angular_velocity" in self.given:
+            omega = self.values["angular_velocity"] @ self._axes("angular_velocity").T
+            dq[:, 3:] = _fused(time, q[:, 3:], np.linalg.solve(E, omega[:, :, None])[:, :, 0])
+        if "specific_force" in self.given:
+            force, place = self.values["specific_force"] @ self._axes("specific_force").T, self.given["specific_force"].xyz
+            acceleration = self.rotation.apply(force) - [0.0, 0.0, gravity]
+            there = q[:, :3] + self.rotation.apply(place)
+            omega = np.einsum("tij,tj->ti", E, dq[:, 3:])
+            velocity = _fused(time, there, integrate_rates(time, acceleration))
+            dq[:, :3] = velocity - self.rotation.apply(np.cross(omega, place))
+        return dq
+
+    def forces(self, q: Array) -> Array:
+        """Forces at these joints that amount to the wrench, ``[R F; E' N]``, shape (N, 6); zero where there is none."""
+        if "wrench" not in self.given:
+            return np.zeros(q.shape)
+        section, axes = self.given["wrench"], self._axes("wrench")
+        F, N = self.values["wrench"][:, :3] @ axes.T, self.values["wrench"][:, 3:] @ axes.T
+        N = N + np.cross(section.xyz, F)
+        return np.column_stack([self.rotation.apply(F), np.einsum("tij,ti->tj", turning_axes(q[:, 3:]), N)])
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the motion of the base is from."""
+        rates = [name.replace("_", " ") for name in ("angular_velocity", "specific_force") if name in self.given]
+        more = f", its rates above {_CROSSOVER:g} Hz from {' and '.join(rates)}" if rates else ""
+        return (f"motion of the base from its pose{more}",)
+
+
+def _fused(time: Array, x: Array, rate: Array) -> Array:
+    """Rates of what is measured, without their drift: below the crossover those of the positions."""
+    # time (N,); x, rate (N, 3)
+    left = x - integrate_rates(time, rate)
+    basis = np.polynomial.legendre.legvander(2 * (time - time[0]) / (time[-1] - time[0]) - 1, _DRIFT)
+    drift = basis @ np.linalg.lstsq(basis, left, rcond=None)[0]
+    step = float(np.median(np.diff(time)))
+    sos = scipy.signal.butter(2, min(2 * _CROSSOVER * step, 0.9), output="sos")
+    slow = drift + scipy.signal.sosfiltfilt(sos, left - drift, axis=0)
+    return np.asarray(rate + np.gradient(slow, time, axis=0))
