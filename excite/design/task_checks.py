@@ -49,6 +49,8 @@ def check_solver(task: Task, what: str) -> None:
 
 def check_loops(robot: Robot, task: Task) -> None:
     """Raise `InputError` where a robot with closed loops cannot be moved, or what is asked for does not know loops."""
+    if robot.base_joints:
+        robot.check_open("a design")
     if not robot.closures:
         return
     loops = loops_of(robot)

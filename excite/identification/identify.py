@@ -46,6 +46,7 @@ from regressors.models.model import RegressorModel
 from regressors.numerical import numerical_work, one_thread
 from regressors.quantities import check
 from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.moving_base import BASE_JOINTS
 from regressors.robot.robot import Limits, Robot
 from regressors.robot.symbolic.vectorised import interpreted_note
 from regressors.samples import Samples
@@ -138,8 +139,8 @@ def identify(
     model = _on_moving_base(model, layout, options)
     installation = _installation(model, design, options)
     robot, task = robot_and_task(model, **_ends(model, design, options), installation=installation)
-    if layout is not None and (measured := measured_equations(layout, robot)) is not None:
-        options.setdefault("equations", measured)
+    equations = measured_equations(layout, robot, options.get("equations", task.model.equations))
+    options |= {} if equations is None else {"equations": equations}
     given = {*options, *(() if estimator is None else ("estimator",))}
     of_recipe = {name: options.pop(name) for name in list(options) if name in _RECIPE}
     if estimator is not None:
@@ -300,6 +301,8 @@ def _on_moving_base(
     if mapping is None or mapping.base is None:
         return model
     moving = Installation(moving_base=True)
+    if options.get("joints"):
+        options["joints"] = (*BASE_JOINTS, *options["joints"])
     if isinstance(model, str):
         options["moving_base"] = True
         return model

@@ -11,6 +11,7 @@ below which it drifts: angular velocities by ``omega = E (dyaw, dpitch, droll)``
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from excite.logs.log import Log, integrate_rates
 from excite.logs.mapping import OF_BASE, BaseChannel, LogMapping
-from regressors.errors import InputError
+from regressors.errors import InputError, listed_names
 from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.moving_base import BASE_JOINTS, steepest, turning_axes
 from regressors.robot.robot import Robot
@@ -30,23 +31,33 @@ _DRIFT = 3  # degree of the polynomial that the drift of an integral is near
 _UNIT = 0.05  # that the length of a quaternion may be off one
 
 
-def measured_equations(mapping: LogMapping, robot: Robot) -> tuple[str, ...] | None:
-    """Joints whose efforts a log of a moving base has, by its mapping; None for all of them.
+def measured_equations(
+    mapping: LogMapping | None, robot: Robot, asked: Sequence[str] | None = None
+) -> Sequence[str] | None:
+    """Joints whose equations are used: those asked for, or those whose efforts a log of a moving base has; None for all.
 
     Where no wrench is measured, the base's six equations are left out: those of the other joints hold whatever acts on
     the base.
+
+    Raises
+    ------
+    InputError
+        The mapping has none of the efforts, or not of all joints that are asked for.
     """
-    if mapping.base is None:
-        return None
+    if mapping is None or mapping.base is None:
+        return asked
+    of_base, of_joints = robot.joint_names[: len(BASE_JOINTS)], robot.joint_names[len(BASE_JOINTS) :]
     wrench, driven = mapping.base.wrench, mapping.effort is not None or mapping.current is not None
-    if driven:
-        return robot.joint_names[len(BASE_JOINTS) :] if wrench is None else None
-    if not isinstance(wrench, BaseChannel):
+    measured = (*(of_base if wrench is not None else ()), *(of_joints if driven else ()))
+    if not driven and not isinstance(wrench, BaseChannel):
         raise InputError(
-            "the log mapping has neither torques of the joints nor a wrench on the base, so the motion shows no masses; "
-            "give `effort`, or columns of base: wrench"
+            "the log mapping has neither torques of the joints nor a measured wrench on the base, so that the motion "
+            "shows no masses; give `effort`, or columns of `wrench` in `base`"
         )
-    return BASE_JOINTS
+    if missing := [name for name in asked or () if name in robot.joint_names and name not in measured]:
+        what = "`wrench` in `base`, columns or none" if missing[0] in of_base else "`effort`"
+        raise InputError(f"the log mapping has no efforts of {listed_names(missing)}; give {what}")
+    return asked or (None if len(measured) == robot.n else measured)
 
 
 def with_base_motion(log: Log, mapping: LogMapping, robot: Robot | None) -> Log:

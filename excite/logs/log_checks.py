@@ -159,10 +159,17 @@ def _constant_channels(case: _Case) -> Findings:
     """Channels that are constant while their joint moves."""
     for name, channel in (("velocity", case.log.dq), ("effort", case.log.effort)):
         if channel is not None:
-            undriven = (*case.robot.passive, *case.robot.base_joints) if name == "effort" else ()
-            driven = ~np.isin(case.log.joints, undriven)
+            driven = ~np.isin(case.log.joints, _unmeasured(case) if name == "effort" else ())
             for k in np.flatnonzero((np.ptp(channel, axis=0) == 0) & case.moved & driven):
                 yield True, f"{case.log.joints[k]}.{name} is constant at {channel[0, k]:.4g} while the joint moves"
+
+
+def _unmeasured(case: _Case) -> tuple[str, ...]:
+    """Joints that may have efforts of zero: passive ones, those of a base, and all where nothing else is measured."""
+    of_base = case.robot.base_joints
+    own = [k for k, joint in enumerate(case.log.joints) if joint not in of_base]
+    alone = bool(of_base) and case.log.effort is not None and not case.log.effort[:, own].any()
+    return case.log.joints if alone else (*case.robot.passive, *of_base)
 
 
 def _torques(case: _Case) -> Findings:

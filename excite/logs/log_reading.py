@@ -217,7 +217,7 @@ def at_the_joints(log: Log, mapping: LogMapping, robot: Robot | None) -> Log:
     C, zero = _coupling(robot, index)
     transmission, drives = robot.transmission, [Drive(name) for name in log.joints]  # of ratio one where there is none
     if transmission is not None:
-        drives = [transmission.drives[k] for k in index]
+        drives = [transmission.drives[k - len(robot.base_joints)] for k in index]
     without = [drive.name for drive in drives if drive.ratio == ConstantRatio(1.0)]
     if without and any(section.own_gears for section in motor.values()):
         raise InputError(
@@ -253,13 +253,14 @@ def _coupling(robot: Robot, index: list[int]) -> tuple[Array, Array]:
     if C.shape[0] != robot.n:
         raise InputError(f"{robot.name} has {C.shape[0]} drives for {robot.n} joints; give the log at the joints")
     others = [k for k in range(robot.n) if k not in index]
-    for k in index:
+    own = [k - len(robot.base_joints) for k in index]  # places of their drives
+    for k in own:
         if coupled := [names[j] for j in others if C[k, j] != 0]:
             raise InputError(
                 f"drive {robot.transmission.drives[k].name} of {robot.name} also moves with {', '.join(coupled)}; name "
                 "it among the joints of the log mapping"
             )
-    return C[np.ix_(index, index)], robot.transmission.offset[index]
+    return C[np.ix_(own, index)], robot.transmission.offset[own]
 
 
 def _ratios(z: Array, drives: list[Drive]) -> Array:

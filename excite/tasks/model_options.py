@@ -23,9 +23,7 @@ def drive_numbers(robot: Robot) -> dict[str, int]:
     if robot.transmission is None:
         named = dict(zip(robot.joint_names, robot.link_numbers, strict=True))
     else:
-        from regressors.robot.robot import drive_numbers as numbers
-
-        named = {drive.name: k for drive, k in zip(robot.transmission.drives, numbers(robot), strict=True)}
+        named = {drive.name: k for k, drive in enumerate(robot.transmission.drives, 1)}
     return {**{str(number): number for number in named.values()}, **named}
 
 

@@ -28,9 +28,10 @@ from excite.identification.procedure import log_of
 from excite.identification.recipe import AUTO, Recipe
 from excite.identification.result_json import load_result
 from excite.information.target import IdentificationTarget
+from excite.logs.base_motion import measured_equations
 from excite.logs.event import LEFT_OUT
 from excite.logs.log import Log
-from excite.logs.mapping import LogMapping
+from excite.logs.mapping import LogMapping, read_mapping
 from excite.logs.signals.method import interpolated
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from excite.simulation.replay import Outcome, Replay, windowed_motion
@@ -109,6 +110,7 @@ def verify(
     check("horizon", horizon)
     result = load_result(result) if isinstance(result, str | Path) else result
     recipe = _recipe(result, rows, signals, temperature)
+    mapping = read_mapping(mapping) if isinstance(mapping, str | Path) else mapping
     log = log_of(log, result.robot, mapping, tuple(drop), recipe.row_numbers)
     slower = recipe.cutoff is not None and recipe.cutoff > HIGHEST * log.rate
     recipe = replace(recipe, cutoff=HIGHEST * log.rate) if slower else recipe
@@ -119,6 +121,7 @@ def verify(
             f"elsewhere; take another one, or allow it with `training_too`"
         )
     target = judging_target(result)
+    measured_equations(mapping, target.robot, [name for name, _ in target.model.row_labels])
     simulated = target.model.torque_equations() is not None
     announce(f"the verification on {cut(log.source)}", verification_seconds(log, simulated=simulated))
     part = prepare(with_external_forces(result.robot, target, log, recipe), result.robot, target, recipe)

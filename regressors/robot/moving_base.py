@@ -68,7 +68,7 @@ def with_moving_base(robot: Robot) -> Robot:
     return robot.replace(
         joints=(*joints, *robot.joints),
         links=(*massless[:-1], base, *own),
-        limits=_with_base(robot.limits),
+        limits=_joined(Limits.none(k), robot.limits),
         transmission=_transmission(transmission_of(robot)),
         gravity=np.array([0.0, 0.0, -np.linalg.norm(robot.gravity)]),
         structure=Structure(robot.structure.zero | zero, robot.structure.equal),
@@ -89,18 +89,18 @@ def with_moving_base(robot: Robot) -> Robot:
     )
 
 
-def _with_base(limits: Limits) -> Limits:
-    """Limits behind those of the base's joints, which have none."""
-    free = vars(Limits.none(len(BASE_JOINTS)))
-    return Limits(**{name: np.append(free[name], values) for name, values in vars(limits).items()})
+def _joined(*parts: Limits) -> Limits:
+    """Limits of coordinates one after the other."""
+    return Limits(*(np.concatenate(values) for values in zip(*(vars(part).values() for part in parts), strict=True)))
 
 
 def _transmission(own: Transmission) -> Transmission:
-    """Drives behind those of the base's joints, which rest."""
-    k = len(BASE_JOINTS)
-    C = scipy.linalg.block_diag(np.eye(k), own.coupling)
-    drives = (*(Drive(name, rests=True) for name in BASE_JOINTS), *own.drives)
-    return Transmission(C, drives, _with_base(own.limits), np.append(np.zeros(k), own.offset))
+    """The drives, and behind them those of the base's joints, which rest: they have neither friction nor limits."""
+    count, k = len(own.drives), len(BASE_JOINTS)
+    C = scipy.linalg.block_diag(np.zeros((0, k)), own.coupling, np.zeros((k, 0)))
+    C[count:, :k] = np.eye(k)
+    drives = (*own.drives, *(Drive(name, rests=True) for name in BASE_JOINTS))
+    return Transmission(C, drives, _joined(own.limits, Limits.none(k)), np.append(own.offset, np.zeros(k)))
 
 
 def steepest(source: str, time: Array, pitch: Array) -> None:

@@ -405,19 +405,16 @@ class Robot(Rebuilt):
         )
 
     def check_open(self, what: str) -> None:
-        """Raise `InputError` for what does not know closed loops, where the robot has some."""
+        """Raise `InputError` for what knows neither closed loops nor moving bases, where the robot has one."""
+        if self.base_joints:
+            raise InputError(
+                f"robot {self.name!r}: {what} does not support a moving base; put the base on a stand, and leave out "
+                "`moving_base`, or `base` in the log mapping"
+            )
         if self.closures:
             raise InputError(
                 f"robot {self.name!r}: {what} does not support closed loops, and it has {self.closures[0].label}; "
                 "read a part without loops with `tip`"
-            )
-
-    def check_fixed(self, what: str) -> None:
-        """Raise `InputError` for what does not know a moving base, where the robot has one."""
-        if self.base_joints:
-            raise InputError(
-                f"robot {self.name!r}: {what} does not support a moving base; leave out `moving_base`, with the base "
-                "on a stand"
             )
 
     @property
@@ -498,11 +495,8 @@ def transmission_of(robot: Robot) -> Transmission:
 
 
 def drive_numbers(robot: Robot) -> tuple[int, ...]:
-    """Number of each of these drives in parameter names; those of the base's joints follow the others."""
-    if robot.transmission is None:
-        return robot.link_numbers
-    m, of_base = len(robot.transmission.drives), len(robot.base_joints)
-    return tuple((place - of_base) % m + 1 for place in range(m))
+    """Number of each of these drives in parameter names."""
+    return robot.link_numbers if robot.transmission is None else tuple(range(1, len(robot.transmission.drives) + 1))
 
 
 def linear_drives(robot: Robot) -> tuple[bool, ...]:
