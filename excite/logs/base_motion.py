@@ -4,9 +4,9 @@ With the tracked frame at ``R_t, p_t``, which is at rotation A and place a in th
 
     R = R_t A',   p = p_t - R a,
 
-and yaw, pitch and roll of R follow. Where an IMU is given, its rates replace those of the pose above `_CROSSOVER`,
-below which it drifts: angular velocities by ``omega = E (dyaw, dpitch, droll)``, velocities by the integral of
-``R f + g`` at the place of the accelerometer, which measures the specific force f.
+and yaw, pitch and roll of R follow. Where an IMU is given, its integrals replace them above `_CROSSOVER`, below which
+these drift: that of the angular velocity, by ``omega = E (dyaw, dpitch, droll)``, and the second one of ``R f + g`` at
+the place of the accelerometer, which measures the specific force f.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import numpy as np
 import scipy
 from scipy.spatial.transform import Rotation
 
-from excite.logs.log import Log, integrate_rates
-from excite.logs.mapping import OF_BASE, BaseChannel, LogMapping
+from excite.logs.log import Log
+from excite.logs.mapping import OF_BASE, LogMapping
 from regressors.errors import InputError, listed_names
 from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.moving_base import BASE_JOINTS, steepest, turning_axes
@@ -27,7 +27,7 @@ from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 _CROSSOVER = 1.0  # [Hz]
-_DRIFT = 3  # degree of the polynomial that the drift of an integral is near
+_DRIFT = 5  # degree of the polynomial that the drift of integrals is near
 _UNIT = 0.05  # that the length of a quaternion may be off one
 
 
@@ -37,7 +37,8 @@ def measured_equations(
     """Joints whose equations are used: those asked for, or those whose efforts a log of a moving base has; None for all.
 
     Where no wrench is measured, the base's six equations are left out: those of the other joints hold whatever acts on
-    the base.
+    the base. Nor are they used where nothing does: ``0 = Y theta`` says nothing of the size of theta, and its least
+    residuals are those of ``theta = 0``.
 
     Raises
     ------
@@ -47,15 +48,15 @@ def measured_equations(
     if mapping is None or mapping.base is None:
         return asked
     of_base, of_joints = robot.joint_names[: len(BASE_JOINTS)], robot.joint_names[len(BASE_JOINTS) :]
-    wrench, driven = mapping.base.wrench, mapping.effort is not None or mapping.current is not None
-    measured = (*(of_base if wrench is not None else ()), *(of_joints if driven else ()))
-    if not driven and not isinstance(wrench, BaseChannel):
+    wrench, driven = mapping.base.wrench is not None, mapping.effort is not None or mapping.current is not None
+    measured = of_base * wrench + of_joints * driven
+    if not measured:
         raise InputError(
-            "the log mapping has neither torques of the joints nor a measured wrench on the base, so that the motion "
-            "shows no masses; give `effort`, or columns of `wrench` in `base`"
+            "the log mapping has neither torques of the joints nor a wrench on the base, so that the motion shows no "
+            "masses; give `effort`, or `wrench` in `base`"
         )
     if missing := [name for name in asked or () if name in robot.joint_names and name not in measured]:
-        what = "`wrench` in `base`, columns or none" if missing[0] in of_base else "`effort`"
+        what = "`wrench` in `base`" if missing[0] in of_base else "`effort`"
         raise InputError(f"the log mapping has no efforts of {listed_names(missing)}; give {what}")
     return asked or (None if len(measured) == robot.n else measured)
 
@@ -70,11 +71,10 @@ def with_base_motion(log: Log, mapping: LogMapping, robot: Robot | None) -> Log:
             "identify and verify: elsewhere take a log of the robot on a stand, or give `moving_base`"
         )
     motion = _BaseMotion(log, mapping)
-    q, dq = motion.positions(), motion.velocities(float(np.linalg.norm(robot.gravity)))
+    q, dq = motion.positions(float(np.linalg.norm(robot.gravity))), log.dq
     steepest(log.source, log.time, q[:, 4])
-    if dq is not None or log.dq is not None:
-        own = np.gradient(log.q, log.time, axis=0) if log.dq is None else log.dq
-        dq = np.column_stack([np.gradient(q, log.time, axis=0) if dq is None else dq, own])
+    if dq is not None:
+        dq = np.column_stack([np.gradient(q, log.time, axis=0), dq])
     forces, effort = motion.forces(q), log.effort
     if effort is None and mapping.base.wrench is not None:
         effort = np.zeros(log.q.shape)
@@ -125,34 +125,31 @@ class _BaseMotion:
         """Axes of a sensor in those of the base."""
         return rotation_from_rpy(self.given[name].rpy)
 
-    def positions(self) -> Array:
+    def positions(self, gravity: float) -> Array:
         """Positions of the joints that carry the base, shape (N, 6)."""
-        p = self.values["position"] - self.rotation.apply(self.given["position"].xyz)
-        return np.column_stack([p, np.unwrap(self.rotation.as_euler("ZYX"), axis=0)])
-
-    def velocities(self, gravity: float) -> Array | None:
-        """Their velocities, shape (N, 6), where an IMU measures some of them."""
-        time, q = self.log.time, self.positions()
-        if not {"angular_velocity", "specific_force"} & self.given.keys():
-            return None
-        dq, E = np.gradient(q, time, axis=0), turning_axes(q[:, 3:])
-        if "angular_velocity" in self.given:
+        time, given, turned = self.log.time, self.given, np.unwrap(self.rotation.as_euler("ZYX"), axis=0)
+        p = self.values["position"] - self.rotation.apply(given["position"].xyz)
+        if "angular_velocity" in given:
             omega = self.values["angular_velocity"] @ self._axes("angular_velocity").T
-            dq[:, 3:] = _fused(time, q[:, 3:], np.linalg.solve(E, omega[:, :, None])[:, :, 0])
-        if "specific_force" in self.given:
-            force, place = self.values["specific_force"] @ self._axes("specific_force").T, self.given["specific_force"].xyz
+            rates = np.linalg.solve(turning_axes(turned), omega[:, :, None])[:, :, 0]
+            turned = _fused(time, turned, _integral(time, rates))
+        if "specific_force" in given:
+            force, place = self.values["specific_force"] @ self._axes("specific_force").T, given["specific_force"].xyz
             acceleration = self.rotation.apply(force) - [0.0, 0.0, gravity]
-            there = q[:, :3] + self.rotation.apply(place)
-            omega = np.einsum("tij,tj->ti", E, dq[:, 3:])
-            velocity = _fused(time, there, integrate_rates(time, acceleration))
-            dq[:, :3] = velocity - self.rotation.apply(np.cross(omega, place))
-        return dq
+            there = Rotation.from_euler("ZYX", turned).apply(place)
+            p = _fused(time, p + there, _integral(time, _integral(time, acceleration))) - there
+        return np.column_stack([p, turned])
 
     def forces(self, q: Array) -> Array:
         """Forces at these joints that amount to the wrench, ``[R F; E' N]``, shape (N, 6); zero where there is none."""
         if "wrench" not in self.given:
             return np.zeros(q.shape)
         section, axes = self.given["wrench"], self._axes("wrench")
+        if not np.any(self.values["wrench"]):
+            raise InputError(
+                f"{self.log.source}: the wrench on the base is zero; leave out `wrench` where nothing touches the robot, "
+                "so that the equations of its joints alone are used"
+            )
         F, N = self.values["wrench"][:, :3] @ axes.T, self.values["wrench"][:, 3:] @ axes.T
         N = N + np.cross(section.xyz, F)
         return np.column_stack([self.rotation.apply(F), np.einsum("tij,ti->tj", turning_axes(q[:, 3:]), N)])
@@ -161,17 +158,21 @@ class _BaseMotion:
     def notes(self) -> tuple[str, ...]:
         """What the motion of the base is from."""
         rates = [name.replace("_", " ") for name in ("angular_velocity", "specific_force") if name in self.given]
-        more = f", its rates above {_CROSSOVER:g} Hz from {' and '.join(rates)}" if rates else ""
+        more = f", above {_CROSSOVER:g} Hz from {' and '.join(rates)}" if rates else ""
         return (f"motion of the base from its pose{more}",)
 
 
-def _fused(time: Array, x: Array, rate: Array) -> Array:
-    """Rates of what is measured, without their drift: below the crossover those of the positions."""
-    # time (N,); x, rate (N, 3)
-    left = x - integrate_rates(time, rate)
+def _integral(time: Array, rates: Array) -> Array:
+    """Integrals of rates from the first instant on, of the splines through them, shape (N, 3)."""
+    return np.asarray(scipy.interpolate.CubicSpline(time, rates).antiderivative()(time))
+
+
+def _fused(time: Array, x: Array, integral: Array) -> Array:
+    """Positions whose fast part is that of an integral, which drifts, and whose slow part is the measured one's."""
+    # time (N,); x, integral (N, 3)
+    left = x - integral
     basis = np.polynomial.legendre.legvander(2 * (time - time[0]) / (time[-1] - time[0]) - 1, _DRIFT)
     drift = basis @ np.linalg.lstsq(basis, left, rcond=None)[0]
     step = float(np.median(np.diff(time)))
     sos = scipy.signal.butter(2, min(2 * _CROSSOVER * step, 0.9), output="sos")
-    slow = drift + scipy.signal.sosfiltfilt(sos, left - drift, axis=0)
-    return np.asarray(rate + np.gradient(slow, time, axis=0))
+    return np.asarray(integral + drift + scipy.signal.sosfiltfilt(sos, left - drift, axis=0))

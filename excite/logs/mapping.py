@@ -33,9 +33,9 @@ The logs of an arm that records motor currents, six joints in 31 columns without
 
 `base` has the channels of a base that moves, see `excite.logs.base_motion`: its position and its orientation, as
 ``quaternion`` (x, y, z, w) or as ``rpy`` (roll, pitch, yaw), in a frame whose z axis points up; where an IMU measures
-them, ``angular_velocity`` and ``specific_force`` in its axes; and the wrench that acts on the base from outside, or
-``wrench: none`` where nothing touches the robot. `xyz` and `rpy` of a channel place its sensor, or the frame that is
-tracked, in the frame of the base::
+them, ``angular_velocity`` and ``specific_force`` in its axes; and, where it is measured, the wrench of all that touches
+the robot, which must be at its base. `xyz` and `rpy` of a channel place its sensor, or the frame that is tracked, in
+the frame of the base::
 
     base:
       position: {columns: [px, py, pz], unit: m}
@@ -266,7 +266,7 @@ class BaseSection(Section):
     quaternion: BaseChannel | None = None
     angular_velocity: BaseChannel | None = None
     specific_force: BaseChannel | None = None
-    wrench: BaseChannel | Literal["none"] | None = None
+    wrench: BaseChannel | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -283,7 +283,7 @@ class BaseSection(Section):
     @property
     def channels(self) -> dict[str, BaseChannel]:
         """Channels by name, of those that have columns."""
-        return {name: one for name in OF_BASE if isinstance(one := getattr(self, name), BaseChannel)}
+        return {name: one for name in OF_BASE if (one := getattr(self, name)) is not None}
 
     @property
     def columns(self) -> list[int | str]:

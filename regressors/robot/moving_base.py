@@ -38,7 +38,7 @@ from regressors.samples import Array
 BASE_JOINTS = ("base_x", "base_y", "base_z", "base_yaw", "base_pitch", "base_roll")
 _AXES = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1], [0, 1, 0], [1, 0, 0]], dtype=float)
 _KINDS = (*("prismatic",) * 3, *("revolute",) * 3)
-_LINK, _WORLD = "moving base", "world"
+_LINK, _WORLD = "moving_base", "world"
 _STEEPEST = np.deg2rad(80.0)
 
 

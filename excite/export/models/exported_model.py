@@ -145,7 +145,7 @@ def _drives(
             if any(getattr(identified, name) is None and getattr(drive, name) for name in names):
                 without.append(drive.name)
             drive = identified
-        elif drive.moved:
+        elif drive.moved and drive.name not in described.base_joints:
             along.append(drive.name)
             drive = replace(drive, rotor_inertia=None if drive.rotor_inertia is None else 0.0, coulomb=0.0, viscous=0.0)
         drives.append(drive)

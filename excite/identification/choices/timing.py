@@ -335,8 +335,9 @@ def _groups(scoring: Scoring, parts: Sequence[PreparedLog]) -> dict[tuple[str, .
     r, sources = len(scoring.target.model.row_labels), [part.log.source for part in parts]
     logs = tuple(dict.fromkeys(sources))
     groups = {logs: np.array([[[source == log] * r for source in sources] for log in logs], dtype=float)}
-    if scoring.target.motion.complete and scoring.target.model.torque_equations() is not None:
-        groups[scoring.target.robot.joint_names] = np.repeat(np.eye(r)[:, None], len(parts), axis=1)
+    joints, equations = scoring.target.robot.joint_names, scoring.target.model.torque_equations()
+    if scoring.target.motion.complete and equations is not None and r == len(joints):
+        groups[joints] = np.repeat(np.eye(r)[:, None], len(parts), axis=1)
     return groups
 
 
