@@ -31,8 +31,8 @@ from excite.identification.spoilt_log import SPOILT
 from excite.identification.streamed_rows import HELD
 from excite.identification.symmetry import symmetry_of
 from excite.information.target import friction_of_moving
-from excite.logs.log import Log
 from excite.logs.base_motion import measured_equations
+from excite.logs.log import Log
 from excite.logs.mapping import LogMapping, read_mapping
 from excite.storage.work_prediction import announce
 from excite.tasks.friction_file import read_friction

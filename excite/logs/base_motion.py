@@ -6,12 +6,12 @@ With the tracked frame at ``R_t, p_t``, which is at rotation A and place a in th
 
 and yaw, pitch and roll of R follow. Where an IMU is given, its integrals replace them above `_CROSSOVER`, below which
 these drift: that of the angular velocity, by ``omega = E (dyaw, dpitch, droll)``, and the second one of ``R f + g`` at
-the place of the accelerometer, which measures the specific force f.
+the place of the accelerometer, which measures the specific force f. Constant biases of both are found on the way.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,14 +27,14 @@ from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 _CROSSOVER = 1.0  # [Hz]
-_DRIFT = 5  # degree of the polynomial that the drift of integrals is near
+_DRIFT = 3  # degree of the polynomial that the drift of integrals is near
 _UNIT = 0.05  # that the length of a quaternion may be off one
 
 
 def measured_equations(
     mapping: LogMapping | None, robot: Robot, asked: Sequence[str] | None = None
 ) -> Sequence[str] | None:
-    """Joints whose equations are used: those asked for, or those whose efforts a log of a moving base has; None for all.
+    """Joints whose equations are used: those asked for, or those whose efforts a log has by its mapping; None for all.
 
     Where no wrench is measured, the base's six equations are left out: those of the other joints hold whatever acts on
     the base. Nor are they used where nothing does: ``0 = Y theta`` says nothing of the size of theta, and its least
@@ -71,8 +71,7 @@ def with_base_motion(log: Log, mapping: LogMapping, robot: Robot | None) -> Log:
             "identify and verify: elsewhere take a log of the robot on a stand, or give `moving_base`"
         )
     motion = _BaseMotion(log, mapping)
-    q, dq = motion.positions(float(np.linalg.norm(robot.gravity))), log.dq
-    steepest(log.source, log.time, q[:, 4])
+    q, dq = motion.positions(robot.gravity), log.dq
     if dq is not None:
         dq = np.column_stack([np.gradient(q, log.time, axis=0), dq])
     forces, effort = motion.forces(q), log.effort
@@ -125,19 +124,21 @@ class _BaseMotion:
         """Axes of a sensor in those of the base."""
         return rotation_from_rpy(self.given[name].rpy)
 
-    def positions(self, gravity: float) -> Array:
+    def positions(self, gravity: Array) -> Array:
         """Positions of the joints that carry the base, shape (N, 6)."""
         time, given, turned = self.log.time, self.given, np.unwrap(self.rotation.as_euler("ZYX"), axis=0)
+        steepest(self.log.source, time, turned[:, 1])
         p = self.values["position"] - self.rotation.apply(given["position"].xyz)
         if "angular_velocity" in given:
             omega = self.values["angular_velocity"] @ self._axes("angular_velocity").T
-            rates = np.linalg.solve(turning_axes(turned), omega[:, :, None])[:, :, 0]
-            turned = _fused(time, turned, _integral(time, rates))
+            to_rates = np.linalg.inv(turning_axes(turned))
+            turned = _fused(time, turned, *(_integral(time, to_rates @ x) for x in _with_biases(omega)))
         if "specific_force" in given:
             force, place = self.values["specific_force"] @ self._axes("specific_force").T, given["specific_force"].xyz
-            acceleration = self.rotation.apply(force) - [0.0, 0.0, gravity]
-            there = Rotation.from_euler("ZYX", turned).apply(place)
-            p = _fused(time, p + there, _integral(time, _integral(time, acceleration))) - there
+            R, there = self.rotation.as_matrix(), Rotation.from_euler("ZYX", turned).apply(place)
+            own, *biases = (_integral(time, _integral(time, R @ x)) for x in _with_biases(force))
+            falling = np.outer((time - time[0]) ** 2 / 2, gravity)
+            p = _fused(time, p + there, own + falling, *biases) - there
         return np.column_stack([p, turned])
 
     def forces(self, q: Array) -> Array:
@@ -147,8 +148,8 @@ class _BaseMotion:
         section, axes = self.given["wrench"], self._axes("wrench")
         if not np.any(self.values["wrench"]):
             raise InputError(
-                f"{self.log.source}: the wrench on the base is zero; leave out `wrench` where nothing touches the robot, "
-                "so that the equations of its joints alone are used"
+                f"{self.log.source}: the wrench on the base is zero; leave `wrench` out where nothing touches the "
+                "robot, so that the equations of its joints alone are used"
             )
         F, N = self.values["wrench"][:, :3] @ axes.T, self.values["wrench"][:, 3:] @ axes.T
         N = N + np.cross(section.xyz, F)
@@ -162,17 +163,28 @@ class _BaseMotion:
         return (f"motion of the base from its pose{more}",)
 
 
+def _with_biases(measured: Array) -> Iterator[Array]:
+    """What a sensor measured, and a unit bias of each of its axes, shapes (N, 3, 1)."""
+    yield measured[:, :, None]
+    for axis in np.eye(3):
+        yield np.broadcast_to(axis, measured.shape)[:, :, None]
+
+
 def _integral(time: Array, rates: Array) -> Array:
     """Integrals of rates from the first instant on, of the splines through them, shape (N, 3)."""
-    return np.asarray(scipy.interpolate.CubicSpline(time, rates).antiderivative()(time))
+    return np.asarray(scipy.interpolate.CubicSpline(time, rates.reshape(-1, 3)).antiderivative()(time))
 
 
-def _fused(time: Array, x: Array, integral: Array) -> Array:
-    """Positions whose fast part is that of an integral, which drifts, and whose slow part is the measured one's."""
-    # time (N,); x, integral (N, 3)
+def _fused(time: Array, x: Array, integral: Array, *biases: Array) -> Array:
+    """Positions whose fast part is that of an integral, which drifts, and whose slow part is the measured one's.
+
+    The drift is a polynomial of time, and what constant biases of the sensor make.
+    """
+    # time (N,); x, integral, and what each bias makes (N, 3)
     left = x - integral
     basis = np.polynomial.legendre.legvander(2 * (time - time[0]) / (time[-1] - time[0]) - 1, _DRIFT)
-    drift = basis @ np.linalg.lstsq(basis, left, rcond=None)[0]
+    columns = np.column_stack([np.kron(np.eye(3), basis), *(bias.T.ravel() for bias in biases)])
+    drift = (columns @ np.linalg.lstsq(columns, left.T.ravel(), rcond=None)[0]).reshape(3, -1).T
     step = float(np.median(np.diff(time)))
     sos = scipy.signal.butter(2, min(2 * _CROSSOVER * step, 0.9), output="sos")
     return np.asarray(integral + drift + scipy.signal.sosfiltfilt(sos, left - drift, axis=0))

@@ -293,7 +293,9 @@ class BaseSection(Section):
     def channel(self, columns: tuple[int, ...]) -> Channel:
         """All channels in given columns."""
         parts = [section.channel(tuple(range(len(section.columns)))) for section in self.channels.values()]
-        return Channel(columns, *(np.concatenate([getattr(part, name) for part in parts]) for name in ("scale", "zero")))
+        return Channel(
+            columns, *(np.concatenate([getattr(part, name) for part in parts]) for name in ("scale", "zero"))
+        )
 
 
 class LogMapping(Section):

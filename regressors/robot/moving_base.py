@@ -36,8 +36,7 @@ from regressors.robot.robot import (
 from regressors.samples import Array
 
 BASE_JOINTS = ("base_x", "base_y", "base_z", "base_yaw", "base_pitch", "base_roll")
-_AXES = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1], [0, 1, 0], [1, 0, 0]], dtype=float)
-_KINDS = (*("prismatic",) * 3, *("revolute",) * 3)
+_AXES = np.eye(3)[[0, 1, 2, 2, 1, 0]]
 _LINK, _WORLD = "moving_base", "world"
 _STEEPEST = np.deg2rad(80.0)
 
@@ -60,13 +59,14 @@ def with_moving_base(robot: Robot) -> Robot:
             f"robot {robot.name!r}: its base is the world, which does not move; name the body that does as `base_link`"
         )
     count, k = len(robot.bodies), len(BASE_JOINTS)
-    joints = (Joint(name, kind, np.eye(3), np.zeros(3), axis) for name, kind, axis in zip(BASE_JOINTS, _KINDS, _AXES))
+    slides = (Joint(BASE_JOINTS[j], "prismatic", np.eye(3), np.zeros(3), _AXES[j]) for j in range(3))
+    hinges = (Joint(BASE_JOINTS[j], "revolute", np.eye(3), np.zeros(3), _AXES[j]) for j in range(3, k))
     massless = tuple(Link(name, np.zeros(PARAMETERS_PER_LINK), count + 1 + j) for j, name in enumerate(BASE_JOINTS, 1))
     base = Link(_LINK, None if robot.base is None else robot.base.theta, count + 1)
     own = (replace(link, number=number) for link, number in zip(robot.links, robot.link_numbers, strict=True))
     zero = {name for link in massless[:-1] for name in parameter_names(link.number)}
     return robot.replace(
-        joints=(*joints, *robot.joints),
+        joints=(*slides, *hinges, *robot.joints),
         links=(*massless[:-1], base, *own),
         limits=_joined(Limits.none(k), robot.limits),
         transmission=_transmission(transmission_of(robot)),

@@ -13,11 +13,12 @@ from scipy.spatial.transform import Rotation
 from excite.logs.mapping import LogMapping
 from regressors.samples import Array
 
-STEP, EVERY = 0.001, 4  # of the simulation [s], and how many of its steps are one row
+STEP, EVERY = 0.002, 2  # of the simulation [s], and how many of its steps are one row
 IMU, HOOK = np.array([0.03, -0.02, 0.04]), np.array([0.05, 0.02, 0.1])  # in the frame of the base [m]
 POSE, GYRO, FORCE, ENCODER = 2e-4, 2e-3, 0.02, 2e-5  # deviations of noise [m, -; rad/s; m/s^2; rad]
 GYRO_BIAS, FORCE_BIAS = 0.01, 0.05
 TORQUE, WRENCH = 0.02, 0.005  # of the root mean square of each torque, of force and moment
+_HEADS = (("p", "xyz"), ("q", "xyzw"), ("g", "xyz"), ("a", "xyz"), ("f", "xyz"), ("n", "xyz"))
 _FORGOTTEN = re.compile(r"<visual>.*?</visual>|<collision>.*?</collision>|<mujoco>.*?</mujoco>", re.DOTALL)
 _COMPILER = '<mujoco><compiler fusestatic="false" discardvisual="true" balanceinertia="false"/></mujoco></robot>'
 
@@ -47,25 +48,32 @@ def played(urdf: Path, *, hung: bool, seed: int, seconds: float = 10.0, noise: f
     frequency = 2 * np.pi * np.array([0.3, 0.7, 1.3, 2.1, 3.1])
     share, phase = 0.6 * rng.dirichlet(np.full(5, 2.0), n), rng.uniform(0, 2 * np.pi, (n, 5))
     sway, start = 2 * np.pi * rng.uniform(0.3, 0.8, 6), rng.uniform(0, 2 * np.pi, 6)
-    rows: list[Array] = []
-    last = np.zeros(n)
-    for k in range(-before, round(seconds / STEP) + 1):
-        time, fade = k * STEP, min(1.0, 1.0 + k / before)
-        wanted = middle + fade * np.sum(share * np.sin(frequency * time + phase), axis=1)
-        torque = inertia[6:] * (1600.0 * (wanted - data.qpos[7:]) - 80.0 * data.qvel[6:])
-        R = Rotation.from_quat(data.qpos[[4, 5, 6, 3]])
-        wrench = _spring(data, R, mass, inertia[3:6], fade * np.sin(sway * time + start)) if hung else np.zeros(6)
+    wrench, torque = np.zeros(6), np.zeros(n)
+
+    def act(_: Any, now: Any) -> None:
+        fade = min(1.0, now.time)
+        wanted = middle + fade * np.sum(share * np.sin(frequency * now.time + phase), axis=1)
+        torque[:] = inertia[6:] * (1600.0 * (wanted - now.qpos[7:]) - 80.0 * now.qvel[6:])
+        R = Rotation.from_quat(now.qpos[[4, 5, 6, 3]])
+        if hung:
+            wrench[:] = _spring(now, R, mass, inertia[3:6], fade * np.sin(sway * now.time + start))
         F, N = wrench[:3], wrench[3:]
-        data.qfrc_applied[:] = np.concatenate([R.apply(F), N + np.cross(HOOK, F), torque])
-        mujoco.mj_forward(model, data)
-        if k >= 0 and k % EVERY == 0:
-            omega, domega = data.qvel[3:6], data.qacc[3:6]
-            f = R.inv().apply(data.qacc[:3] - model.opt.gravity)
-            f = f + np.cross(domega, IMU) + np.cross(omega, np.cross(omega, IMU))
-            pose = (data.qpos[:3], data.qpos[[4, 5, 6, 3]], omega, f, wrench)
-            rows.append(np.concatenate([[time], *pose, data.qpos[7:], (last + torque) / 2]))
-        last = torque
-        mujoco.mj_step(model, data)
+        now.qfrc_applied[:] = np.concatenate([R.apply(F), N + np.cross(HOOK, F), torque])
+
+    rows: list[Array] = []
+    mujoco.set_mjcb_control(act)
+    try:
+        for k in range(round((1.0 + seconds) / STEP) + 1):
+            if k >= before and (k - before) % EVERY == 0:
+                mujoco.mj_forward(model, data)
+                R, omega, domega = Rotation.from_quat(data.qpos[[4, 5, 6, 3]]), data.qvel[3:6], data.qacc[3:6]
+                f = R.inv().apply(data.qacc[:3] - model.opt.gravity)
+                f = f + np.cross(domega, IMU) + np.cross(omega, np.cross(omega, IMU))
+                pose = (data.qpos[:3], data.qpos[[4, 5, 6, 3]], omega, f, wrench)
+                rows.append(np.concatenate([[data.time - 1.0], *pose, data.qpos[7:], torque]))
+            mujoco.mj_step(model, data)
+    finally:
+        mujoco.set_mjcb_control(None)
     return _columns(model, np.array(rows), noise, rng)
 
 
@@ -87,14 +95,33 @@ def _columns(model: Any, rows: Array, noise: float, rng: np.random.Generator) ->
     bias = np.zeros(rows.shape[1])
     bias[8:14] = np.repeat([GYRO_BIAS, FORCE_BIAS], 3) * rng.normal(size=6)
     measured = rows + noise * (deviation * rng.normal(size=rows.shape) + bias)
-    heads = "t px py pz qx qy qz qw gx gy gz ax ay az fx fy fz nx ny nz".split()
+    heads = [
+        "t",
+        "px",
+        "py",
+        "pz",
+        "qx",
+        "qy",
+        "qz",
+        "qw",
+        "gx",
+        "gy",
+        "gz",
+        "ax",
+        "ay",
+        "az",
+        "fx",
+        "fy",
+        "fz",
+        "nx",
+        "ny",
+        "nz",
+    ]
     heads += [f"{name}.position" for name in names] + [f"{name}.effort" for name in names]
     return dict(zip(heads, measured.T, strict=True))
 
 
-def mapping(
-    log: dict[str, Array], *, wrench: bool = True, imu: bool = True, torques: bool = True
-) -> LogMapping:
+def mapping(log: dict[str, Array], *, wrench: bool = True, imu: bool = True, torques: bool = True) -> LogMapping:
     """Mapping of these columns."""
     names = [head.removesuffix(".position") for head in log if head.endswith(".position")]
     base: dict[str, Any] = {
