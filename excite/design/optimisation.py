@@ -216,8 +216,8 @@ def solve(
         "versions": {name: version(name) for name in _PACKAGES},
     }
     if search.budget is not None and not interrupted:  # with the rounds that it was enough for, it gives the same again
-        first = None if search.starts is None else rounds.first
-        task = formulation.task.changed(search=replace(search, budget=None, starts=first, rounds=rounds.count))
+        stated = None if search.starts is None else rounds.first
+        task = formulation.task.changed(search=replace(search, budget=None, starts=stated, rounds=rounds.count))
         formulation = replace(formulation, task=task)
     with one_thread(), suspecting(robot):
         design = certify(robot, formulation, results, provenance, interrupted=interrupted)
