@@ -278,53 +278,34 @@ def working_ends(
 def _check(tree: UrdfTree, part: MovingPart, *, advise: bool = True) -> None:
     """Refuse joints that independent coordinates cannot hold."""
 
-    def refuse(what: str, candidates: Iterable[Ends], otherwise: str) -> None:
-        working = working_ends(tree, candidates, (part.base, part.tips)) if advise else ""
-        cure = f"what works is {working}" if working else otherwise
-        raise InputError(f"{tree.source}: {what}; {cure}")
+    def refuse(joint: TreeJoint, what: str, otherwise: str = _UNTIE) -> None:
+        working = working_ends(tree, _beside(tree, part, joint), (part.base, part.tips)) if advise else ""
+        raise InputError(f"{tree.source}: {what}; {f'what works is {working}' if working else otherwise}")
 
+    moving = {joint.name: joint for joint in part.moving}
     for joint in part.moving:
         if joint.kind not in MOVING:
             refuse(
+                joint,
                 f"joint {joint.name!r} on the {part.word} is {joint.kind}, expected {', '.join(MOVING)} or fixed",
-                _beside(tree, part, [joint]),
                 'no joint of the other kinds moves before or behind it: write type="fixed" if it stands still',
             )
-        if joint.mimic is not None and (joint.mimic.curved or joint.mimic.joint not in part.moving_names):
+        if joint.mimic is not None and (joint.mimic.curved or joint.mimic.joint not in moving):
             what = "by a curve, expected a line" if joint.mimic.curved else "which stands still"
-            refuse(
-                f"joint {joint.name!r} on the {part.word} mimics joint {joint.mimic.joint!r}, {what}",
-                _around(tree, part, joint, joint.mimic.joint),
-                _UNTIE,
-            )
-    moving = part.moving_names
+            refuse(joint, f"joint {joint.name!r} on the {part.word} mimics joint {joint.mimic.joint!r}, {what}")
     for joint in tree.above.values():
         leader = rest(tree, joint)[1]
         if joint.name not in moving and leader in moving:
-            refuse(
-                f"joint {joint.name!r} off the {part.word} mimics joint {leader!r} on the {part.word}, expected one "
-                "that stands still",
-                _around(tree, part, joint, leader),
-                _UNTIE,
-            )
+            where = f"joint {joint.name!r} off the {part.word} mimics joint {leader!r} on the {part.word}"
+            refuse(moving[leader], f"{where}, expected one that stands still")
 
 
-def _beside(tree: UrdfTree, part: MovingPart, joints: Sequence[TreeJoint]) -> list[Ends]:
-    """What moves behind each of some joints, then what moves without each."""
-    below = [tuple(tip for tip in part.tips if tree.path(joint.child, tip) is not None) for joint in joints]
-    behind = [(joint.child, tips or part.tips) for joint, tips in zip(joints, below, strict=True)]
-    without = []
-    for joint, tips in zip(joints, below, strict=True):
-        others = tuple(tip for tip in part.tips if tip not in tips and len(part.tips) > 1)
-        without.append((part.base, others if others and joint.parent == part.base else (*others, joint.parent)))
-    return [*behind, *without]
-
-
-def _around(tree: UrdfTree, part: MovingPart, follower: TreeJoint, leader: str) -> list[Ends]:
-    """Ends of what may leave out a joint and the one that it follows."""
-    pair = [joint for joint in tree.above.values() if joint.name in (follower.name, leader)]
-    between = ((first.child, (last.parent,)) for first in pair for last in pair)
-    return [*_beside(tree, part, pair), *between]
+def _beside(tree: UrdfTree, part: MovingPart, joint: TreeJoint) -> tuple[Ends, Ends]:
+    """What moves behind a joint, and what moves without it."""
+    tips = tuple(tip for tip in part.tips if tree.path(joint.child, tip) is not None)
+    others = tuple(tip for tip in part.tips if tip not in tips and len(part.tips) > 1)
+    without = others if others and joint.parent == part.base else (*others, joint.parent)
+    return (joint.child, tips or part.tips), (part.base, without)
 
 
 def rest(tree: UrdfTree, joint: TreeJoint) -> tuple[float, str]:
