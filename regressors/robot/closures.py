@@ -77,7 +77,7 @@ class MimicJoint:
     @property
     def label(self) -> str:
         """What follows what, in messages."""
-        return f"joint {self.joints[0]}, which follows {self.joints[1]},"
+        return f"the joint {self.joints[0]} that follows {self.joints[1]}"
 
 
 def _vector(values: Sequence[float]) -> Vector:
@@ -97,7 +97,7 @@ def check_closures(
         what, known = ("joint", joints) if isinstance(closure, MimicJoint) else ("body", bodies)
         for end in closure.ends:
             if end not in known:
-                raise UnknownName(f"{what} of robot {robot!r}, in {closure.label.rstrip(',')},", end, known)
+                raise UnknownName(f"{what} of robot {robot!r}, in {closure.label},", end, known)
     check_names(f"passive joint of robot {robot!r}", passive, joints)
     if passive and not closures:
         raise InputError(
