@@ -34,11 +34,6 @@ class Closure:
             raise InputError(f"{self.label}: its axes are not a rotation matrix")
 
     @property
-    def ends(self) -> tuple[str, str]:
-        """The two bodies."""
-        return self.bodies
-
-    @property
     def label(self) -> str:
         """What it closes, in messages."""
         return f"the loop that closes between {' and '.join(self.bodies)}"
@@ -70,11 +65,6 @@ class MimicJoint:
             raise InputError(f"{self.label}: expected two joints, given {self.joints[0]!r} twice")
 
     @property
-    def ends(self) -> tuple[str, str]:
-        """The two joints."""
-        return self.joints
-
-    @property
     def label(self) -> str:
         """What follows what, in messages."""
         return f"the joint {self.joints[0]} that follows {self.joints[1]}"
@@ -95,7 +85,7 @@ def check_closures(
     """Raise `InputError` for closures of bodies, or passive joints, that a robot does not have."""
     for closure in closures:
         what, known = ("joint", joints) if isinstance(closure, MimicJoint) else ("body", bodies)
-        for end in closure.ends:
+        for end in closure.joints if isinstance(closure, MimicJoint) else closure.bodies:
             if end not in known:
                 raise UnknownName(f"{what} of robot {robot!r}, in {closure.label},", end, known)
     check_names(f"passive joint of robot {robot!r}", passive, joints)

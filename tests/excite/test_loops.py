@@ -412,7 +412,8 @@ def test_the_whole_way_in_the_shell(here: Here) -> None:
         log = log_of("four-bar", seed)
         head = ",".join(log)
         np.savetxt(here.cwd / name, np.column_stack(list(log.values())), delimiter=",", header=head, comments="")
-    assert "not free: the loop that closes between coupler and rocker; moved by q1; passive: q2, q3" in done("robots", "bar.xml")
+    told = "not free: the loop that closes between coupler and rocker; moved by q1; passive: q2, q3"
+    assert told in done("robots", "bar.xml")
     done("identify", "bar.xml", "run.csv", "--model", "energy", "--out", "result", "--figures", "none")
     done("verify", "result", "other.csv", "--figures", "none")
     done("report", "result", "--out", "page.html")
