@@ -168,7 +168,10 @@ def _design(robot: Robot, task: Task, folder: Path, progress: Progress | None, *
 
 def announce_search(formulation: Formulation, kept: KeptStarts) -> None:
     """Say how long the starts that are left will take, where that is long."""
-    announce("the search", search_seconds(formulation.target, formulation.task, starts_left(kept)), _ENDED)
+    search, seconds = formulation.task.search, search_seconds(formulation.target, formulation.task, starts_left(kept))
+    if kept.count is None and search.rounds is None:
+        seconds = _TIME if search.budget is None else search.budget
+    announce("the search", seconds, _ENDED)
 
 
 def starts_left(kept: KeptStarts) -> int:
