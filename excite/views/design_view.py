@@ -113,7 +113,7 @@ def _of_random_motions(design: Design) -> str:
 
 
 def _asked(design: Design) -> Iterator[str]:
-    task, minimised = design.task, minimised_text(design.task)
+    task, minimised, moving = design.task, minimised_text(design.task), design.target.motion.labels
     value = "" if minimised == _CONDITION else f" ({design.minimised_value:.4g})"
     worth = ""  # of more rounds of the search
     if design.search is not None and design.search.left is not None:
@@ -125,7 +125,7 @@ def _asked(design: Design) -> Iterator[str]:
         worth = f"; the two best starts differ by {percent(abs(ends[1] / ends[0] - 1))}"
     tied = f" (one set for {listed_names(mirrored_bodies(design.target.robot))})" if task.model.symmetric else ""
     yield (
-        f"{design.robot.name}: {name_of(task.model.model)} model, {', '.join(design.target.motion.labels)} move, "
+        f"{design.robot.name}: {name_of(task.model.model)} model, {', '.join(moving)} move{'s' * (len(moving) == 1)}, "
         f"{design.base.rank} base parameters{tied}; {task.trajectory.period:g} s, "
         f"{design.trajectory.family.described}; minimised: {minimised}{value}; "
         f"{number(design.number_of_starts, 'start')}, {design.provenance['cpu_seconds']:.1f} s CPU{worth}"
