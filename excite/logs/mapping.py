@@ -275,7 +275,7 @@ class BaseSection(Section):
         for name, section in self.channels.items():
             count, units = OF_BASE[name]
             if len(section.columns) != count or not {*section.unit} <= {*units}:
-                raise ValueError(f"{name} needs {count} columns, in {' or '.join(units)}")
+                raise ValueError(f"{name} needs {count} columns, in one of {', '.join(units)}")
             if section.file is not None or section.time is not None:
                 raise ValueError(f"{name}: give file and time of all channels of the base together")
         return self

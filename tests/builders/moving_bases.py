@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from excite.logs.mapping import LogMapping
 from regressors.samples import Array
 
-STEP, EVERY = 0.002, 2  # of the simulation [s], and how many of its steps are one row
+STEP, EVERY = 0.001, 4  # of the simulation [s], and how many of its steps are one row
 IMU, HOOK = np.array([0.03, -0.02, 0.04]), np.array([0.05, 0.02, 0.1])  # in the frame of the base [m]
 POSE, GYRO, FORCE, ENCODER = 2e-4, 2e-3, 0.02, 2e-5  # deviations of noise [m, -; rad/s; m/s^2; rad]
 GYRO_BIAS, FORCE_BIAS = 0.01, 0.05

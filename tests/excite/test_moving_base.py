@@ -132,7 +132,7 @@ def test_an_imu_gives_accelerations_that_the_pose_does_not() -> None:
         q = base_log(noisy, imu=imu).q[:, :6]
         again = [np.gradient(np.gradient(x, exact.time, axis=0), exact.time, axis=0) for x in (q, exact.q[:, :6])]
         misses.append(np.std((again[0] - again[1])[50:-50], axis=0))
-        np.testing.assert_allclose(q[50:-50], exact.q[50:-50, :6], atol=2e-3)
+        np.testing.assert_allclose(q[50:-50], exact.q[50:-50, :6], atol=5e-3)
     assert np.all(misses[1] < 0.05 * misses[0])
 
 
@@ -198,7 +198,7 @@ def test_bases_that_cannot_be_are_refused_in_words() -> None:
     with pytest.raises(InputError, match="here the base stands still; moving bases are for identify and verify"):
         Log.from_frame(log, mapping(log), robot=robot())
     with pytest.raises(InputError, match="a design does not support a moving base; put the base on a stand"):
-        excite.design_trajectory(str(file_of("arm")), moving_base=True)
+        excite.design_trajectory(Task(str(file_of("arm")), moving_base=True))
     with pytest.raises(InputError, match="`mount` is for a base that stands still"):
         Installation(moving_base=True, mount="wall")
     assert measured_equations(None, robot(), ["a"]) == ["a"]
@@ -209,8 +209,8 @@ def test_bases_that_cannot_be_are_refused_in_words() -> None:
     [
         ({"quaternion": None}, "needs one of rpy and quaternion"),
         ({"rpy": {"columns": [1, 2, 3], "unit": ["rad"]}}, "needs one of rpy and quaternion"),
-        ({"position": {"columns": [1, 2, 3], "unit": ["rad"]}}, "position needs 3 columns, in m or mm"),
-        ({"wrench": {"columns": [1, 2, 3], "unit": ["N"]}}, "wrench needs 6 columns, in N or kN"),
+        ({"position": {"columns": [1, 2, 3], "unit": ["rad"]}}, "position needs 3 columns, in one of m, mm"),
+        ({"wrench": {"columns": [1, 2, 3], "unit": ["N"]}}, "wrench needs 6 columns, in one of N, kN"),
         ({"quaternion": {"columns": [1, 2, 3, 4], "file": "x.csv"}}, "give file and time of all channels"),
     ],
 )
