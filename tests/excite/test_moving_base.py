@@ -235,9 +235,11 @@ def test_a_hung_quadruped_from_files_to_the_page(
         ("verify r 1.csv --mapping m.yaml", "The result predicts this log"),
         ("report r --out page.html", "Page written"),
         ("export r --format mjcf --out r.xml", "written"),
-        ("export r --format yaml --out r.yaml", "written"),
+        ("export r --format urdf --out r.urdf", "written"),
     )
     for command, expected in commands:
         ended = here.run(*command.split())
         assert ended.returncode == 0, ended.stderr
         assert expected in ended.stdout
+    refused = here.run("export", "r", "--format", "yaml", "--out", "r.yaml")
+    assert "robot YAML cannot hold robot 'go2_description', whose base moves; choose mjcf" in refused.stderr

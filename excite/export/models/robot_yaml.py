@@ -34,6 +34,10 @@ def write_robot(robot: Robot, path: str | Path, *, replace: bool = False) -> Non
 
 def robot_text(robot: Robot) -> str:
     """Robot YAML of a robot."""
+    if robot.base_joints:
+        raise InputError(
+            f"robot YAML cannot hold robot {robot.name!r}, whose base moves; choose mjcf, urdf, npz, csv, md or tex"
+        )
     stream = io.StringIO()
     yaml = YAML(typ="safe", pure=True)
     yaml.default_flow_style, yaml.width = None, 110
