@@ -10,6 +10,7 @@ from itertools import chain, product
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from constraints.clearance import Frames, Gap, gaps
 from constraints.geometry import Obstacle, Shape, World
@@ -104,6 +105,11 @@ class Clearance(NonlinearConstraint):
         _, g, held, meaning = self._expressions
         slopes = ca.substitute(ca.jacobian(g, q), held, meaning)
         return VectorisedFunction([q, dq, ddq], ca.horzcat(slopes, ca.SX(g.numel(), 2 * self.joints)))
+
+    @cached_property
+    def varies(self) -> NDArray[np.bool_]:
+        """Those whose expression contains a coordinate: the Jacobians of most are never asked for."""
+        return np.array(ca.which_depends(self._expressions[1], motion_symbols(self.joints)[0], 1, True))
 
     @cached_property
     def rate(self) -> OverBoxes:
