@@ -10,6 +10,7 @@ from itertools import chain, product
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from constraints.clearance import Frames, Gap, gaps
 from constraints.geometry import Obstacle, Shape, World
@@ -104,6 +105,11 @@ class Clearance(NonlinearConstraint):
         _, g, held, meaning = self._expressions
         slopes = ca.substitute(ca.jacobian(g, q), held, meaning)
         return VectorisedFunction([q, dq, ddq], ca.horzcat(slopes, ca.SX(g.numel(), 2 * self.joints)))
+
+    @cached_property
+    def varies(self) -> NDArray[np.bool_]:
+        """Those whose expression contains a coordinate: the Jacobians of most are never asked for."""
+        return np.array(ca.which_depends(self._expressions[1], motion_symbols(self.joints)[0], 1, True))
 
     @cached_property
     def rate(self) -> OverBoxes:
@@ -212,24 +218,35 @@ def _above_mounting(pair: Pair, distance: Array, notes: list[str]) -> list[Pair]
 
 def _pairs(robot: Robot, world: World) -> dict[str, list[Pair]]:
     """All pairs that must stay apart: for each link, those with bodies nearer to the base."""
-    capsules: dict[str, list[Capsule]] = {}
+    capsules: dict[str, tuple[Capsule, ...]] = {}
     for part in world.parts:
-        capsules.setdefault(part.link, []).append(part.capsule)
+        capsules[part.link] = (*capsules.get(part.link, ()), part.capsule)
+    capsules = {link: _outermost(own) for link, own in capsules.items()}
     order = [BASE, *(body.name for body in robot.bodies)]
     links = sorted(capsules, key=order.index)
     parent = Frames(robot, ca.SX(robot.n, 1)).parent
     ignored = [set(pair) for pair in world.ignored]
     pairs_of: dict[str, list[Pair]] = {}
     for number, link in enumerate(links):
-        own = tuple(capsules[link])
+        own = capsules[link]
         pairs = [_from_obstacle(link, own, each, world) for each in world.obstacles if link != BASE]
         if world.self_collision:
             nearer = (other for other in links[:number] if parent[link] != other)
-            pairs += [Pair(link, own, other, other, tuple(capsules[other]), world.clearance) for other in nearer]
+            pairs += [Pair(link, own, other, other, capsules[other], world.clearance) for other in nearer]
         pairs = [pair for pair in pairs if {link, pair.other} not in ignored]
         if pairs:
             pairs_of[link] = pairs
     return pairs_of
+
+
+def _outermost(capsules: Iterable[Capsule]) -> tuple[Capsule, ...]:
+    """Those that no other one contains, such as fingers in a capsule about the whole hand."""
+    kept: list[Capsule] = []
+    for capsule in sorted(dict.fromkeys(capsules), key=lambda each: (each.radius, each.length), reverse=True):
+        ends = np.array([capsule.start, capsule.end])
+        if not any(max(map(other.distance, ends)) <= -capsule.radius for other in kept):
+            kept.append(capsule)
+    return tuple(capsule for capsule in dict.fromkeys(capsules) if capsule in kept)
 
 
 def _from_obstacle(link: str, capsules: tuple[Capsule, ...], obstacle: Obstacle, world: World) -> Pair:

@@ -16,15 +16,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 86_226,
-    "lines of code": 53_246,
+    "lines": 86_274,
+    "lines of code": 53_279,
     "files": 396,
-    "classes": 708,
+    "classes": 709,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 17,
     "imports inside functions": 64,
     "look-ups of built-in parts by name": 19,
-    "lines of code of tests": 39_599,
+    "lines of code of tests": 39_618,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 141,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -32,14 +33,31 @@ class Evaluation:
     x: Array  # the point
     M: Array  # (b, b)
     motion: list[Array]  # (n, T) q, dq, ddq at the instants
-    W: Array  # (b, r, N) rows of W divided by their noise: column, scalar equation, instant
+    W: list[Array]  # rows of W divided by their noise, by blocks: (c, e, N) column, scalar equation, instant
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """Consecutive equations, and the columns that they have entries in."""
+
+    columns: Index  # (c,)
+    equations: int  # e
+    entries: Index  # (k,) numbers of the entries of W in the block
+    place: tuple[Index, Index]  # (k,) column and equation of each in the block
+
+    @cached_property
+    def square(self) -> tuple[Index | slice, Index | slice]:
+        """Its part of M."""
+        first, last = int(self.columns[0]), int(self.columns[-1])
+        adjacent = last - first + 1 == self.columns.size
+        return (slice(first, last + 1),) * 2 if adjacent else (self.columns[:, None], self.columns)
 
 
 class Information:
     """M(x) for one model's columns over one family.
 
-    Where columns are ordered along the chain, the equations of later joints do not depend on the first ones; products
-    with W leave these zeros out.
+    The equation of a joint depends on the bodies that the joint carries. Products with W leave the zeros of the others
+    out.
     """  # Y regressor of one instant, (r, b) of q, dq, ddq; noise (r,)
 
     def __init__(
@@ -57,12 +75,13 @@ class Information:
         self._joints = told if tracking is None else tracking.motion(told, combination.time.size)
         self._difference, self._integral = combination.difference, combination.integral
         self._count = combination.difference.shape[0]
-        self._equations = Y.shape[0] if self._integral is None else Y.shape[0] // 2
-        is_state = Y.row < self._equations
+        equations = Y.shape[0] if self._integral is None else Y.shape[0] // 2
+        is_state = Y.row < equations
         self._states, self._densities = np.flatnonzero(is_state), np.flatnonzero(~is_state)
-        self._place = Y.column, Y.row % self._equations
-        self._blocks = _blocks(*self._place, Y.shape[1], self._equations, self._count)
-        self._weights = None if np.all(noise == 1.0) else 1.0 / noise[:, None]
+        entries, self._entry = np.unique(Y.column * equations + Y.row % equations, return_inverse=True)
+        column, equation = np.divmod(entries, equations)
+        self._blocks = _blocks(column, equation, equations, self._count)
+        self._weights = None if np.all(noise == 1.0) else 1.0 / noise[equation, None]
 
     @property
     def following(self) -> int:
@@ -92,27 +111,28 @@ class Information:
 
     def _evaluate(self, xs: Sequence[Array]) -> list[Evaluation]:
         motions = [self._joints.values(x) for x in xs]
-        W = self._rows(self._function(*_beside(motions)), len(xs))
-        M = np.zeros((len(xs), W.shape[1], W.shape[1]))
-        for columns, equations in self._blocks:
-            rows = W[:, columns, equations].reshape(len(xs), W.shape[1] - columns.start, -1)
-            M[:, columns, columns] += rows @ rows.transpose(0, 2, 1)
+        entries, b = self._entries(self._function(*_beside(motions)), len(xs)), self._function.shape[1]
+        M, W = np.zeros((len(xs), b, b)), []
+        for block in self._blocks:
+            rows = np.zeros((len(xs), block.columns.size, block.equations, self._count))
+            rows[:, *block.place] = entries[:, block.entries]
+            W.append(rows)
+            flat = rows.reshape(*rows.shape[:2], -1)
+            M[:, *block.square] += flat @ flat.transpose(0, 2, 1)
         M /= self._count
-        return [Evaluation(*one) for one in zip(xs, M, motions, W, strict=True)]
+        return [Evaluation(*one) for one in zip(xs, M, motions, map(list, zip(*W, strict=True)), strict=True)]
 
-    def _rows(self, values: Array, motions: int) -> Array:
-        """W of each motion, transposed, shape (motions, b, r, N)."""
-        W = np.zeros((motions, self._function.shape[1], self._equations, self._count))
-        column, equation = self._place
+    def _entries(self, values: Array, motions: int) -> Array:
+        """Entries of W of each motion, shape (motions, entries, N)."""
         values = values.reshape(len(values), motions, -1).transpose(1, 0, 2)
-        if self._integral is None:
-            W[:, column, equation] = values
-        else:
+        if self._integral is not None:
+            entries = np.zeros((motions, self._entry.max(initial=-1) + 1, self._count))
             s, d = self._states, self._densities
             for k in range(motions):
-                W[k, column[s], equation[s]] = (self._difference @ values[k, s].T).T
-                W[k, column[d], equation[d]] += (self._integral @ values[k, d].T).T
-        return W if self._weights is None else W * self._weights
+                entries[k, self._entry[s]] = (self._difference @ values[k, s].T).T
+                entries[k, self._entry[d]] += (self._integral @ values[k, d].T).T
+            values = entries
+        return values if self._weights is None else values * self._weights
 
     def gradients(self, evaluations: Sequence[Evaluation], Gs: Sequence[Array]) -> list[Array]:
         """Gradients of functions of M with respect to x, from G = df/dM; each is the same as alone, to the last bit.
@@ -129,31 +149,28 @@ class Information:
         each = zip(*(np.split(slope, len(pairs), axis=1) for slope in slopes), strict=True)
         return [self._joints.pullback(at.x, some) for (at, _), some in zip(pairs, each, strict=True)]
 
-    def _seeds(self, W: Array, G: Array) -> Array:
+    def _seeds(self, W: Sequence[Array], G: Array) -> Array:
         """Derivatives of the function of M with respect to the values, shape (nnz, T)."""
-        slope = np.empty_like(W)  # used where W has entries
+        used = np.empty((self._entry.max(initial=-1) + 1, self._count))
         scaled = 2.0 / self._count * G
-        for columns, equations in self._blocks:
-            rows = W[columns, equations]
-            product = scaled[columns, columns] @ rows.reshape(len(rows), -1)
-            slope[columns, equations] = product.reshape(rows.shape)
-        column, equation = self._place
-        used = slope[column, equation]
+        for block, rows in zip(self._blocks, W, strict=True):
+            product = scaled[block.square] @ rows.reshape(len(rows), -1)
+            used[block.entries] = product.reshape(rows.shape)[block.place]
         if self._weights is not None:
-            used *= self._weights[equation]
+            used *= self._weights
         if self._integral is None:
-            return np.asarray(used)
+            return used
         s, d = self._states, self._densities
-        seeds = np.empty((column.size, self._integral.shape[1]))
-        seeds[s] = (self._difference.T @ used[s].T).T
-        seeds[d] = (self._integral.T @ used[d].T).T
+        seeds = np.empty((self._entry.size, self._integral.shape[1]))
+        seeds[s] = (self._difference.T @ used[self._entry[s]].T).T
+        seeds[d] = (self._integral.T @ used[self._entry[d]].T).T
         return seeds
 
     @property
     def _together(self) -> int:
         """Motions whose W fit into a processor's cache together."""
-        numbers: int = self._function.shape[1] * self._equations * self._count
-        return max(1, _CACHE // numbers)
+        numbers: int = sum(block.columns.size * block.equations for block in self._blocks) * self._count
+        return max(1, _CACHE // max(1, numbers))
 
 
 def _groups(items: Sequence[Item], most: int) -> Iterator[Sequence[Item]]:
@@ -169,24 +186,38 @@ def _stacked(parts: Sequence[Array]) -> Array:
     return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
 
 
-def _blocks(column: Index, equation: Index, b: int, equations: int, instants: int) -> list[tuple[slice, slice]]:
-    """Trailing columns and consecutive equations that together contain every entry of W, for few and small products."""
-    blocks: list[tuple[int, int, int]] = []
+def _blocks(column: Index, equation: Index, equations: int, instants: int) -> list[_Block]:
+    """Blocks that together contain every entry of W, for few and small products.
+
+    Of the columns from the first one that an equation has an entry in, those of other branches are left out: they enter
+    equations that have no column in common with it.
+    """
+    present = np.zeros((equations, int(column.max(initial=-1)) + 1))
+    present[equation, column] = 1.0
+    of_others = (present @ present.T == 0.0) @ present > 0.0
+    ranges: list[tuple[int, int, Index]] = []
     for k in range(equations):
-        block = int(column[equation == k].min(initial=b - 1)), k, k + 1
-        if blocks:
-            joined = min(blocks[-1][0], block[0]), blocks[-1][1], k + 1
-            if _operations(joined, b, instants) <= sum(_operations(one, b, instants) for one in (blocks[-1], block)):
-                blocks[-1] = joined
-                continue
-        blocks.append(block)
-    return [(slice(first, b), slice(begin, end)) for first, begin, end in blocks]
+        first = int(column[equation == k].min(initial=present.shape[1]))
+        begin, columns = k, first + np.flatnonzero(~of_others[k, first:])
+        if ranges:
+            before, _, earlier = ranges[-1]
+            joined = np.union1d(earlier, columns)
+            apart = _operations(earlier, k - before, instants) + _operations(columns, 1, instants)
+            if _operations(joined, k + 1 - before, instants) <= apart:
+                begin, columns = before, joined
+                ranges.pop()
+        ranges.append((begin, k + 1, columns))
+    blocks = []
+    for begin, end, columns in ranges:
+        entries = np.flatnonzero((equation >= begin) & (equation < end))
+        place = np.searchsorted(columns, column[entries]), equation[entries] - begin
+        blocks.append(_Block(columns, end - begin, entries, place))
+    return [block for block in blocks if block.columns.size]
 
 
-def _operations(block: tuple[int, int, int], b: int, instants: int) -> int:
+def _operations(columns: Index, equations: int, instants: int) -> int:
     """Operations of a product with a block, and those that its call is worth."""
-    first, begin, end = block
-    return (b - first) ** 2 * (end - begin) * instants + _CALL
+    return int(columns.size) ** 2 * equations * instants + _CALL
 
 
 LENGTH = 0.1

@@ -197,6 +197,20 @@ def test_limits_of_a_partial_motion_are_those_of_the_whole_robot() -> None:
         np.testing.assert_allclose(part.slopes(still(s))[:, :, :2], slopes, atol=1e-12)
 
 
+def test_shapes_inside_another_one_of_their_body_make_no_functions() -> None:
+    """A finger inside the capsule about the hand, and one beyond it; each of two that are the same counts once."""
+    hand = Part("link_7", Capsule((0.0, 0.0, 0.0), (0.0, 0.0, 0.2), 0.08))
+    inside, beyond = (Part("link_7", Capsule((0.0, 0.05, 0.1), (0.0, 0.05, z), 0.02)) for z in (0.2, 0.3))
+
+    def functions(*parts: Part) -> list[tuple[str, ...]]:
+        world = World((*ARM[:-1], *parts), (TABLE, POST))
+        return [limit.labels for limit in collision_limits(IIWA, world, every_joint(IIWA))]
+
+    alone = functions(hand)
+    assert functions(hand, inside) == functions(inside, hand, hand) == alone
+    assert len(functions(hand, beyond)[-1]) > len(alone[-1])
+
+
 SMALL = {"joints": ("2", "4"), "friction": False, "rotor": False, "period": 4.0, "harmonics": 3}
 TASK = Task("iiwa7", **SMALL, acceleration=(10.0,), starts=1, executor="serial")
 ROOM = World(ARM, (TABLE, POST, Obstacle("shelf", Box((-0.6, 0.0, 0.9), (0.4, 0.6, 0.05)))), clearance=0.02)

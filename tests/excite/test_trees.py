@@ -15,6 +15,8 @@ from pinocchio_chains import joint_torques
 import excite
 from constraints.geometry import Part, World
 from excite.design.design import Design
+from excite.design.formulation import formulate
+from excite.design.initial_guesses import random_motion
 from excite.export.models.robot_yaml import write_robot
 from excite.information.prior import prior_of
 from excite.tasks.task import Task
@@ -97,6 +99,16 @@ def test_they_keep_above_the_floor() -> None:
     ]
     assert min(lowest) >= 0.0
     assert any("floor" in use.label for use in made.limits)
+
+
+def test_information_is_that_of_the_whole_regressor() -> None:
+    formulation = formulate(two_arms(), Task(two_arms(), friction=False, period=8.0, harmonics=4, search=SERIAL))
+    information, target = formulation.problem.information, formulation.target
+    x = random_motion(formulation.problem, np.random.default_rng(0))
+    at = information.evaluate(x)
+    samples = information.trajectory(x).samples(np.linspace(0.0, 8.0, at.motion[0].shape[1], endpoint=False))
+    W = target.model.assemble(samples)[:, target.base.index]
+    np.testing.assert_allclose(at.M, W.T @ W / samples.time.size, atol=1e-9 * np.abs(at.M).max())
 
 
 @pytest.mark.slow
