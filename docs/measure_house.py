@@ -16,15 +16,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 85_742,
-    "lines of code": 52_950,
+    "lines": 85_812,
+    "lines of code": 53_001,
     "files": 394,
-    "classes": 705,
+    "classes": 706,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 17,
     "imports inside functions": 64,
     "look-ups of built-in parts by name": 19,
-    "lines of code of tests": 39_184,
+    "lines of code of tests": 39_283,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 141,

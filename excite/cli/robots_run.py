@@ -97,10 +97,10 @@ def _print(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
     out.print(f"description SHA-256 {whole.sha256()[:16]}..., gravity {whole.gravity.tolist()} m/s^2", soft_wrap=True)
     print_table("joints", ("number", "name", "kind", "link", "mass [kg]", *_on(whole, "on")), _bodies(whole))
     if whole.closures:
-        closed = ", ".join(" and ".join(closure.bodies) for closure in whole.closures)
+        closed = ", ".join(closure.label for closure in whole.closures)
         passive = f"; passive: {', '.join(whole.passive)}" if whole.passive else ""
         how = "determined by" if whole.n > len(moving) + len(whole.passive) else "moved by"
-        out.print(f"loops close between {closed}; {how} {', '.join(moving)}{passive}", soft_wrap=True)
+        out.print(f"not free: {closed}; {how} {', '.join(moving)}{passive}", soft_wrap=True)
     if limits := _limits(whole):
         print_table("limits", ("coordinate", *QUANTITIES), limits)
     else:

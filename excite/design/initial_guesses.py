@@ -10,6 +10,7 @@ import numpy as np
 
 from excite.design.design import Design
 from excite.design.problem import Problem
+from excite.design.start_results import RANDOM_MOTIONS
 from excite.information.target import IdentificationTarget
 from excite.registry import OwnPart, is_own
 from excite.storage.atomic import Destination, read_json
@@ -41,6 +42,12 @@ def random_motion(problem: Problem, rng: np.random.Generator) -> Array:
         step = problem.longest_step(x, direction)
         x = x + rng.uniform(0.6, 0.95) * (step if np.isfinite(step) else _UNBOUNDED) * direction
     return x
+
+
+def best_random_value(problem: Problem, seed: int) -> float:
+    """Least criterion among random motions within the limits, which a design is compared with."""
+    rng = np.random.default_rng(seed)
+    return min(problem.exact_value(shrunk(problem, random_motion(problem, rng))) for _ in range(RANDOM_MOTIONS))
 
 
 def promising_motion(problem: Problem, rng: np.random.Generator, trials: int = 6) -> Array:

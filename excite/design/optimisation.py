@@ -24,6 +24,7 @@ from excite.design.approach import approach_and_return
 from excite.design.blueprint import TYPICAL_STARTS, search_seconds
 from excite.design.design import Design
 from excite.design.formulation import LIKELY_CAUSE, Formulation, formulate
+from excite.design.initial_guesses import best_random_value
 from excite.design.interruption import current_interruption
 from excite.design.problem import Problem
 from excite.design.search_rounds import Rounds, RunningRounds, design_with_harmonics
@@ -167,7 +168,10 @@ def _design(robot: Robot, task: Task, folder: Path, progress: Progress | None, *
 
 def announce_search(formulation: Formulation, kept: KeptStarts) -> None:
     """Say how long the starts that are left will take, where that is long."""
-    announce("the search", search_seconds(formulation.target, formulation.task, starts_left(kept)), _ENDED)
+    search, seconds = formulation.task.search, search_seconds(formulation.target, formulation.task, starts_left(kept))
+    if kept.count is None and search.rounds is None:
+        seconds = _TIME if search.budget is None else search.budget
+    announce("the search", seconds, _ENDED)
 
 
 def starts_left(kept: KeptStarts) -> int:
@@ -215,12 +219,13 @@ def solve(
         "versions": {name: version(name) for name in _PACKAGES},
     }
     if search.budget is not None and not interrupted:  # with the rounds that it was enough for, it gives the same again
-        random = None if search.starts is None else rounds.first
-        task = formulation.task.changed(search=replace(search, budget=None, starts=random, rounds=rounds.count))
+        stated = None if search.starts is None else rounds.first
+        task = formulation.task.changed(search=replace(search, budget=None, starts=stated, rounds=rounds.count))
         formulation = replace(formulation, task=task)
     with one_thread(), suspecting(robot):
         design = certify(robot, formulation, results, provenance, interrupted=interrupted)
-    return replace(design, search=rounds.summary, notes=(*design.notes, *interpreted_note()))
+        random = or_none(best_random_value(formulation.problem, search.seed))
+    return replace(design, search=replace(rounds.summary, random=random), notes=(*design.notes, *interpreted_note()))
 
 
 _INSTANTS = 257  # at which the middle of each joint's range is looked for

@@ -137,6 +137,9 @@ def read_start(path: Path) -> tuple[StartResult, Origin | None]:
     return StartResult(**values), origin
 
 
+RANDOM_MOTIONS = 20  # that a design is compared with
+
+
 @dataclass(frozen=True)
 class SearchSummary:
     """What became of a search."""
@@ -144,6 +147,7 @@ class SearchSummary:
     rounds: int  # rounds after the first
     populations: int  # populations that ended since they brought next to nothing any more
     left: float | None  # estimated relative gain of one more population; None with fewer than two
+    random: float | None = None  # least criterion of `RANDOM_MOTIONS` random ones within the limits; None if infinite
 
 
 @dataclass(frozen=True)

@@ -141,7 +141,8 @@ def known_text(result: Identification) -> str:
     count, known = int(counted.sum()), int(np.sum(result.estimate.relative_deviation[counted] < WELL))
     found = f"all {count}" if known == count else f"{known} of {count}"
     aside = " (offsets aside)" * (not counted.all())
-    return f"{found}{aside} are known to {100 * WELL:g} %" + f", {count - known} are not" * (known < count)
+    rest = f", {count - known} {'is' if count - known == 1 else 'are'} not" * (known < count)
+    return f"{found}{aside} are known to {100 * WELL:g} %{rest}"
 
 
 def _offsets(result: Identification) -> NDArray[np.bool_]:

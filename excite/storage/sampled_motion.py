@@ -64,6 +64,7 @@ def write_motion_table(path: Path, header: Sequence[str], table: Array, segments
     """Write a table of finite numbers, with the segment of each row in a last column where there are segments."""
     check_table(path, header, table)
     form = ",".join(["%.17g"] * len(header))
+    table = table + 0.0  # without the sign of a zero
     with replacing(path) as stream:
         if segments is None:
             np.savetxt(stream, table, fmt=form, header=header_text(header), comments="")

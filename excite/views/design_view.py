@@ -7,7 +7,7 @@ from typing import Any
 
 from excite.design.design import Design, between_samples_text
 from excite.design.design_folder import design_content
-from excite.design.start_results import or_infinite
+from excite.design.start_results import RANDOM_MOTIONS, or_infinite
 from excite.design.stated_limits import collisions_unchecked, kept_headline, kept_text
 from excite.information.matrix import CONVENTIONS
 from excite.information.precision_forecast import ParameterPrecision, PrecisionForecast, PrecisionSearch
@@ -46,7 +46,7 @@ def design_view(design: Design, *, whole: bool = True) -> View:
     return View(
         kind="design",
         title=design.name,
-        verdict=f"{_held(design)}; condition number {design.condition_number:.4g}{_guesses(design, guesses)}",
+        verdict=f"{_held(design)}; condition number {design.condition_number:.4g}{_of_random_motions(design)}",
         holds=design.feasible and (sought is None or sought.met),
         caution=bool(collisions_unchecked(each.limit for each in design.unchecked)),
         numbers=(
@@ -105,16 +105,15 @@ def _held(design: Design) -> str:
     return held[:1].upper() + held[1:]
 
 
-def _guesses(design: Design, guesses: Sequence[tuple[int, float]]) -> str:
-    """Condition numbers of the initial guesses, where it is the condition number that was minimised."""
-    values = [value for _, value in guesses]
-    if not values or minimised_text(design.task) != _CONDITION:
+def _of_random_motions(design: Design) -> str:
+    """What random motions have, where it is the condition number that was minimised."""
+    if design.search is None or design.search.random is None or minimised_text(design.task) != _CONDITION:
         return ""
-    return f" (initial guesses: {min(values):.4g}" + (f" to {max(values):.4g})" if len(values) > 1 else ")")
+    return f" (best of {RANDOM_MOTIONS} random motions within the limits: {design.search.random:.3g})"
 
 
 def _asked(design: Design) -> Iterator[str]:
-    task, minimised = design.task, minimised_text(design.task)
+    task, minimised, moving = design.task, minimised_text(design.task), design.target.motion.labels
     value = "" if minimised == _CONDITION else f" ({design.minimised_value:.4g})"
     worth = ""  # of more rounds of the search
     if design.search is not None and design.search.left is not None:
@@ -126,7 +125,7 @@ def _asked(design: Design) -> Iterator[str]:
         worth = f"; the two best starts differ by {percent(abs(ends[1] / ends[0] - 1))}"
     tied = f" (one set for {listed_names(mirrored_bodies(design.target.robot))})" if task.model.symmetric else ""
     yield (
-        f"{design.robot.name}: {name_of(task.model.model)} model, {', '.join(design.target.motion.labels)} move, "
+        f"{design.robot.name}: {name_of(task.model.model)} model, {', '.join(moving)} move{'s' * (len(moving) == 1)}, "
         f"{design.base.rank} base parameters{tied}; {task.trajectory.period:g} s, "
         f"{design.trajectory.family.described}; minimised: {minimised}{value}; "
         f"{number(design.number_of_starts, 'start')}, {design.provenance['cpu_seconds']:.1f} s CPU{worth}"

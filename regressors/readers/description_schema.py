@@ -26,7 +26,7 @@ from pydantic import (
 
 from regressors.errors import InputError, check_names, long_name, shortened
 from regressors.readers.documents import described
-from regressors.robot.closures import Closure
+from regressors.robot.closures import Closure, MimicJoint
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.robot.inertia import Array, from_centre_of_mass, inertia_tensor, rotation_from_rpy, transport
 from regressors.robot.robot import Branch, Drive, Joint, JointKind, Limits, Link
@@ -346,19 +346,26 @@ class ShapeSection(Section):
 class LoopSection(Section):
     """What closes a loop: a point of each of two bodies, each in its own frame [m], that are one.
 
-    ``axes`` are the rows of the rotation from the second body's axes to the first one's, where the two do not turn.
+    ``axes`` are the rows of the rotation from the second body's axes to the first one's, where the two do not turn. Or
+    a joint that follows another one, ``joints: [follower, leader]``, by ``multiplier`` and ``offset`` [rad or m].
     """
 
-    bodies: Annotated[list[Name], Field(min_length=2, max_length=2)]
-    points: Annotated[list[Vector], Field(min_length=2, max_length=2)]
+    bodies: Annotated[list[Name], Field(min_length=2, max_length=2)] | None = None
+    points: Annotated[list[Vector], Field(min_length=2, max_length=2)] | None = None
     axes: Annotated[list[Vector], Field(min_length=3, max_length=3)] | None = None
+    joints: Annotated[list[Name], Field(min_length=2, max_length=2)] | None = None
+    multiplier: float = 1.0
+    offset: float = 0.0
 
     @model_validator(mode="after")
     def _closes(self) -> LoopSection:
+        given = {name for name in ("bodies", "points", "joints") if getattr(self, name) is not None}
+        if given not in ({"bodies", "points"}, {"joints"}):
+            raise ValueError("expected bodies and points, or joints")
         self.closure()
         return self
 
-    def closure(self) -> Closure:
+    def closure(self) -> Closure | MimicJoint:
         """Closure of a robot."""
         return Closure.from_dict(self.model_dump())
 

@@ -29,7 +29,7 @@ from regressors.readers.mjcf_tree import (
 from regressors.readers.moving_part import MovingPart, carried, resting_rotation, working_ends
 from regressors.readers.urdf import robot_of_tree
 from regressors.readers.urdf_tree import UrdfTree
-from regressors.robot.closures import Closure
+from regressors.robot.closures import Closure, MimicJoint
 from regressors.robot.inertia import Array, parameter_names
 from regressors.robot.robot import BASE, Drive, Limits, Robot, Transmission
 
@@ -75,10 +75,12 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: Tips = None, sn
     for tie in ties:
         if tie.places is None or len(passive) == robot.n:
             raise _loop_refused(tie, tree, robot, ends)
-    if ties:
+    if ties or (robot.closures and len(passive) < robot.n):
         start = [float(model.qpos0[model.jnt_qposadr[joints.index(name)]]) for name in robot.joint_names]
         closures = tuple(_closure(tie, tree, robot, ends[0]) for tie in ties)
-        robot = robot.replace(closures=closures, passive=passive, home=np.array(start) if any(start) else None)
+        robot = robot.replace(
+            closures=(*robot.closures, *closures), passive=passive, home=np.array(start) if any(start) else None
+        )
     return robot.replace(
         structure=replace(robot.structure, zero=frozenset(_without_body(robot, names_of(model, "body")))),
         transmission=_transmission(model, robot, joints),
@@ -145,7 +147,7 @@ def _loop_refused(tie: Tie, tree: UrdfTree, robot: Robot, ends: tuple[str, tuple
     return InputError(f"{tree.source}: {tie.label} on {what} closes a loop with what moves, {wanted}{cure}")
 
 
-def _closure(tie: Tie, tree: UrdfTree, robot: Robot, base: str) -> Closure:
+def _closure(tie: Tie, tree: UrdfTree, robot: Robot, base: str) -> Closure | MimicJoint:
     """What a constraint holds together, in the frames of the links that carry its bodies."""
     assert tie.places is not None
     links = [link.name for link in robot.links]

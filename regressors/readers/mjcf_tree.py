@@ -256,7 +256,8 @@ def _mimic(model: Any, number: int, leader: str) -> Mimic:
     """Line through the leader's zero, where a leader off the chain rests."""
     q1, q2 = (model.qpos0[model.jnt_qposadr[ids[number]]] for ids in (model.eq_obj1id, model.eq_obj2id))
     curve = np.polynomial.Polynomial(model.eq_data[number][:5])
-    return Mimic(leader, float(curve.deriv()(-q2)), float(q1 + curve(-q2)))
+    slope = curve.deriv()(-q2)
+    return Mimic(leader, float(slope), float(q1 + curve(-q2)), curved=bool(np.any(curve.coef[2:])))
 
 
 def _ends_of_tendons(model: Any, tendons: Sequence[int]) -> tuple[list[int], list[int]]:

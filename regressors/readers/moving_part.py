@@ -70,8 +70,23 @@ def moving_part(tree: UrdfTree, base: str | None, tips: Tips) -> MovingPart:
     if not part.moving:
         ends = " or ".join(map(repr, part.tips))
         raise InputError(f"{tree.source}: no moving joint between the links {base!r} and {ends}")
+    part = _with_followers(tree, part)
     _check(tree, part)
     return part
+
+
+def _with_followers(tree: UrdfTree, part: MovingPart) -> MovingPart:
+    """The part with the joints below its base that follow its own, on links of their own."""
+    below = {joint.name for link in tree.links for joint in tree.path(part.base, link) or ()}
+    moving = part.moving_names
+    further = [
+        joint.child
+        for joint in tree.above.values()
+        if joint.mimic is not None and joint.name in below - moving and rest(tree, joint)[1] in moving
+    ]
+    if not further:
+        return part
+    return replace(_between(tree, part.base, (*part.tips, *further)), notes=part.notes, held=part.held)
 
 
 def _known(tree: UrdfTree, link: str) -> str:
@@ -137,7 +152,7 @@ def _without_gripper(
     part = _between(tree, base, (tip,))
     moving = part.moving
     held: list[TreeJoint] = []
-    while moving and _moves_gripper(moving[-1]):
+    while moving and _moves_gripper(tree, moving[-1]):
         held.insert(0, moving.pop())
     if not held or not moving:  # a hand or a finger alone is kept whole
         return replace(part, notes=notes, held=fingers)
@@ -171,9 +186,12 @@ def _without_wheels(limb: Sequence[TreeJoint]) -> list[TreeJoint]:
     return left
 
 
-def _moves_gripper(joint: TreeJoint) -> bool:
-    """Whether a joint follows another or bears the name of a gripper, or its link that of a part of one."""
-    if joint.mimic is not None or _FINGER.search(joint.name) or _GRIPPER.search(joint.name):
+def _moves_gripper(tree: UrdfTree, joint: TreeJoint) -> bool:
+    """Whether a joint follows one that does or bears the name of a gripper, or its link that of a part of one."""
+    if joint.mimic is not None:
+        leaders = [other for other in tree.above.values() if other.name == rest(tree, joint)[1]]
+        return all(leader.kind == "fixed" or _moves_gripper(tree, leader) for leader in leaders)
+    if _FINGER.search(joint.name) or _GRIPPER.search(joint.name):
         return True
     if _ARM.search(joint.name):
         return False
@@ -220,14 +238,14 @@ def _limbs(tree: UrdfTree, base: str, tips: Sequence[str]) -> list[list[TreeJoin
     deepest: dict[str, int] = {}  # joints behind the last one of a part, on the longest chain
     for parts in parted:
         for k, part in enumerate(parts):
-            behind = _count(j for later in parts[k + 1 :] for j in later if not _moves_gripper(j))
+            behind = _count(j for later in parts[k + 1 :] for j in later if not _moves_gripper(tree, j))
             deepest[part[-1].name] = max(deepest.get(part[-1].name, 0), behind)
     limbs: dict[str, list[TreeJoint]] = {}
     for parts in parted:
         hands = (part for part in parts if _count(part) >= _FEWEST_OF_ARM and deepest[part[-1].name] < _count(part))
         limb = next(hands, parts[-1])
         without = list(limb)
-        while without and (without[-1].kind == "fixed" or _moves_gripper(without[-1])):
+        while without and (without[-1].kind == "fixed" or _moves_gripper(tree, without[-1])):
             without.pop()
         limb = without or limb
         limbs.setdefault(limb[-1].child, limb)
@@ -248,7 +266,7 @@ def working_ends(
     for base, tips in candidates:
         with suppress(InputError):
             part = _between(tree, base, tips)
-            _check(tree, part, advise=False)
+            _check(tree, _with_followers(tree, part), advise=False)
             accepts(part)
             options = [f"`base_link={base!r}`"] if base != given[0] else []
             options += [f"`tip={tip!r}`" for tip in part.tips] if part.tips != given[1] else []
@@ -260,53 +278,34 @@ def working_ends(
 def _check(tree: UrdfTree, part: MovingPart, *, advise: bool = True) -> None:
     """Refuse joints that independent coordinates cannot hold."""
 
-    def refuse(what: str, candidates: Iterable[Ends], otherwise: str) -> None:
-        working = working_ends(tree, candidates, (part.base, part.tips)) if advise else ""
-        cure = f"what works is {working}" if working else otherwise
-        raise InputError(f"{tree.source}: {what}; {cure}")
+    def refuse(joint: TreeJoint, what: str, otherwise: str = _UNTIE) -> None:
+        working = working_ends(tree, _beside(tree, part, joint), (part.base, part.tips)) if advise else ""
+        raise InputError(f"{tree.source}: {what}; {f'what works is {working}' if working else otherwise}")
 
+    moving = {joint.name: joint for joint in part.moving}
     for joint in part.moving:
         if joint.kind not in MOVING:
             refuse(
+                joint,
                 f"joint {joint.name!r} on the {part.word} is {joint.kind}, expected {', '.join(MOVING)} or fixed",
-                _beside(tree, part, [joint]),
                 'no joint of the other kinds moves before or behind it: write type="fixed" if it stands still',
             )
-        if joint.mimic is not None:
-            refuse(
-                f"joint {joint.name!r} on the {part.word} mimics joint {joint.mimic.joint!r}, expected joints that "
-                "move on their own",
-                _around(tree, part, joint, joint.mimic.joint),
-                _UNTIE,
-            )
-    moving = part.moving_names
+        if joint.mimic is not None and (joint.mimic.curved or joint.mimic.joint not in moving):
+            what = "by a curve, expected a line" if joint.mimic.curved else "which stands still"
+            refuse(joint, f"joint {joint.name!r} on the {part.word} mimics joint {joint.mimic.joint!r}, {what}")
     for joint in tree.above.values():
         leader = rest(tree, joint)[1]
         if joint.name not in moving and leader in moving:
-            refuse(
-                f"joint {joint.name!r} off the {part.word} mimics joint {leader!r} on the {part.word}, expected one "
-                "that stands still",
-                _around(tree, part, joint, leader),
-                _UNTIE,
-            )
+            where = f"joint {joint.name!r} off the {part.word} mimics joint {leader!r} on the {part.word}"
+            refuse(moving[leader], f"{where}, expected one that stands still")
 
 
-def _beside(tree: UrdfTree, part: MovingPart, joints: Sequence[TreeJoint]) -> list[Ends]:
-    """What moves behind each of some joints, then what moves without each."""
-    below = [tuple(tip for tip in part.tips if tree.path(joint.child, tip) is not None) for joint in joints]
-    behind = [(joint.child, tips or part.tips) for joint, tips in zip(joints, below, strict=True)]
-    without = []
-    for joint, tips in zip(joints, below, strict=True):
-        others = tuple(tip for tip in part.tips if tip not in tips and len(part.tips) > 1)
-        without.append((part.base, others if others and joint.parent == part.base else (*others, joint.parent)))
-    return [*behind, *without]
-
-
-def _around(tree: UrdfTree, part: MovingPart, follower: TreeJoint, leader: str) -> list[Ends]:
-    """Ends of what may leave out a joint and the one that it follows."""
-    pair = [joint for joint in tree.above.values() if joint.name in (follower.name, leader)]
-    between = ((first.child, (last.parent,)) for first in pair for last in pair)
-    return [*_beside(tree, part, pair), *between]
+def _beside(tree: UrdfTree, part: MovingPart, joint: TreeJoint) -> tuple[Ends, Ends]:
+    """What moves behind a joint, and what moves without it."""
+    tips = tuple(tip for tip in part.tips if tree.path(joint.child, tip) is not None)
+    others = tuple(tip for tip in part.tips if tip not in tips and len(part.tips) > 1)
+    without = others if others and joint.parent == part.base else (*others, joint.parent)
+    return (joint.child, tips or part.tips), (part.base, without)
 
 
 def rest(tree: UrdfTree, joint: TreeJoint) -> tuple[float, str]:

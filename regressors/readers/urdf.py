@@ -22,6 +22,7 @@ from regressors.readers.description import range_of
 from regressors.readers.health import health
 from regressors.readers.moving_part import MovingPart, carried, kind_of, moving_part, resting_rotation
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree, parse_tree
+from regressors.robot.closures import MimicJoint
 from regressors.robot.inertia import Array, transport
 from regressors.robot.robot import Drive, Joint, Limits, Link, Robot, Transmission
 
@@ -60,7 +61,7 @@ def parse_urdf(
 
     - Whatever hangs on a moving link by other joints (sensors, flanges, a gripper, the arm beyond the tip) is merged
       into it. These joints rest at position zero, whatever their limits say, and mimic joints where that puts them (at
-      their offset).
+      their offset). A mimic joint of one that moves moves too: it is a closure, and no drive acts on it.
     - The base, what else hangs on it and what is above it does not move: its mass is ignored. Joints above the base
       rest at zero as well, and gravity, 9.81 m/s^2 along -z of the root link, is expressed in the axes of the base.
     - A link with which no ``<inertial>`` was merged has unknown parameters (``theta`` is None).
@@ -87,6 +88,8 @@ def robot_of_tree(tree: UrdfTree, base: str | None, tip: Tips) -> Robot:
     part = moving_part(tree, base, tip)
     moving = part.moving
     joints, parents = _joints(part)
+    mimics = ((joint.name, joint.mimic) for joint in moving)
+    tied = tuple(MimicJoint((name, m.joint), m.multiplier, m.offset) for name, m in mimics if m is not None)
     try:
         return Robot(
             name=tree.name,
@@ -97,6 +100,8 @@ def robot_of_tree(tree: UrdfTree, base: str | None, tip: Tips) -> Robot:
             gravity=_gravity(tree, part.base),
             source=f"URDF {tree.source}",
             parents=parents,
+            closures=tied,
+            passive=tuple(each.joints[0] for each in tied),
             notes=health(tree, part),
         )
     except InputError as error:

@@ -30,6 +30,7 @@ class Mimic:
     joint: str
     multiplier: float
     offset: float
+    curved: bool = False  # the tangent at the leader's zero of what is no line
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,13 +39,35 @@ class Closure:
         return f"the loop that closes between {' and '.join(self.bodies)}"
 
     @classmethod
-    def from_dict(cls, plain: Mapping[str, Any]) -> Closure:
-        """Closure of plain lists."""
+    def from_dict(cls, plain: Mapping[str, Any]) -> Closure | MimicJoint:
+        """Closure of plain lists; a mimic joint where these name joints."""
+        if plain.get("joints"):
+            follower, leader = map(str, plain["joints"])
+            return MimicJoint((follower, leader), float(plain["multiplier"]), float(plain["offset"]))
         first, second = (_vector(point) for point in plain["points"])
         a, b = map(str, plain["bodies"])
         axes = plain.get("axes")
         held = None if axes is None else (_vector(axes[0]), _vector(axes[1]), _vector(axes[2]))
         return cls((a, b), (first, second), held)
+
+
+@dataclass(frozen=True)
+class MimicJoint:
+    """A joint follows another one by a belt, a rod or a gear, ``q_1 = multiplier q_2 + offset`` [rad or m]."""
+
+    joints: tuple[str, str]  # the one that follows, and the one that it follows
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_finite(self.label, self.multiplier, self.offset)
+        if self.joints[0] == self.joints[1]:
+            raise InputError(f"{self.label}: expected two joints, given {self.joints[0]!r} twice")
+
+    @property
+    def label(self) -> str:
+        """What follows what, in messages."""
+        return f"the joint {self.joints[0]} that follows {self.joints[1]}"
 
 
 def _vector(values: Sequence[float]) -> Vector:
@@ -54,13 +76,18 @@ def _vector(values: Sequence[float]) -> Vector:
 
 
 def check_closures(
-    robot: str, closures: Sequence[Closure], passive: Sequence[str], joints: Sequence[str], bodies: Sequence[str]
+    robot: str,
+    closures: Sequence[Closure | MimicJoint],
+    passive: Sequence[str],
+    joints: Sequence[str],
+    bodies: Sequence[str],
 ) -> None:
     """Raise `InputError` for closures of bodies, or passive joints, that a robot does not have."""
     for closure in closures:
-        for body in closure.bodies:
-            if body not in bodies:
-                raise UnknownName(f"body of robot {robot!r}, in {closure.label},", body, bodies)
+        what, known = ("joint", joints) if isinstance(closure, MimicJoint) else ("body", bodies)
+        for end in closure.joints if isinstance(closure, MimicJoint) else closure.bodies:
+            if end not in known:
+                raise UnknownName(f"{what} of robot {robot!r}, in {closure.label},", end, known)
     check_names(f"passive joint of robot {robot!r}", passive, joints)
     if passive and not closures:
         raise InputError(

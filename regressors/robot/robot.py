@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from regressors.arguments import checked
 from regressors.errors import Finding, InputError, UnknownName, check_names, listed_names, long_name
 from regressors.quantities import place_of
-from regressors.robot.closures import Closure, check_closures
+from regressors.robot.closures import Closure, MimicJoint, check_closures
 from regressors.robot.gears import ConstantRatio, GearFunction
 from regressors.robot.inertia import PARAMETERS_PER_LINK, Array, is_rotation, pose_of, skew
 from regressors.robot.shapes import Part
@@ -279,8 +279,8 @@ class Robot(Rebuilt):
     parents : tuple of int
         Number of the link that carries each joint, 1 for the first, and 0 for the base; smaller than the joint's own. A
         chain, in which each joint sits on the link before it, if not given.
-    closures : tuple of Closure
-        What closes loops: the joints and links are the tree that is left when these are cut.
+    closures : tuple of Closure or MimicJoint
+        What closes loops: the joints and links are the tree that is left when these are cut; and joints that follow.
     passive : tuple of str
         Joints of these loops that no drive acts on, by name: their torque is zero.
     notes : tuple of Finding
@@ -305,7 +305,7 @@ class Robot(Rebuilt):
     home: Array | None = None
     shapes: tuple[Part, ...] = ()
     parents: tuple[int, ...] = ()
-    closures: tuple[Closure, ...] = ()
+    closures: tuple[Closure | MimicJoint, ...] = ()
     passive: tuple[str, ...] = ()
     notes: tuple[Finding, ...] = field(default=(), compare=False)
 

@@ -27,6 +27,7 @@ from regressors.models.base import random_states
 from regressors.models.partial import of_loops
 from regressors.readers.description import parse_description
 from regressors.readers.library import load_robot
+from regressors.readers.urdf import parse_urdf
 from regressors.robot.friction.curve import CoulombViscous
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
@@ -299,6 +300,53 @@ def test_mechanisms_are_identified_confirmed_by_another_log_and_written_into_the
     assert relative(stated, found) < 0.02
 
 
+_LINK = """<link name="{name}"><inertial><origin xyz="{centre}"/><mass value="{mass}"/>
+<inertia ixx="0.05" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.3"/></inertial></link>"""
+_JOINT = """<joint name="{name}" type="revolute"><origin xyz="{place}"/><parent link="{on}"/><child link="{link}"/>
+<axis xyz="{axis}"/><limit lower="-0.9" upper="0.9" velocity="2" effort="300"/>{follows}</joint>"""
+
+
+def palletiser() -> str:
+    """URDF of a turret with an arm, whose hand a belt turns back."""
+    links = (
+        ("base", "0 0 0", 9.0),
+        ("turret", "0.05 0 0.1", 8.0),
+        ("arm", "0.3 0.02 0.1", 5.0),
+        ("hand", "0.1 0 -0.1", 2.0),
+    )
+    joints = (
+        {"name": "q1", "place": "0 0 0.3", "on": "base", "link": "turret", "axis": "0 0 1", "follows": ""},
+        {"name": "q2", "place": "0 0 0.3", "on": "turret", "link": "arm", "axis": "0 1 0", "follows": ""},
+        {"name": "level", "place": "0.6 0 0", "on": "arm", "link": "hand", "axis": "0 1 0",
+         "follows": '<mimic joint="q2" multiplier="-1.25" offset="0.1"/>'},
+    )  # fmt: skip
+    bodies = "".join(_LINK.format(name=name, centre=centre, mass=mass) for name, centre, mass in links)
+    return f'<robot name="palletiser">{bodies}{"".join(_JOINT.format(**each) for each in joints)}</robot>'
+
+
+def test_a_joint_that_mimics_another_is_designed_for_identified_and_written_back(tmp_path: Path) -> None:
+    robot = parse_urdf(palletiser())
+    search = excite.Search(starts=2, executor="serial")
+    design, other = (
+        excite.design_trajectory(robot, search=replace(search, seed=seed), acceleration=(5.0,), period=4.0)
+        for seed in (0, 1)
+    )
+    q = design.samples.q
+    np.testing.assert_allclose(q[:, 2], 0.1 - 1.25 * q[:, 1], atol=1e-12)
+    assert np.abs(q[:, 2]).max() <= 0.9 < np.abs(1.25 * q[:, 1]).max() + 0.2  # its range binds, not that of q2
+    simulation = excite.simulate(design, noise=NOISE, seed=1)
+    result = excite.identify(robot, simulation, design=design, choose=False)
+    assert all(within(result))
+    assert excite.verify(result, excite.simulate(other, noise=NOISE, seed=2)).verdict.holds
+    result.save(tmp_path / "result")
+    excite.export_model(tmp_path / "result", "urdf", tmp_path / "new.urdf")
+    again = load_robot(tmp_path / "new.urdf")
+    assert (again.closures, again.passive) == (robot.closures, robot.passive)
+    with pytest.raises(InputError, match="loops, and it has the joint level that follows q2; read a part"):
+        excite.plan_friction(robot)
+    assert parse_description(robot_text(robot), "palletiser.yaml").sha256() == robot.sha256()
+
+
 def test_robot_yaml_holds_the_loops() -> None:
     robot = robot_of("four-bar")
     assert parse_description(robot_text(robot), "four-bar.yaml").sha256() == robot.sha256()
@@ -309,6 +357,8 @@ def test_robot_yaml_holds_the_loops() -> None:
     text = robot_text(robot).replace("bodies: [coupler, rocker]", "bodies: [coupler, bar]")
     with pytest.raises(InputError, match="no body of robot 'four-bar', in the loop"):
         parse_description(text, "four-bar.yaml")
+    with pytest.raises(InputError, match=r"loops.*expected bodies and points, or joints"):
+        parse_description(robot_text(robot).replace("bodies: [coupler, rocker]", "joints: [q1, q2]"), "four-bar.yaml")
     with pytest.raises(InputError, match=r"loops.*at least 2 items"):
         parse_description(robot_text(robot).replace("[coupler, rocker]", "[coupler]"), "four-bar.yaml")
 
@@ -362,7 +412,8 @@ def test_the_whole_way_in_the_shell(here: Here) -> None:
         log = log_of("four-bar", seed)
         head = ",".join(log)
         np.savetxt(here.cwd / name, np.column_stack(list(log.values())), delimiter=",", header=head, comments="")
-    assert "loops close between coupler and rocker; moved by q1; passive: q2, q3" in done("robots", "bar.xml")
+    told = "not free: the loop that closes between coupler and rocker; moved by q1; passive: q2, q3"
+    assert told in done("robots", "bar.xml")
     done("identify", "bar.xml", "run.csv", "--model", "energy", "--out", "result", "--figures", "none")
     done("verify", "result", "other.csv", "--figures", "none")
     done("report", "result", "--out", "page.html")

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from excite.information.target import IdentificationTarget
+from regressors.robot.closures import Closure
 from regressors.robot.columns import (
     ASYMMETRY,
     COULOMB,
@@ -167,7 +168,7 @@ def features_of(
 ) -> tuple[Feature, ...]:
     """Features of a model that have a torque, each kind once."""
     owners, parameters = (dict[str, list[str]]((kind, []) for kind in _TEXTS) for _ in range(2))
-    owners[LOOPS] = [" to ".join(closure.bodies) for closure in robot.closures]
+    owners[LOOPS] = [" to ".join(closure.bodies) for closure in robot.closures if isinstance(closure, Closure)]
     for number, branch in zip(robot.body_numbers[robot.n :], robot.branches, strict=True):
         owners[BRANCHES].append(branch.name)
         parameters[BRANCHES] += parameter_names(number)

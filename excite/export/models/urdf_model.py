@@ -19,6 +19,7 @@ from excite.export.models.xml_copy import XmlDocument, XmlSpan, comment, joints_
 from regressors.errors import reading
 from regressors.input_files import read_bytes
 from regressors.readers.urdf_tree import parse_tree
+from regressors.robot.closures import MimicJoint
 from regressors.robot.columns import COULOMB, ROTOR, VISCOUS
 from regressors.robot.robot import Joint, Robot
 from regressors.samples import Array
@@ -274,6 +275,10 @@ def _joint(model: DrivenRobot, k: int, joint: Joint, parent: str) -> Iterator[st
     yield "  " + start("limit", bounds, empty=True)
     if dynamics := dynamics_attributes(model, k):
         yield "  " + start("dynamics", dynamics, empty=True)
+    for each in robot.closures:
+        if isinstance(each, MimicJoint) and each.joints[0] == joint.name:
+            followed = {"joint": each.joints[1], "multiplier": number(each.multiplier), "offset": number(each.offset)}
+            yield "  " + start("mimic", followed, empty=True)
     yield "</joint>"
 
 

@@ -17,6 +17,7 @@ import numpy as np
 import scipy
 
 from regressors.errors import InputError, listed_names
+from regressors.robot.closures import MimicJoint
 from regressors.robot.robot import BASE, Robot
 from regressors.robot.symbolic.elimination import eliminated
 from regressors.robot.symbolic.kinematics import bodies, sparse
@@ -35,7 +36,7 @@ _ANCHORS, _PIVOTS = 2000, 200  # configurations from which others are solved, an
 
 
 def closure_residual(robot: Robot, q: ca.SX) -> ca.SX:
-    """What the closures leave open, ``g(q)``: distances of the points, sines of the angles between held axes."""
+    """What the closures leave open, ``g(q)``: distances of points, sines of angles between axes, or of mimic joints."""
     # q (n, 1)
     still = ca.SX(robot.n, 1)
     poses = {BASE: (ca.SX.eye(3), ca.SX(3, 1))}
@@ -43,6 +44,10 @@ def closure_residual(robot: Robot, q: ca.SX) -> ca.SX:
         poses[body.name] = motion.rotation, motion.origin
     rows = []
     for closure in robot.closures:
+        if isinstance(closure, MimicJoint):
+            follower, leader = (q[robot.joint_index(name)] for name in closure.joints)
+            rows.append(follower - closure.multiplier * leader - closure.offset)
+            continue
         (R1, p1), (R2, p2) = (poses[name] for name in closure.bodies)
         first, second = (sparse(point) for point in closure.points)
         rows.append(p2 + ca.mtimes(R2, second) - p1 - ca.mtimes(R1, first))

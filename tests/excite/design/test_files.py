@@ -22,7 +22,7 @@ from excite.design.design_json import load_design
 from excite.design.optimisation import design_trajectory
 from excite.design.start_results import read_starts
 from excite.storage.atomic import read_json, replacing, write_json
-from excite.storage.sampled_motion import motion_columns
+from excite.storage.sampled_motion import motion_columns, write_motion_table
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task
 from regressors.errors import InputError, NumericalError
@@ -273,6 +273,11 @@ def test_the_table_is_the_motion_to_the_last_bit_and_at_rest_at_both_ends(
             bend = np.abs(np.diff(slope, 2)).max()  # error of a central difference, h^2/6 q''', is a third of it
             assert np.allclose(central, slope[1:-1], rtol=0.0, atol=bend + 1e-12)
     assert np.abs([design.samples.dq[[0, -1]], design.samples.ddq[[0, -1]]]).max() < 1e-12
+
+
+def test_zeros_of_the_table_have_no_sign(tmp_path: Path) -> None:
+    write_motion_table(tmp_path / "m.csv", ["time", "q"], np.array([[0.0, -0.0]]))
+    assert (tmp_path / "m.csv").read_text(encoding="utf-8") == "time,q\n0,0\n"
 
 
 def test_limits_hold_in_the_samples(design: Design, table: tuple[list[str], np.ndarray]) -> None:

@@ -14,12 +14,13 @@ from hypothesis import given, strategies as st
 
 import excite
 from excite.design.formulation import formulate
-from excite.design.initial_guesses import combinations, random_motion
+from excite.design.initial_guesses import combinations, random_motion, shrunk
 from excite.design.problem import Problem
 from excite.design.search_rounds import Population, Rounds
 from excite.design.start_results import PlannedStart, StartResult, read_starts
 from excite.tasks.search import RANDOM_STARTS, Search
 from excite.tasks.task import Task
+from excite.views.design_view import design_view
 from regressors.readers.library import load_robot
 
 
@@ -281,3 +282,21 @@ def test_what_is_left_is_in_the_file(undisturbed: excite.Design, tmp_path: Path)
     undisturbed.save(tmp_path / "d")
     assert undisturbed.search.rounds == excite.load_design(tmp_path / "d").search.rounds == 3
     assert excite.load_design(tmp_path / "d").search == undisturbed.search
+
+
+def test_a_design_is_compared_with_random_motions_within_its_limits(undisturbed: excite.Design) -> None:
+    """Their condition numbers come from singular values, and the least of them is printed."""
+    formulation = formulate(load_robot("irp6"), undisturbed.task)
+    problem, rng = formulation.problem, np.random.default_rng(undisturbed.task.search.seed)
+    model, base = undisturbed.target.model, undisturbed.base
+    times = model.times(undisturbed.task.trajectory.period, undisturbed.task.output.rate)
+    conditions = []
+    for _ in range(20):
+        x = shrunk(problem, random_motion(problem, rng))
+        assert problem.violation(x) <= 1e-9
+        W = model.assemble(problem.information.trajectory(x).samples(times))
+        conditions.append(np.linalg.cond(W[:, base.index]))
+    assert undisturbed.search is not None
+    assert undisturbed.search.random == pytest.approx(min(conditions), rel=1e-9)
+    assert undisturbed.search.random > undisturbed.condition_number
+    assert f"(best of 20 random motions within the limits: {min(conditions):.3g})" in design_view(undisturbed).verdict

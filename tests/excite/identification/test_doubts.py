@@ -97,7 +97,11 @@ def test_offsets_that_may_be_zero_are_no_parameters_that_are_missing() -> None:
     assert {"F1o", "F2o", "F3o"} < set(result.names)
     assert known_text(result) == "all 13 (offsets aside) are known to 5 %"
     assert not any("F1o" in text for text in answers(result))
-    assert known_text(found(TASK, log, recipe=EXACT)) == "all 13 are known to 5 %"
+    plain = found(TASK, log, recipe=EXACT)
+    assert known_text(plain) == "all 13 are known to 5 %"
+    for left, end in ((1, "12 of 13 are known to 5 %, 1 is not"), (2, "11 of 13 are known to 5 %, 2 are not")):
+        values = np.where(np.arange(13) < left, 0.0, plain.estimate.values)
+        assert known_text(replace(plain, estimate=replace(plain.estimate, values=values))) == end
 
 
 @pytest.mark.slow

@@ -19,8 +19,11 @@ import excite
 from excite.design import blueprint
 from excite.design.blueprint import search_seconds
 from excite.design.campaign import campaign_seconds, plan_campaign
+from excite.design.formulation import formulate
 from excite.design.friction_runs import schedule
 from excite.design.friction_runs.schedule import Schedule
+from excite.design.optimisation import announce_search
+from excite.design.starts import keep_starts
 from excite.identification.identify import check_rows, identification_seconds
 from excite.identification.recipe import check_estimates
 from excite.information.target import target_of
@@ -187,6 +190,25 @@ def test_work_announces_itself(
     excite.read_log(tmp_path / "run.csv")
     for first in (name, f"reading {tmp_path / 'run.csv'}"):
         assert [line for line in said.messages if line.startswith(f"{first} will take about ")]
+
+
+SEARCHES: dict[str, tuple[dict[str, Any], str]] = {
+    "default": ({}, "22 s"),
+    "budget": ({"budget": 600.0}, "10 min"),
+    "rounds": ({"rounds": 10, "harmonics": 40}, "min"),
+}
+
+
+@pytest.mark.parametrize(("options", "told"), SEARCHES.values(), ids=SEARCHES)
+def test_a_search_whose_time_is_bounded_announces_that_time(
+    options: dict[str, Any], told: str, said: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(long_work, "LONG", -1.0)
+    task = Task("irp6", torque_margin="none", **options)
+    formulation = formulate(installed_robot(task), task)
+    announce_search(formulation, keep_starts(tmp_path, formulation))
+    (line,) = (line for line in said.messages if line.startswith("the search will take about "))
+    assert f"{told}; Ctrl-C" in line
 
 
 def test_the_command_line_prints_it(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:

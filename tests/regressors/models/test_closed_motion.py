@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import mujoco
@@ -50,8 +51,21 @@ def spatial() -> str:
     return _WORLD.format(crank + rocker, "0.4 0 0", '<motor joint="q1"/>')
 
 
-LINKAGES = {"four-bar": linkage("linkage", FOUR_BAR), "five-bar": five_bar(), "spatial": spatial()}
-FREE = {"four-bar": ("q1",), "five-bar": ("q1", "q3"), "spatial": ("q1",)}
+def belted() -> str:
+    """Three driven joints; one between them follows by a belt, and one beside them by a rod."""
+    wrist = _BODY.format("d", "0.2 0 0", "0.4 0 0", hinges(("q4", "0 0 1"), reach=0.4), "0.05 0.02 0.01", 0.4, "")
+    level = _BODY.format("c", "0.3 0 0", "0 0.2 0", hinges(("q3", "0 1 0")), "0.1 0 0.02", 0.6, wrist)
+    fore = _BODY.format("b", "0 0 0.2", "0 0 0", hinges(("q2", "0 1 0"), reach=0.4), "0.15 0.01 0", 0.9, level)
+    rod = _BODY.format("e", "0.1 0.2 0", "0 0 0.3", hinges(("q5", "1 0 0")), "0.1 0 0.03", 0.5, "")
+    turret = _BODY.format("a", "0 0 0", "0 0 0", hinges(("q1", "0 0 1"), reach=0.4), "0.02 0 0.1", 2.0, fore + rod)
+    belt = '<joint joint1="q3" joint2="q2" polycoef="0.1 -1.5 0 0 0"/>'
+    bar = '<joint joint1="q5" joint2="q4" polycoef="0 2 0 0 0"/>'
+    text = _WORLD.format(turret, "", "".join(f'<motor joint="q{k}"/>' for k in (1, 2, 4)))
+    return re.sub("<connect .*?/>", belt + bar, text)
+
+
+LINKAGES = {"four-bar": linkage("linkage", FOUR_BAR), "five-bar": five_bar(), "spatial": spatial(), "belted": belted()}
+FREE = {"four-bar": ("q1",), "five-bar": ("q1", "q3"), "spatial": ("q1",), "belted": ("q1", "q2", "q4")}
 
 
 def read(text: str, folder: Path) -> Robot:

@@ -294,7 +294,6 @@ def test_follower_off_the_chain_rests_where_its_leader_puts_it(tmp_path: Path) -
 
 LOOP = '<equality><connect body1="b" body2="world" anchor="0 0 0"/></equality>'
 TENDON = '<tendon><fixed name="t"><joint joint="j" coef="1"/><joint joint="k" coef="1"/></fixed></tendon>'
-COUPLED = '<equality><joint joint1="k" joint2="j"/></equality>'
 BROKEN = {
     "not XML": ("<mujoco", {}, "arm.xml, line 1: not well-formed XML"),
     "another root": ("<arm/>", {}, "expected <robot> as the outermost element"),
@@ -305,7 +304,6 @@ BROKEN = {
     "nothing moves": ("<mujoco/>", {}, "arm.xml: no moving joint below link 'world'"),
     "no such body": (arm(), {"tip": "hand"}, "no link in arm.xml named 'hand'; available: world, a"),
     "free": (arm(further("b", 'name="k"'), joint='name="j" type="free"'), {}, "joint 'j' on the chain is free, expect"),
-    "mimic": (arm(further("b", 'name="k"'), after=COUPLED), {}, "joint 'k' off the chain mimics joint 'j' on the chai"),
     "closed loop": (arm(further("b", 'name="k"'), after=LOOP), {}, "the equality <connect> on body 'b' and body 'worl"),
     "coupled by a tendon": (
         arm(further("b", 'name="k"'), after=TENDON + '<equality><tendon tendon1="t"/></equality>'),
@@ -331,7 +329,11 @@ def in_a_row(after: str) -> str:
 LOOPS = {
     "to the world": ('<connect body1="wrist" body2="world" anchor="0 0 0"/>', "<connect>", ["wrist", "flange"]),
     "inside": ('<weld body1="fore" body2="wrist"/>', "<weld>", ["wrist", "flange", "fore", "upper"]),
-    "mimic": ('<joint joint1="j3" joint2="j2"/>', "joint 'j3' on the chain mimics joint 'j2'", ["upper", "wrist"]),
+    "mimic": (
+        '<joint joint1="j3" joint2="j2" polycoef="0 1 1 0 0"/>',
+        "mimics joint 'j2', by a curve",
+        ["upper", "wrist"],
+    ),
 }
 
 

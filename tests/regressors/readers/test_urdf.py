@@ -15,6 +15,7 @@ from refused import refusal
 
 from regressors.errors import InputError, UnknownName
 from regressors.readers.urdf import parse_urdf, read_urdf
+from regressors.robot.closures import MimicJoint
 from regressors.robot.robot import Robot
 
 
@@ -297,22 +298,30 @@ def test_chains_that_are_not_there(choice: dict[str, str], error: type[InputErro
         parse_urdf(document(TWO_TIPS), name_of_source="arm.urdf", **choice)
 
 
-def test_a_mimic_joint_in_the_middle_is_refused_with_the_options_that_work() -> None:
+def test_a_mimic_joint_moves_with_the_one_that_it_follows_and_rests_with_it() -> None:
     names = [f"l{k}" for k in range(6)]
-    inside = {3: '<mimic joint="j2"/>'}
+    inside = {3: '<mimic joint="j2" multiplier="-2" offset="0.5"/>'}
     row = "".join(joint(f"j{k}", f"l{k - 1}", f"l{k}", inside=inside.get(k, "")) for k in range(1, 6))
     text = document(links(*names) + row)
-    assert refusal(parse_urdf, text).endswith(
-        "joint 'j3' on the chain mimics joint 'j2', expected joints that move on their own; what works is "
-        "`base_link='l3'`, or `tip='l1'`"
-    )
+    robot = parse_urdf(text)
+    assert robot.joint_names == ("j1", "j2", "j3", "j4", "j5")
+    assert robot.closures == (MimicJoint(("j3", "j2"), -2.0, 0.5),)
+    assert robot.passive == ("j3",)
     assert parse_urdf(text, base="l3").joint_names == ("j4", "j5")
-    assert parse_urdf(text, tip="l1").joint_names == ("j1",)
+    assert parse_urdf(text, tip="l1").closures == ()
+    assert refusal(parse_urdf, text, base="l2").endswith(
+        "joint 'j3' on the chain mimics joint 'j2', which stands still; what works is `base_link='l3'`"
+    )
+
+
+def test_a_mimic_joint_beside_the_chain_moves_too() -> None:
+    text = document(THREE + joint("j", "a", "b") + joint("k", "a", "c", inside=MIMIC))
+    robot = parse_urdf(text, tip="b")
+    assert (robot.joint_names, robot.parents, robot.passive) == (("j", "k"), (0, 0), ("k",))
 
 
 MIMICS = {
-    "on the chain": (joint("k", "b", "c", inside=MIMIC), "move on their own; switch the coupling off"),
-    "off the chain": (joint("k", "a", "c", inside=MIMIC), "joint 'k' off the chain mimics joint 'j' on the chain"),
+    "above the base": (joint("k", "b", "c"), "joint 'j' off the chain mimics joint 'k' on the chain"),
     "in a circle": (
         links("d")
         + joint("k", "a", "c", inside='<mimic joint="m"/>')
@@ -323,10 +332,11 @@ MIMICS = {
 
 
 @pytest.mark.parametrize("where", MIMICS)
-def test_mimic_joints_must_not_follow_the_chain_nor_each_other(where: str) -> None:
-    text = document(THREE + joint("j", "a", "b") + MIMICS[where][0])
+def test_mimic_joints_must_not_follow_from_above_the_base_nor_each_other(where: str) -> None:
+    above = where == "above the base"
+    text = document(THREE + joint("j", "a", "b", inside='<mimic joint="k"/>' * above) + MIMICS[where][0])
     with pytest.raises(InputError, match=re.escape(MIMICS[where][1])):
-        parse_urdf(text, tip="c" if where == "on the chain" else "b")
+        parse_urdf(text, base="b" if above else None, tip="c" if above else "b")
 
 
 def test_thousands_of_links_are_read() -> None:
