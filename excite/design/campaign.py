@@ -13,7 +13,7 @@ from typing import Any
 from excite.information.target import Identifiability, model_of, partial_motions
 from excite.registry import name_of
 from excite.storage.work_prediction import announce
-from excite.tasks.robot_of_task import moving_robot, one_model, robot_and_task
+from excite.tasks.robot_of_task import installed_robot, moving_robot, one_model, task_of
 from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError
@@ -80,11 +80,11 @@ def plan_campaign(
         No drives, or motions of so few drives never identify all parameters.
     """
     one_model(robot_or_model, options)
-    robot, task = robot_and_task(robot_or_model)
-    robot.check_open("a campaign of partial motions")
     if isinstance(robot_or_model, Robot | str):
-        task = task.changed(model="energy")
-    task = task.changed(**options)
+        options = {"model": "energy"} | options
+    task = task_of(robot_or_model).changed(**options)
+    robot = installed_robot(task)
+    robot.check_open("a campaign of partial motions")
     moving = moving_robot(robot, task)
     check("at_once", at_once)
     drives = len(drive_names(moving))

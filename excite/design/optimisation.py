@@ -48,7 +48,7 @@ from excite.storage.work_prediction import announce
 from excite.tasks.criteria import Criterion
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.objective import Objective
-from excite.tasks.robot_of_task import one_model, robot_and_task
+from excite.tasks.robot_of_task import installed_robot, one_model, task_of
 from excite.tasks.search import Output, Search
 from excite.tasks.task import Task
 from excite.tasks.trajectory_choice import TrajectoryChoice
@@ -131,14 +131,13 @@ def design_trajectory(
     """
     one_model(robot_or_model, options)
     parts: dict[str, Any] = {"trajectory": trajectory, "limits": limits, "search": search, "output": output}
-    robot, task = robot_and_task(robot_or_model)
     parts["objective" if isinstance(criterion, Objective) else "criterion"] = criterion
     given = {name: value for name, value in parts.items() if value is not None}
-    task = task.changed(**given, **options)
+    task = task_of(robot_or_model).changed(**given, **options)
     if constraints:
         task = task.changed(constraints=(*task.limits.constraints, *constraints))
     with search_folder(folder) as place:
-        return _design(robot, task, place, progress, fresh=fresh)
+        return _design(installed_robot(task), task, place, progress, fresh=fresh)
 
 
 @contextmanager

@@ -32,7 +32,7 @@ from excite.study.period_search import PeriodSearch, pareto_front, tried_period
 from excite.study.servo_precision import rehearsed
 from excite.tasks.installation import Installation
 from excite.tasks.precision_target import PrecisionTarget
-from excite.tasks.robot_of_task import one_model, robot_and_task
+from excite.tasks.robot_of_task import installed_robot, one_model, task_of
 from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError
@@ -99,8 +99,8 @@ def design_for_precision(
         Interrupted before any motion was found.
     """
     one_model(robot_or_model, options)
-    robot, task = robot_and_task(robot_or_model)
-    task = task.changed(**options, **({} if precision is None else {"precision": precision}))
+    task = task_of(robot_or_model).changed(**options, **({} if precision is None else {"precision": precision}))
+    robot = installed_robot(task)
     with search_folder(folder) as place:
 
         def prepared(formulation: Formulation, name: str) -> KeptStarts:

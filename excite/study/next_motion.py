@@ -20,7 +20,7 @@ from excite.information.target import IdentificationTarget, inverse_half, target
 from excite.storage.records import Shown
 from excite.study.design_for_precision import design_for_precision, precise_task, with_offsets
 from excite.tasks.precision_target import PrecisionTarget
-from excite.tasks.robot_of_task import one_model, robot_and_task
+from excite.tasks.robot_of_task import installed_robot, one_model, task_of
 from excite.tasks.stored_files import DESIGN
 from excite.tasks.task import Task
 from regressors.arguments import checked
@@ -166,8 +166,9 @@ def next_motion(
     if of not in _OF:
         raise InputError(f"`of` must be one of {', '.join(_OF)}, given {of!r}")
     given = {} if precision is None else {"precision": precision}
-    robot, task = robot_and_task(robot_or_model)
-    task = with_information_in_hand(robot, task.changed(**given, **options))
+    task = task_of(robot_or_model).changed(**given, **options)
+    robot = installed_robot(task)
+    task = with_information_in_hand(robot, task)
     asked = task.objective.precision
     if not isinstance(asked, PrecisionTarget):
         raise InputError("no precision is asked for; give `precision`, such as 0.05")

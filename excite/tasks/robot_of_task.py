@@ -43,12 +43,18 @@ def robot_and_task(
     for asked, option in ((not snap_angles, "`snap_angles=False`"), (xacro, "`xacro=True`")):
         if asked:
             raise InputError(f"{option} says how to read the file of a robot, but no file is named")
+    task = task_of(model)
+    return installed_robot(task), task
+
+
+def task_of(model: RegressorModel | Robot | Task | str) -> Task:
+    """Task of an experiment, whose options may still change, and with them its robot: see `installed_robot`."""
     if isinstance(model, Task):
-        return installed_robot(model), model
+        return model
     if isinstance(model, RegressorModel):
-        return model.robot, Task(model.robot, model=model)
-    if isinstance(model, Robot):
-        return model, Task(model)
+        return Task(model.robot, model=model)
+    if isinstance(model, Robot | str):
+        return Task(model)
     raise InputError(f"expected a model, a robot, the name of one, or a task; given {type(model).__name__}")
 
 

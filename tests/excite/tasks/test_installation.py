@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from commands import run
+from public_arms import robots_folder
 
 import excite
 from excite.tasks.installation import Installation
 from excite.tasks.payload import payload_parameters
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.task import Task
-from regressors.errors import InputError
+from regressors.errors import InputError, UnknownName
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
 from regressors.models.partial import of_joints
@@ -130,6 +132,28 @@ def test_installations_that_cannot_be_are_refused() -> None:
 def test_a_robot_object_is_installed_by_hand() -> None:
     with pytest.raises(InputError, match=r"give Installation\(\.\.\.\)\.applied\(robot\)"):
         installed_robot(excite.Task(built_in("ur10e"), mount="wall"))
+
+
+DESIGNS = (excite.design_trajectory, excite.design_for_precision, excite.next_motion, excite.plan_campaign)
+
+
+@pytest.mark.parametrize("design", DESIGNS)
+def test_options_in_python_install_the_robot_and_choose_its_ends(design: Callable[..., Any]) -> None:
+    """What says otherwise names joints that are no longer there, or an installation that a robot object has by hand."""
+    asked = {} if design is excite.plan_campaign or design is excite.design_trajectory else {"precision": 0.1}
+    with pytest.raises(InputError, match=r"give Installation\(\.\.\.\)\.applied\(robot\)"):
+        design(built_in("ur10e"), mount="wall", **asked)
+    robots = robots_folder()
+    assert robots is not None
+    go2 = str(robots / "go2_description/urdf/go2.urdf")
+    with pytest.raises(UnknownName, match=r"no joint named 'FR_hip_joint'; .*, 3 \(FL_calf_joint\)$"):
+        design(go2, tip="FL_calf", joints=("FR_hip_joint",), **asked)
+
+
+def test_a_design_is_of_the_robot_as_it_is_mounted() -> None:
+    options = {"joints": ("1",), "harmonics": 3, "rate": 20.0, "starts": 1, "executor": "serial"}
+    made = excite.design_trajectory("irp6", gravity=(0.0, 0.0, 0.0), **options)
+    np.testing.assert_array_equal(made.robot.gravity, np.zeros(3))
 
 
 @pytest.mark.slow
