@@ -16,7 +16,6 @@ from dataclasses import replace
 
 import numpy as np
 import scipy
-from scipy.spatial.transform import Rotation
 
 from excite.logs.log import Log
 from excite.logs.mapping import OF_BASE, LogMapping
@@ -26,6 +25,7 @@ from regressors.robot.moving_base import BASE_JOINTS, steepest, turning_axes
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
+# scipy.spatial is named in full, so that it is loaded where a base moves, and not with every log
 _CROSSOVER = 1.0  # [Hz]
 _DRIFT = 3  # degree of the polynomial that the drift of integrals is near
 _UNIT = 0.05  # that the length of a quaternion may be off one
@@ -103,12 +103,12 @@ class _BaseMotion:
             first += OF_BASE[name][0]
         self.rotation = self._rotation()
 
-    def _rotation(self) -> Rotation:
+    def _rotation(self) -> scipy.spatial.transform.Rotation:
         """Axes of the base, N of them."""
         name = "quaternion" if "quaternion" in self.given else "rpy"
         values = self.values[name]
         if name == "rpy":
-            tracked = Rotation.from_euler("ZYX", values[:, ::-1])
+            tracked = scipy.spatial.transform.Rotation.from_euler("ZYX", values[:, ::-1])
         else:
             off = np.abs(np.linalg.norm(values, axis=1) - 1.0)
             if off.max() > _UNIT:
@@ -117,8 +117,8 @@ class _BaseMotion:
                     f"{self.log.source}: the quaternion of the base at {self.log.time[k]:.4g} s has the length "
                     f"{1.0 + off[k]:.3g}, expected 1; check its columns, x, y, z, w"
                 )
-            tracked = Rotation.from_quat(values)
-        return tracked * Rotation.from_matrix(rotation_from_rpy(self.given[name].rpy)).inv()
+            tracked = scipy.spatial.transform.Rotation.from_quat(values)
+        return tracked * scipy.spatial.transform.Rotation.from_matrix(rotation_from_rpy(self.given[name].rpy)).inv()
 
     def _axes(self, name: str) -> Array:
         """Axes of a sensor in those of the base."""
@@ -135,7 +135,10 @@ class _BaseMotion:
             turned = _fused(time, turned, *(_integral(time, to_rates @ x) for x in _with_biases(omega)))
         if "specific_force" in given:
             force, place = self.values["specific_force"] @ self._axes("specific_force").T, given["specific_force"].xyz
-            R, there = self.rotation.as_matrix(), Rotation.from_euler("ZYX", turned).apply(place)
+            R, there = (
+                self.rotation.as_matrix(),
+                scipy.spatial.transform.Rotation.from_euler("ZYX", turned).apply(place),
+            )
             own, *biases = (_integral(time, _integral(time, R @ x)) for x in _with_biases(force))
             falling = np.outer((time - time[0]) ** 2 / 2, gravity)
             p = _fused(time, p + there, own + falling, *biases) - there
