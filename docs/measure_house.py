@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 86_280,
-    "lines of code": 53_282,
+    "lines": 86_283,
+    "lines of code": 53_285,
     "files": 396,
     "classes": 709,
     "public names": 95,
