@@ -49,11 +49,11 @@ RIGID = Terms(rotor=False, coulomb=False, viscous=False)
 
 
 def inside(result: Any) -> dict[str, bool]:
-    """Whether the interval of each parameter that shows holds the described value; of what was chosen besides, zero."""
+    """Whether the interval of each parameter that shows holds the described value, or zero where none is described."""
     target, base = result.target, result.target.base
     truth = dict(zip(base.names, prior_of(target.model, base, None).base_values(np.eye(base.rank)), strict=True))
     estimate = result.estimate
-    off = np.abs(estimate.values - [truth.get(name, 0.0) for name in estimate.names])
+    off = np.abs(estimate.values - np.nan_to_num([truth.get(name, 0.0) for name in estimate.names]))
     held = dict(zip(estimate.names, (off <= estimate.half_width).tolist(), strict=True))
     return {name: holds for name, holds in held.items() if name not in estimate.unseen}
 
@@ -157,12 +157,12 @@ def main() -> None:
     rows = []
     for name, model in dict.fromkeys((run["robot"], run["model"]) for run in closed):
         some = [run for run in closed if (run["robot"], run["model"]) == (name, model)]
-        rows.append([name, model, *_shares(some), f"{np.median([run['cpu'] for run in some]):.1f}"])
+        rows.append([name, model, *shares(some), f"{np.median([run['cpu'] for run in some]):.1f}"])
     plates = []
     for name in dict.fromkeys(run["robot"] for run in of_wrench):
         some = [run for run in of_wrench if run["robot"] == name]
         spent = (f"{np.median([run[what] for run in some]):.1f}" for what in ("design", "cpu"))
-        plates.append([name, *_shares(some), *spent])
+        plates.append([name, *shares(some), *spent])
     head = ["parameters that show", "inside [%]", "worst parameter [%]", "torque error [%]"]
     text = (
         f"Intervals of 99 % that hold the truth over {seeds} logs, and the median error of the torques of another "
@@ -174,7 +174,8 @@ def main() -> None:
     record.save("whole_robots", before, {"loops": closed, "wrench": of_wrench}, text, LIMITATIONS)
 
 
-def _shares(runs: list[dict[str, Any]]) -> list[str]:
+def shares(runs: list[dict[str, Any]]) -> list[str]:
+    """Of the intervals of some logs: parameters, mean and least share that hold, and the median error."""
     held = [each for run in runs for each in run["inside"].items()]
     by_name = {name: [holds for other, holds in held if other == name] for name, _ in held}
     error, mean = np.median([run["error"] for run in runs]), np.mean([holds for _, holds in held])
