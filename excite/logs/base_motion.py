@@ -68,7 +68,7 @@ def with_base_motion(log: Log, mapping: LogMapping, robot: Robot | None) -> Log:
     if robot is None or not robot.base_joints:
         raise InputError(
             f"{log.source}: its mapping has a moving base (base), and here the base stands still; moving bases are for "
-            "identify and verify: elsewhere take a log of the robot on a stand, or give `moving_base`"
+            "identify and verify: elsewhere take a log of the robot on a stand, whose mapping has no base"
         )
     motion = _BaseMotion(log, mapping)
     q, dq = motion.positions(robot.gravity), log.dq

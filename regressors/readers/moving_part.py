@@ -77,13 +77,10 @@ def moving_part(tree: UrdfTree, base: str | None, tips: Tips) -> MovingPart:
 
 def _with_followers(tree: UrdfTree, part: MovingPart) -> MovingPart:
     """The part with the joints below its base that follow its own, on links of their own."""
-    below = {joint.name for link in tree.links for joint in tree.path(part.base, link) or ()}
     moving = part.moving_names
-    further = [
-        joint.child
-        for joint in tree.above.values()
-        if joint.mimic is not None and joint.name in below - moving and rest(tree, joint)[1] in moving
-    ]
+    mimics = [joint for joint in tree.above.values() if joint.mimic is not None and joint.name not in moving]
+    below = (joint for joint in mimics if tree.path(part.base, joint.child) is not None)
+    further = [joint.child for joint in below if rest(tree, joint)[1] in moving]
     if not further:
         return part
     return replace(_between(tree, part.base, (*part.tips, *further)), notes=part.notes, held=part.held)

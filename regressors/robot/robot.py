@@ -408,8 +408,8 @@ class Robot(Rebuilt):
         """Raise `InputError` for what knows neither closed loops nor moving bases, where the robot has one."""
         if self.base_joints:
             raise InputError(
-                f"robot {self.name!r}: {what} does not support a moving base; put the base on a stand, and leave out "
-                "`moving_base`, or `base` in the log mapping"
+                f"robot {self.name!r}: {what} does not support a moving base; put the base on a stand, and take "
+                "a log mapping without `base`"
             )
         if self.closures:
             raise InputError(
