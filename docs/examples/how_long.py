@@ -22,8 +22,8 @@ deviation, condition = figure.subplots(1, 2)
 for period, course, colour, dashes in zip(
     periods, study.courses, ("#0072B2", "#D55E00", "#009E73"), ("-", "--", "-."), strict=True
 ):
-    settled, last = np.max(course.time_below(0.02)), course.condition_number[-1]
-    print(f"period {period:2} s: cond W = {last:.1f}, all deviations below 2 % after {settled:.1f} s")
+    last, known = course.condition_number[-1], 100 * np.sqrt(np.mean(course.relative_deviation[-1] ** 2))
+    print(f"period {period:2} s: cond W = {last:.1f}, parameters known to {known:.2f} % (root mean square)")
     for ax, size in ((deviation, 100 * course.relative_deviation.max(axis=1)), (condition, course.condition_number)):
         ax.plot(course.time, size, dashes, color=colour, linewidth=1.8, label=f"period {period} s")
 deviation.axhline(2, color="#333333", linewidth=0.8)
