@@ -27,7 +27,7 @@ from excite.design.formulation import LIKELY_CAUSE, Formulation, formulate
 from excite.design.initial_guesses import best_random_value
 from excite.design.interruption import current_interruption
 from excite.design.problem import Problem
-from excite.design.search_rounds import Rounds, RunningRounds, design_with_harmonics
+from excite.design.search_rounds import COMBINED, Rounds, RunningRounds, design_with_harmonics
 from excite.design.start_results import BestStarts, Progress as Progress, StartResult, best_starts, or_none
 from excite.design.starts import KeptStarts, keep_starts
 from excite.design.stated_limits import remedy
@@ -167,7 +167,10 @@ def _design(robot: Robot, task: Task, folder: Path, progress: Progress | None, *
 
 def announce_search(formulation: Formulation, kept: KeptStarts) -> None:
     """Say how long the starts that are left will take, where that is long."""
-    search, seconds = formulation.task.search, search_seconds(formulation.target, formulation.task, starts_left(kept))
+    search, starts = formulation.task.search, starts_left(kept)
+    if search.adaptive and search.rounds is not None:
+        starts = max(search.first + COMBINED * search.rounds + 1 - len(kept.done), 0)
+    seconds = search_seconds(formulation.target, formulation.task, starts)
     if kept.count is None and search.rounds is None:
         seconds = _TIME if search.budget is None else search.budget
     announce("the search", seconds, _ENDED)

@@ -21,8 +21,10 @@ from regressors.samples import Array
 
 _WITHIN = 1.0 - 1e-9  # of what the limits allow, against rounding
 # seconds of an evaluation; by instructions of the regressor; by the root of those of limits, of which few are near; by
-# joints that follow others, for whose positions the loops are solved
-_CALL, _OF_REGRESSOR, _OF_LIMITS, _OF_FOLLOWING = 3e-4, 6e-7, 2.4e-5, 1.4e-3
+# joints that follow others, for whose positions the loops are solved; by joints beyond those of an arm, whose programmes
+# are larger
+_CALL, _OF_REGRESSOR, _OF_LIMITS, _OF_FOLLOWING, _OF_JOINTS = 3e-4, 6e-7, 2.4e-5, 1.4e-3, 9e-4
+_ARM = 7  # joints
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +87,7 @@ class Problem:
             + _OF_REGRESSOR * self.information.instructions
             + _OF_LIMITS * float(np.sqrt(self.limits.instructions))
             + _OF_FOLLOWING * self.information.following
+            + _OF_JOINTS * max(len(self.centre) + self.information.following - _ARM, 0)
         )
 
     @cached_property

@@ -41,7 +41,8 @@ from regressors.errors import InputError
 from regressors.robot.robot import Robot
 
 # chosen by trials on an IRp-6, a Panda and a UR10; ``benchmarks/search.py`` measures what they reach
-_COMBINED = 4  # starts of a later round; also the number of processes that can share it
+_OF_START = 400  # evaluations of a random start: the first round has fewer where these take all of the time
+COMBINED = 4  # starts of a later round; also the number of processes that can share it
 _PARENTS = 3  # motions that are combined
 _PATIENCE = 3  # rounds in a row without gain after which the population ends; it ends at once where an earlier one has
 _GAIN = 1e-3  # relative decrease of the criterion that counts as a gain, and difference that counts as none
@@ -54,9 +55,11 @@ class Rounds:
 
     def __init__(self, search: Search, evaluations: float = np.inf) -> None:
         self.search = search
-        self._evaluations = (
-            evaluations  # after which no further round begins, where neither rounds nor budget are stated
-        )
+        # after which no further round begins, where neither rounds nor budget are stated
+        self._evaluations = evaluations
+        self._at_first = search.first
+        if search.extent == "adaptive" and np.isfinite(evaluations):
+            self._at_first = int(np.clip(evaluations // _OF_START, 1, search.first))
         self.planned = self.first = self.count = 0  # starts, those of the first round, and rounds after it
         self.population = Population()
         self.ends: list[float] = []
@@ -67,7 +70,7 @@ class Rounds:
     @property
     def largest(self) -> int:
         """Number of starts in the largest round."""
-        return max(self.search.first, _COMBINED if self.search.adaptive else 0)
+        return max(self.search.first, COMBINED if self.search.adaptive else 0)
 
     def following(self, results: Sequence[StartResult], spent: float = 0.0) -> Starts:
         """Starts of the next round, given the results of the last one; none at the end."""
@@ -75,7 +78,7 @@ class Rounds:
             return ()
         if self.planned:
             self._take(results)
-        if not self.planned or (self.first < self.search.first and not self._is_spent(spent)):
+        if not self.planned or (self.first < self._at_first and not self._is_spent(spent)):
             return self._first_round()
         if self._best is None:
             return ()
@@ -85,7 +88,7 @@ class Rounds:
         self.count += 1
         if not self.population.members:
             return self._random(RANDOM_STARTS)
-        return self._descending("combination", _COMBINED, self.population.members[:_PARENTS])
+        return self._descending("combination", COMBINED, self.population.members[:_PARENTS])
 
     @property
     def left(self) -> float:
@@ -117,7 +120,7 @@ class Rounds:
 
     def _first_round(self) -> range:
         """Its starts; a few of them at a time where their time is bounded."""
-        left = self.search.first - self.first
+        left = self._at_first - self.first
         count = left if self.search.budget is None else min(left, RANDOM_STARTS)
         self.first += count
         return self._random(count)

@@ -10,7 +10,7 @@ def in_time(seconds: float) -> str:
     for unit, scale in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
         if seconds >= 2 * scale:
             return f"{seconds / scale:.2g} {unit}"
-    return f"{seconds:.2g} s"
+    return f"{float(f'{seconds:.2g}'):g} s"
 
 
 LONG = 30.0  # [s]

@@ -138,7 +138,15 @@ def test_a_budget_binds_stated_starts_and_rounds() -> None:
     assert not rounds.following([ended(8, 0.9)], 5.0)
 
 
-def test_evaluations_end_a_search_whose_rounds_are_not_stated() -> None:
+@pytest.mark.parametrize(("evaluations", "first"), [(1.0, 1), (850.0, 2), (1e6, RANDOM_STARTS)])
+def test_a_search_begins_with_as_many_starts_as_its_evaluations_allow(evaluations: float, first: int) -> None:
+    assert Rounds(Search(), evaluations).following([]) == range(first)
+    for search in (Search(starts=7), Search(rounds=3), Search(budget=9.0)):  # which say what they want
+        assert Rounds(search, evaluations).following([]) == Rounds(search).following([])
+
+
+def test_evaluations_end_a_search_whose_rounds_are_not_stated(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("excite.design.search_rounds._OF_START", 1)
     evaluations = ended(0, 1.0).evaluations
     for search, count in ((Search(), 4), (Search(rounds=9), 11)):
         planned = plain(run(Rounds(search, 2.5 * RANDOM_STARTS * evaluations), lambda number: 100.0 / (1.0 + number)))
