@@ -21,7 +21,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
-from regressors.errors import InputError, reading, shortened
+from regressors.errors import InputError, listed_names, reading, shortened
 from regressors.input_files import read_text
 from regressors.quantities import fault
 
@@ -185,7 +185,7 @@ def _sentence(error: Mapping[str, Any], schema: type[BaseModel]) -> str:
         fields = _fields(schema, error["loc"][:-1])
         near = difflib.get_close_matches(str(error["loc"][-1]), fields, n=2, cutoff=0.7)
         meant = f"did you mean {' or '.join(near)}? " if near else ""
-        return f"no such field; {meant}available: {', '.join(fields)}"
+        return f"no such field; {meant}available: {listed_names(fields)}"
     if kind == "value_error":
         return message.removeprefix("Value error, ")
     if kind in ("model_type", "dict_type"):

@@ -114,7 +114,7 @@ OPTIONS = r"""
 """
 
 TASKS = r"""
-harmonics: 3\nperod: 3\n => task.yaml: perod (line 2): no such field; did you mean period? available: ... limits
+harmonics: 3\nperod: 3\n => task.yaml: perod (line 2): no such field; did you mean period? available: robot, ... more
 limits:\n  speed: 3\n => limits.speed (line 2): no such field; available: position, velocity, acceleration
 harmonics: 3\n harmonics: 4\n => task.yaml, line 2: not valid YAML
 harmonics: 3\nharmonics: 4\n => task.yaml: harmonics (line 1): is given twice, again in line 2
