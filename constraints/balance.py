@@ -22,8 +22,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+import scipy
 from pydantic import BaseModel, ConfigDict, Field
-from scipy.spatial import ConvexHull
 
 from constraints.nonlinear import Limit, NonlinearConstraint
 from constraints.torque import check_inertias, deviation_terms
@@ -158,7 +158,8 @@ def _ground(polygon: Sequence[Sequence[float]], gravity: Array) -> tuple[Array, 
     if np.any(gravity) and -up @ gravity < _UPRIGHT * np.linalg.norm(gravity):
         raise InputError(f"polygon: gravity {gravity.tolist()} is along its plane, on which no robot stands")
     across = np.cross(up, axes[0])
-    hull = [int(k) for k in ConvexHull(points @ np.column_stack([axes[0], across])).vertices]  # counterclockwise
+    flat = scipy.spatial.ConvexHull(points @ np.column_stack([axes[0], across]))
+    hull = [int(k) for k in flat.vertices]  # counterclockwise
     first = points[hull[1]] - points[hull[0]]
     x = (first - first @ up * up) / np.linalg.norm(first - first @ up * up)
     R, origin = np.column_stack([x, np.cross(up, x), up]), points[hull].mean(axis=0)
@@ -177,7 +178,7 @@ def _sliding(corners: Array, friction: float | None) -> Array:
     v, f = (each.reshape(-1, 2) for each in np.broadcast_arrays(corners[:, None], sides[None]))
     rays = np.column_stack([f, v[:, 1], -v[:, 0], v[:, 0] * f[:, 1] - v[:, 1] * f[:, 0]])  # of F_z = 1
     size = np.abs(rays).max(axis=0)
-    facets = ConvexHull(rays / size).equations
+    facets = scipy.spatial.ConvexHull(rays / size).equations
     facets = facets[np.unique(facets.round(9), axis=0, return_index=True)[1]]
     facets = facets[np.abs(facets[:, [0, 1, 4]]).max(axis=1) > _NOTHING]
     a, offset = facets[:, :5] / size, facets[:, 5:]

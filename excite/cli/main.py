@@ -13,7 +13,15 @@ from typing import NoReturn
 import click
 
 from excite.cli.lazy import LazyGroup
-from excite.cli.streams import be_quiet, in_options, open_streams, printed_warnings, say, sign_of_life
+from excite.cli.streams import (
+    be_quiet,
+    discard_unwritten,
+    in_options,
+    open_streams,
+    printed_warnings,
+    say,
+    sign_of_life,
+)
 from excite.design.interruption import answered_signals, repeat_lost_signal
 from excite.operating_system import THREADS
 from regressors.errors import ExciteError, InputError, NumericalError, one_line
@@ -155,6 +163,7 @@ def main() -> None:
         os.environ.setdefault(variable, "1")
     atexit.register(gc.freeze)  # what is left at the end goes with the process: no search for cycles among it
     open_streams()
+    atexit.register(discard_unwritten)
     with answered_signals() as interruption, printed_warnings():
         interruption.before_leaving = be_quiet  # the step at work is shown by another thread
         try:

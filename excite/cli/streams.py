@@ -42,6 +42,15 @@ def open_streams() -> None:
             stream.reconfigure(errors="replace")  # a question mark for what its encoding lacks, as consoles of Windows
 
 
+def discard_unwritten() -> None:
+    """Discard what stderr holds and cannot write, such as on a full disk: else the process would end with 120."""
+    try:
+        sys.stderr.flush()
+    except (OSError, ValueError):
+        with suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
+
+
 def say(text: str) -> None:
     """Print a line on stderr, where that is possible."""
     clear_line()

@@ -9,8 +9,8 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from excite.export.models.identified_model import (
     IdentifiedModel,
@@ -234,7 +234,7 @@ def rpy_of(R: Array) -> tuple[float, float, float]:
 
 def quaternion_of(R: Array) -> Array:
     """Unit quaternion of a rotation, its real part first, shape (4,)."""
-    return np.asarray(Rotation.from_matrix(R).as_quat(scalar_first=True))
+    return np.asarray(scipy.spatial.transform.Rotation.from_matrix(R).as_quat(scalar_first=True))
 
 
 def about_centre(theta: Array) -> tuple[float, Array, Array]:
