@@ -25,7 +25,7 @@ from regressors.robot.symbolic.kinematics import sparse
 from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array, Samples
 
-_POSES = 2000
+_POSES, _FEW = 2000, 64
 _SCALE = 0.1  # m: a distance that counts as large
 _STILL = 1e-9  # m: a distance that varies by less counts as independent of the motion
 
@@ -178,8 +178,9 @@ def _limits(
 
 def _kept(limit: Clearance, poses: Array, notes: list[str]) -> list[Pair]:
     """Pairs whose distance varies and is allowed in some pose; a note lists pairs left out without being safe."""
-    zero = np.zeros_like(poses)
-    distance = limit.shown(limit.values(Samples(np.zeros(len(poses)), poses, zero, zero, zero)))
+    if _all_vary(limit, poses[:_FEW]):
+        return list(limit.pairs)
+    distance = _distances(limit, poses)
     kept = []
     for pair in limit.pairs:
         own, allowed = distance[:, [label == pair.label for label in limit.labels]], pair.clearance
@@ -198,6 +199,23 @@ def _kept(limit: Clearance, poses: Array, notes: list[str]) -> list[Pair]:
         elif not fixed:
             kept.append(pair)
     return kept
+
+
+def _distances(limit: Clearance, poses: Array) -> Array:
+    zero = np.zeros_like(poses)
+    return limit.shown(limit.values(Samples(np.zeros(len(poses)), poses, zero, zero, zero)))
+
+
+def _all_vary(limit: Clearance, poses: Array) -> bool:
+    """Whether a few poses suffice to keep all pairs: each distance of two bodies varies, and is allowed in one."""
+    if any(pair.mounting for pair in limit.pairs):
+        return False
+    distance = _distances(limit, poses)
+    for pair in limit.pairs:
+        own = distance[:, [label == pair.label for label in limit.labels]]
+        if np.all(np.ptp(own, axis=0) < _STILL) or own.min(axis=1).max() < pair.clearance:
+            return False
+    return True
 
 
 def _above_mounting(pair: Pair, distance: Array, notes: list[str]) -> list[Pair]:

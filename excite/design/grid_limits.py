@@ -232,8 +232,8 @@ def sampled_use(limit: GridConstraint, x: Array) -> SampledUse:
     fine = limit.function.values(x, between)
     instants = np.concatenate([instants, between])
     order = np.argsort(instants)
-    values, uses = np.concatenate([coarse, fine], axis=1), np.concatenate([use, limit.uses(fine)], axis=1)
-    return instants[order], values[:, order], uses[:, order]
+    values = np.concatenate([coarse, fine], axis=1).take(order, axis=1)
+    return instants[order], values, np.concatenate([use, limit.uses(fine)], axis=1).take(order, axis=1)
 
 
 def _between(use: Array, count: int) -> Index:

@@ -41,7 +41,7 @@ from regressors.errors import InputError
 from regressors.robot.robot import Robot
 
 # chosen by trials on an IRp-6, a Panda and a UR10; ``benchmarks/search.py`` measures what they reach
-_OF_START = 400  # evaluations of a random start: the first round has fewer where these take all of the time
+_OF_START = 400  # evaluations of a random start
 COMBINED = 4  # starts of a later round; also the number of processes that can share it
 _PARENTS = 3  # motions that are combined
 _PATIENCE = 3  # rounds in a row without gain after which the population ends; it ends at once where an earlier one has
@@ -57,9 +57,9 @@ class Rounds:
         self.search = search
         # after which no further round begins, where neither rounds nor budget are stated
         self._evaluations = evaluations
-        self._at_first = search.first
-        if search.extent == "adaptive" and np.isfinite(evaluations):
-            self._at_first = int(np.clip(evaluations // _OF_START, 1, search.first))
+        self._together = RANDOM_STARTS  # starts of a round: fewer where these take all of the time
+        if search.extent == "adaptive":
+            self._together = int(np.clip(evaluations / _OF_START, 1, RANDOM_STARTS))
         self.planned = self.first = self.count = 0  # starts, those of the first round, and rounds after it
         self.population = Population()
         self.ends: list[float] = []
@@ -78,7 +78,7 @@ class Rounds:
             return ()
         if self.planned:
             self._take(results)
-        if not self.planned or (self.first < self._at_first and not self._is_spent(spent)):
+        if not self.planned or (self.first < self._first and not self._is_spent(spent)):
             return self._first_round()
         if self._best is None:
             return ()
@@ -87,8 +87,13 @@ class Rounds:
             return self._descending("refinement", 1, (self._best,))
         self.count += 1
         if not self.population.members:
-            return self._random(RANDOM_STARTS)
-        return self._descending("combination", COMBINED, self.population.members[:_PARENTS])
+            return self._random(self._together)
+        return self._descending("combination", min(self._together, COMBINED), self.population.members[:_PARENTS])
+
+    @property
+    def _first(self) -> int:
+        """Number of random starts of the first round."""
+        return self.search.first if self.search.starts is not None else self._together
 
     @property
     def left(self) -> float:
@@ -120,7 +125,7 @@ class Rounds:
 
     def _first_round(self) -> range:
         """Its starts; a few of them at a time where their time is bounded."""
-        left = self._at_first - self.first
+        left = self._first - self.first
         count = left if self.search.budget is None else min(left, RANDOM_STARTS)
         self.first += count
         return self._random(count)
