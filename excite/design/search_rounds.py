@@ -60,6 +60,8 @@ class Rounds:
         self._together = RANDOM_STARTS  # starts of a round: fewer where these take all of the time
         if search.extent == "adaptive":
             self._together = int(np.clip(evaluations / _OF_START, 1, RANDOM_STARTS))
+        if self._together < RANDOM_STARTS:  # then a start counts: none begins that would end far beyond
+            self._evaluations -= _OF_START / 2
         self.planned = self.first = self.count = 0  # starts, those of the first round, and rounds after it
         self.population = Population()
         self.ends: list[float] = []
