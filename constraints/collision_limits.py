@@ -107,6 +107,11 @@ class Clearance(NonlinearConstraint):
         return VectorisedFunction([q, dq, ddq], ca.horzcat(slopes, ca.SX(g.numel(), 2 * self.joints)))
 
     @cached_property
+    def derivatives(self) -> tuple[int, ...]:
+        """Positions alone."""
+        return (0,)
+
+    @cached_property
     def varies(self) -> NDArray[np.bool_]:
         """Those whose expression contains a coordinate: the Jacobians of most are never asked for."""
         return np.array(ca.which_depends(self._expressions[1], motion_symbols(self.joints)[0], 1, True))

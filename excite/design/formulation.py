@@ -245,7 +245,7 @@ def with_information_in_hand(robot: Robot, task: Task) -> Task:
     return task.changed(after=earlier, noise=noise_in_hand(earlier, model, task))
 
 
-_POSES = 4000
+_POSES, _POSES_FIRST = 4000, 250
 _STARTS = 5
 _ROOM = 0.02  # of a limit's scale, distance of an initial pose from the bounds
 _AMPLE = 0.25  # the same, with which the centre of the linear limits is accepted
@@ -259,21 +259,31 @@ def roomy_pose(
     if not nonlinear:
         return centre
     poses = _poses(linear, centre)
-    q = motion.poses(poses)
-    zero = np.zeros_like(q)
-    at_rest = Samples(np.zeros(len(q)), q, zero, zero, zero)
-    room = [_room(limit, limit.values(at_rest)) for limit in nonlinear]
-    least = np.concatenate([*room, _linear_room(linear, poses)[:, None]], axis=1).min(axis=1)
+    least, q = _linear_room(linear, poses), motion.poses(poses)
+    few, others = np.arange(_POSES_FIRST), np.arange(_POSES_FIRST, len(poses))
+    for limit in nonlinear:
+        least[few] = np.minimum(least[few], _room_at_rest(limit, q[few]))
     if least[0] >= _AMPLE:
         return centre
-    best = np.argsort(-least)[:_STARTS]
-    if least[best[0]] >= _ROOM:
-        return np.asarray(poses[best[0]])
+    for limit in nonlinear:  # of poses that have less room than the best so far, no more is asked
+        others = others[least[others] >= least[few].max()]
+        least[others] = np.minimum(least[others], _room_at_rest(limit, q[others]))
+    if least.max() >= _ROOM:
+        return np.asarray(poses[np.argmax(least)])  # the first of many with the same room, on every processor
+    for limit in nonlinear:
+        least = np.minimum(least, _room_at_rest(limit, q))
+    best = np.argsort(-least, kind="stable")[:_STARTS]
     pose, needed = smallest_relaxation(nonlinear, linear, motion, poses[best], _ROOM)
     if needed:
         cure = " and ".join(map(str, needed))
         raise ContradictionError(f"no pose keeps all limits; the smallest relaxation found that leaves one: {cure}")
     return pose
+
+
+def _room_at_rest(limit: NonlinearConstraint, q: Array) -> Array:
+    """Least room of each pose of all joints."""
+    zero = np.zeros_like(q)
+    return _room(limit, limit.values(Samples(np.zeros(len(q)), q, zero, zero, zero))).min(axis=1, initial=np.inf)
 
 
 def _room(limit: NonlinearConstraint, values: Array) -> Array:

@@ -22,23 +22,25 @@ _UNBOUNDED = np.array([[-np.inf], [np.inf]])
 
 
 def _wider(ends: Interval) -> Interval:
-    """Ends moved outwards, in place; an end that is NaN becomes infinite."""
+    """Ends moved outwards, in place; an end that is NaN stays so, which means infinite."""
     slack = np.abs(ends)
     slack *= _OUTWARDS
     slack += _LEAST
-    np.fmax(ends[0] - slack[0], -np.inf, out=ends[0])
-    np.fmin(ends[1] + slack[1], np.inf, out=ends[1])
+    ends[0] -= slack[0]
+    ends[1] += slack[1]
     return ends
 
 
 def _mul(a: Interval, b: Interval) -> Interval:
-    products = (a[:, None] * b).reshape(4, -1)
-    return np.stack([np.minimum.reduce(products), np.maximum.reduce(products)])
+    products, ends = (a[:, None] * b).reshape(4, -1), np.empty_like(a)
+    np.minimum.reduce(products, out=ends[0])
+    np.maximum.reduce(products, out=ends[1])
+    return ends
 
 
 def _inv(a: Interval) -> Interval:
     """Reciprocal; unbounded where the divisor may be zero."""
-    return np.where((a[0] <= 0) & (a[1] >= 0), _UNBOUNDED, 1.0 / a[::-1])
+    return np.where((a[0] > 0) | (a[1] < 0), 1.0 / a[::-1], _UNBOUNDED)
 
 
 def _even(function: Callable[[Array], Array]) -> Callable[[Interval], Interval]:
@@ -46,7 +48,7 @@ def _even(function: Callable[[Array], Array]) -> Callable[[Interval], Interval]:
 
     def enclosure(a: Interval) -> Interval:
         low, high = function(a)
-        crosses = (a[0] < 0) & (a[1] > 0)
+        crosses = ~((a[0] >= 0) | (a[1] <= 0))
         return np.stack([np.where(crosses, 0.0, np.minimum(low, high)), np.maximum(low, high)])
 
     return enclosure
@@ -114,7 +116,7 @@ def interval_function(inputs: Sequence[ca.SX], expression: ca.SX) -> OverBoxes:
             part = slice(start, start + _CHUNK)
             with np.errstate(all="ignore"):
                 _run(steps, constants, [x[:, :, part] for x in given], out[:, :, part])
-        return out[0], out[1]
+        return np.fmax(out[0], -np.inf), np.fmin(out[1], np.inf)  # of what is not known, nothing
 
     return bounds
 

@@ -220,7 +220,7 @@ def test_joints_are_exchanged_mirrored_and_renewed() -> None:
 
 
 def test_limits_that_motions_come_near_are_imposed_and_no_others() -> None:
-    problem = formulate(load_robot("ur10e"), Task("ur10e", harmonics=3)).problem
+    problem = formulate(load_robot("panda"), Task("panda", harmonics=3)).problem
     rng = np.random.default_rng(1)
     xs = [random_motion(problem, rng) for _ in range(12)]
     used = {limit for limit in problem.limits.stated if any(limit.uses(limit.values(x)).max() > 0.95 for x in xs)}
