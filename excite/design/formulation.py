@@ -283,7 +283,8 @@ def roomy_pose(
 def _room_at_rest(limit: NonlinearConstraint, q: Array) -> Array:
     """Least room of each pose of all joints."""
     zero = np.zeros_like(q)
-    return _room(limit, limit.values(Samples(np.zeros(len(q)), q, zero, zero, zero))).min(axis=1, initial=np.inf)
+    room = _room(limit, limit.values(Samples(np.zeros(len(q)), q, zero, zero, zero)))
+    return np.asarray(room.min(axis=1, initial=np.inf))
 
 
 def _room(limit: NonlinearConstraint, values: Array) -> Array:
