@@ -183,9 +183,10 @@ def _limits(
 
 def _kept(limit: Clearance, poses: Array, notes: list[str]) -> list[Pair]:
     """Pairs whose distance varies and is allowed in some pose; a note lists pairs left out without being safe."""
-    if _all_vary(limit, poses[:_FEW]):
-        return list(limit.pairs)
-    distance = _distances(limit, poses)
+    if len(poses) > _FEW and (few := _kept(limit, poses[:_FEW], [])) == list(limit.pairs):
+        return few  # more poses would keep them too
+    zero = np.zeros_like(poses)
+    distance = limit.shown(limit.values(Samples(np.zeros(len(poses)), poses, zero, zero, zero)))
     kept = []
     for pair in limit.pairs:
         own, allowed = distance[:, [label == pair.label for label in limit.labels]], pair.clearance
@@ -204,23 +205,6 @@ def _kept(limit: Clearance, poses: Array, notes: list[str]) -> list[Pair]:
         elif not fixed:
             kept.append(pair)
     return kept
-
-
-def _distances(limit: Clearance, poses: Array) -> Array:
-    zero = np.zeros_like(poses)
-    return limit.shown(limit.values(Samples(np.zeros(len(poses)), poses, zero, zero, zero)))
-
-
-def _all_vary(limit: Clearance, poses: Array) -> bool:
-    """Whether a few poses suffice to keep all pairs: each distance of two bodies varies, and is allowed in one."""
-    if any(pair.mounting for pair in limit.pairs):
-        return False
-    distance = _distances(limit, poses)
-    for pair in limit.pairs:
-        own = distance[:, [label == pair.label for label in limit.labels]]
-        if np.all(np.ptp(own, axis=0) < _STILL) or own.min(axis=1).max() < pair.clearance:
-            return False
-    return True
 
 
 def _above_mounting(pair: Pair, distance: Array, notes: list[str]) -> list[Pair]:

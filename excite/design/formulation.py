@@ -259,21 +259,18 @@ def roomy_pose(
     if not nonlinear:
         return centre
     poses = _poses(linear, centre)
-    least, q = _linear_room(linear, poses), motion.poses(poses)
-    few, others = np.arange(_POSES_FIRST), np.arange(_POSES_FIRST, len(poses))
-    for limit in nonlinear:
-        least[few] = np.minimum(least[few], _room_at_rest(limit, q[few]))
-    if least[0] >= _AMPLE:
-        return centre
-    for limit in nonlinear:  # of poses that have less room than the best so far, no more is asked
-        others = others[least[others] >= least[few].max()]
-        least[others] = np.minimum(least[others], _room_at_rest(limit, q[others]))
-    if least.max() >= _ROOM:
-        return np.asarray(poses[np.argmax(least)])  # the first of many with the same room, on every processor
-    for limit in nonlinear:
-        least = np.minimum(least, _room_at_rest(limit, q))
-    best = np.argsort(-least, kind="stable")[:_STARTS]
-    pose, needed = smallest_relaxation(nonlinear, linear, motion, poses[best], _ROOM)
+    least, q, bar = _linear_room(linear, poses), motion.poses(poses), -np.inf
+    for some in np.split(np.arange(len(poses)), [_POSES_FIRST]):
+        for limit in nonlinear:
+            some = some[least[some] >= bar]  # of poses with less room than the best so far, no more is asked
+            least[some] = np.minimum(least[some], _room_at_rest(limit, q[some]))
+        if least[0] >= _AMPLE:
+            return centre
+        bar = best if (best := least[:_POSES_FIRST].max()) >= _ROOM else bar
+    order = np.argsort(-least, kind="stable")[:_STARTS]  # the first of many with the same room, on every processor
+    if least[order[0]] >= _ROOM:
+        return np.asarray(poses[order[0]])
+    pose, needed = smallest_relaxation(nonlinear, linear, motion, poses[order], _ROOM)
     if needed:
         cure = " and ".join(map(str, needed))
         raise ContradictionError(f"no pose keeps all limits; the smallest relaxation found that leaves one: {cure}")

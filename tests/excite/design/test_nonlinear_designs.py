@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from functools import cache
 
+import casadi as ca
 import numpy as np
 import pytest
 from commands import Here, content_of
@@ -14,7 +15,9 @@ from constraints.certificate import ENCLOSED, EXACT
 from constraints.diagnosis import ContradictionError, interior_pose
 from constraints.enclosure import enclose
 from constraints.linear import linear_limits
+from constraints.nonlinear import NonlinearConstraint
 from constraints.power import tool_box
+from excite.design import formulation
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate, roomy_pose
 from excite.design.initial_guesses import candidates
@@ -177,6 +180,23 @@ def test_small_boxes_are_found() -> None:
         found, _ = tool_motion(robot, np.zeros(3), Samples(np.zeros(1), pose[None], *np.zeros((3, 1, 7))))
         assert np.all(np.abs(found[0] - place) < half)
         assert np.all((pose > robot.limits.lower) & (pose < robot.limits.upper))
+
+
+def test_of_poses_with_the_same_room_the_first_is_taken() -> None:
+    """Which an unstable sort leaves to the processor; judged by all limits in all poses."""
+    robot = built_in("panda")
+    linear, motion = linear_limits(robot), of_joints(robot, range(7))
+    low, high = np.array([0.2, -np.inf, 0.1]), np.array([0.8, np.inf, 0.9])
+    constant = NonlinearConstraint(7, lambda q, dq, ddq: ca.SX(0.9), -np.ones(1), np.ones(1), np.ones(1), ("g",), ("",))
+    limits, centre = [tool_box(robot, np.zeros(3), low, high), constant], interior_pose(linear, 7)
+    poses = formulation._poses(linear, centre)
+    place, _ = tool_motion(robot, np.zeros(3), Samples(np.zeros(len(poses)), poses, *np.zeros((3, *poses.shape))))
+    inside = np.minimum(place - low, high - place)[:, [0, 2]] / limits[0].scale[[0, -1]]
+    near = np.minimum(poses - robot.limits.lower, robot.limits.upper - poses)
+    room = np.min([inside.min(axis=1), (2 * near / (robot.limits.upper - robot.limits.lower)).min(axis=1)], axis=0)
+    first = np.flatnonzero(room >= 0.1)
+    assert first.size > 3
+    assert np.array_equal(roomy_pose(limits, linear, motion, centre), poses[first[0]])
 
 
 @pytest.mark.parametrize("place", [(4.0, 6.0), (-9.0, -4.0), (-6.2, 6.2)])
