@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 86_340,
+    "lines": 86_332,
     "lines of code": 53_314,
     "files": 396,
     "classes": 709,
