@@ -80,7 +80,7 @@ class Rounds:
             return ()
         if self.planned:
             self._take(results)
-        if not self.planned or (self.first < self._first and not self._is_spent(spent)):
+        if not self.planned or (self.first < self._at_first and not self._is_spent(spent)):
             return self._first_round()
         if self._best is None:
             return ()
@@ -93,7 +93,7 @@ class Rounds:
         return self._descending("combination", min(self._together, COMBINED), self.population.members[:_PARENTS])
 
     @property
-    def _first(self) -> int:
+    def _at_first(self) -> int:
         """Number of random starts of the first round."""
         return self.search.first if self.search.starts is not None else self._together
 
@@ -127,7 +127,7 @@ class Rounds:
 
     def _first_round(self) -> range:
         """Its starts; a few of them at a time where their time is bounded."""
-        left = self._first - self.first
+        left = self._at_first - self.first
         count = left if self.search.budget is None else min(left, RANDOM_STARTS)
         self.first += count
         return self._random(count)
