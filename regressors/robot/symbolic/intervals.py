@@ -48,7 +48,7 @@ def _even(function: Callable[[Array], Array]) -> Callable[[Interval], Interval]:
 
     def enclosure(a: Interval) -> Interval:
         low, high = function(a)
-        crosses = ~((a[0] >= 0) | (a[1] <= 0))
+        crosses = (a[0] < 0) & (a[1] > 0)
         return np.stack([np.where(crosses, 0.0, np.minimum(low, high)), np.maximum(low, high)])
 
     return enclosure

@@ -192,6 +192,13 @@ def test_what_is_not_known_stays_unknown(expression: Callable[[ca.SX, ca.SX], ca
         assert low[0, 0] <= float(exact(*point)) <= high[0, 0]
 
 
+def test_a_divisor_with_an_end_that_is_none_may_be_zero() -> None:
+    """The lower end of ``x + exp(y)`` is infinite less infinite: a number beyond the largest may have either sign."""
+    f = function(2, lambda x, y: 1 / (x + ca.exp(y)))
+    low, high = f([np.array([[-np.inf], [800.0]])], [np.array([[1.0], [900.0]])])
+    assert (low[0, 0], high[0, 0]) == (-np.inf, np.inf)
+
+
 def test_many_boxes_are_as_each_alone() -> None:
     """More boxes than are worked on at a time, an expression with constants, and outputs without an input."""
     x = ca.SX.sym("x", 3)
