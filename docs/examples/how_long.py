@@ -1,7 +1,7 @@
 """How long must the motion be? Accuracy over the growing time of designed motions of 5, 10 and 20 s.
 
 ``study_over_time`` identifies again and again from the part of a motion that has passed. The figure shows the largest
-relative standard deviation of all parameters, and cond(W). Takes about 8 s.
+relative standard deviation of all parameters, and cond(W). Takes about 14 s.
 """
 
 import sys

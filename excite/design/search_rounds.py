@@ -41,7 +41,7 @@ from regressors.errors import InputError
 from regressors.robot.robot import Robot
 
 # chosen by trials on an IRp-6, a Panda and a UR10; ``benchmarks/search.py`` measures what they reach
-_OF_START = 400  # evaluations of a random start
+_OF_START = 400  # evaluations of a random start; on two-armed robots one took 230 to 830
 COMBINED = 4  # starts of a later round; also the number of processes that can share it
 _PARENTS = 3  # motions that are combined
 _PATIENCE = 3  # rounds in a row without gain after which the population ends; it ends at once where an earlier one has
