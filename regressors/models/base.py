@@ -27,10 +27,14 @@ MOST_STATES, _ROWS_PER_COLUMN = 2000, 20
 _FEW_COLUMNS = 150  # a chain of twelve axes
 _MODERATE = {"dq": 3.0, "ddq": 10.0}  # rad, m and s; they accelerate about as much as gravity
 _UNLIMITED = {"velocity": 2.0, "acceleration": 10.0}
+_FASTEST = 100.0  # faster limits of descriptions are placeholders, whose gyroscopic torques would drown all others
 
 
 def random_states(robot: Robot, count: int, seed: int = 0) -> Samples:
-    """Independent states, uniform within the joint limits; within a few SI units where a limit is missing."""
+    """Independent states, uniform within the joint limits; within a few SI units where one is missing.
+
+    Velocities stay below 100 rad/s or m/s, whatever a description states.
+    """
     if robot.closures:
         return _closed_states(robot, count, seed)
     return _free_states(robot, count, seed)
@@ -40,6 +44,7 @@ def _free_states(robot: Robot, count: int, seed: int) -> Samples:
     rng = np.random.default_rng(seed)
     bounds = ((getattr(robot.limits, name), size) for name, size in _UNLIMITED.items())
     velocity, acceleration = (np.where(np.isfinite(bound), bound, size) for bound, size in bounds)
+    velocity = np.minimum(velocity, _FASTEST)
     shape = (count, robot.n)
     q = rng.uniform(*finite_ranges(robot), shape)
     dq = rng.uniform(-velocity, velocity, shape)

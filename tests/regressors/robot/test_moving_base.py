@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -70,6 +71,13 @@ def test_the_base_has_ten_parameters_and_no_friction(robot: Robot) -> None:
     held = load_robot(GO2.path)
     assert held.base is not None
     np.testing.assert_array_equal(robot.links[5].theta, held.base.theta)
+
+
+def test_base_parameters_hold_every_motion_where_velocity_limits_are_placeholders(robot: Robot) -> None:
+    fast = robot.replace(limits=replace(robot.limits, velocity=np.where(np.arange(robot.n) < 6, np.inf, 1e4)))
+    model = DifferentialModel(fast, Terms.inertial_only())
+    base = base_parameters(model)
+    np.testing.assert_allclose(base.D, base_parameters(model, states=random_states(robot, 2000)).D, rtol=0, atol=1e-9)
 
 
 def test_what_is_written_of_it_is_read_and_a_base_that_stands_still_is_no_part_of_it(robot: Robot) -> None:
