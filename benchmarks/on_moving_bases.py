@@ -25,22 +25,23 @@ from public_arms import robots_folder
 import excite
 
 SECONDS = 8.0
-CASES = {  # hung, wrench, IMU
-    "hangs: pose, IMU, wrench": (True, True, True),
-    "hangs: pose, wrench": (True, True, False),
-    "hangs: pose, IMU": (True, False, True),
-    "falls: pose, IMU": (False, False, True),
+CASES = {  # hung, and what its mapping has
+    "hangs: pose, IMU, wrench": (True, {}),
+    "hangs: pose, wrench": (True, {"imu": False}),
+    "hangs: pose, IMU": (True, {"wrench": False}),
+    "falls: pose, IMU": (False, {"wrench": False}),
+    "falls: pose, IMU, free": (False, {"free": True}),
 }
 
 
 def runs_of(case: str, seeds: int) -> list[dict[str, Any]]:
     """Every log of a case."""
-    hung, wrench, imu = CASES[case]
+    hung, given = CASES[case]
     robots = robots_folder()
     assert robots is not None
     file = robots / "go2_description/urdf/go2.urdf"
     exact = played(file, hung=hung, seed=977, seconds=SECONDS, noise=0.0)
-    layout = mapping(exact, wrench=wrench, imu=imu)
+    layout = mapping(exact, **given)
     runs = []
     for seed in range(seeds):
         log = played(file, hung=hung, seed=seed, seconds=SECONDS)
@@ -71,7 +72,8 @@ LIMITATIONS = (
     f"Simulated, {SECONDS:g} s at 250 Hz: noise of the pose of 0.2 mm and 2e-4, of the IMU of 2e-3 rad/s and 0.02 "
     "m/s^2, with biases of 0.01 rad/s and 0.05 m/s^2, of positions of 2e-5 rad, of torques of 2 %, of the wrench of "
     "0.5 %; no friction, one description, and clocks and places of the sensors are exact.",
-    "Where no wrench is measured, the equations of the joints alone are used, and the base's own parameters hide.",
+    "Where no wrench is measured, the equations of the joints alone are used, and the base's own parameters hide; with "
+    "`free` in the mapping those of the base are used beside them.",
     "Wrenches weigh more than torques in the errors of the first two cases.",
 )
 

@@ -67,7 +67,7 @@ from excite.information.half_widths import BIAS_SHARE, OFFSET_SHARE
 from excite.information.target import IdentificationTarget, least_speeds, typical_speed
 from excite.logs.event import within
 from excite.logs.excitation import runs
-from excite.logs.signals.method import resample
+from excite.logs.signals.method import Method, resample
 from regressors.errors import ExciteError, InputError, percent
 from regressors.models.base import triangular_factor
 from regressors.robot.columns import COULOMB, OFFSET
@@ -234,16 +234,19 @@ def motion_noise(
     first = 0 if whole else (uniform.count - _NOISE_STRETCH) // 2  # the middle of a long log
     uniform = uniform if whole else uniform.rows(slice(first, first + _NOISE_STRETCH))
     rng = np.random.default_rng(seed)
+    smooth = method.motion(uniform.time, uniform.q).samples  # not those of the part, which may be delayed
     white = rng.normal(size=uniform.q.shape)
+    k = len(target.robot.base_joints)
+    white[:, :k] = _integrated(white[:, :k], uniform.q[:, :k], uniform.time, method)
     passed = method.motion(uniform.time, white)
     if whole and passed.samples.q.shape != part.samples.q.shape:
         return None
-    smooth = method.motion(uniform.time, uniform.q).samples  # not those of the part, which may be delayed
     # impacts and gaps are no noise, and neither is how a drive sticks and slips
     moving = np.all(np.abs(smooth.dq @ friction_rows(target.robot).T) >= (recipe.standstill or 0.0), axis=1)
     used = ~within(passed.samples.time, part.left_out) & moving
     left = np.std((uniform.q[passed.kept] - smooth.q)[used], axis=0) if np.any(used) else np.zeros(white.shape[1])
-    size = left / np.maximum(np.std(white[passed.kept] - passed.samples.q, axis=0), 1e-6)
+    taken = np.std(white[passed.kept] - passed.samples.q, axis=0)
+    size = np.divide(left, taken, out=np.zeros_like(left), where=taken > 1e-6 * np.std(white, axis=0))
     values = size * getattr(passed.samples, what)
     signal = np.sqrt(np.mean(_in_rows(target, part.samples, getattr(part.samples, what)) ** 2, axis=0))
     noise = np.std(_in_rows(target, passed.samples, values), axis=0)
@@ -255,6 +258,23 @@ def motion_noise(
         more = method.motion(uniform.time, rng.normal(size=white.shape))
         values = np.concatenate([values, size * getattr(more.samples, what)])
     return values[:count], most
+
+
+def _integrated(white: Array, q: Array, time: Array, method: Method) -> Array:
+    """White noise, or its sums, or those of its sums, by what of positions the filter takes out, shape (N, k).
+
+    Positions of a base are integrals where an IMU measures it, and their noise then grows with the period.
+    """  # white, q (N, k)
+    candidates = [white, np.cumsum(white, axis=0), np.cumsum(np.cumsum(white, axis=0), axis=0)]
+
+    def pace(x: Array) -> Array:
+        """Size of the changes from row to row in what is filtered out, of its size."""
+        passed = method.motion(time, x)
+        left = x[passed.kept] - passed.samples.q
+        return np.asarray(np.log(np.std(np.diff(left, axis=0), axis=0) / np.std(left, axis=0)))
+
+    away = [np.abs(pace(x) - pace(q)) for x in candidates] if q.size else [np.zeros(0)]
+    return np.asarray(np.choose(np.argmin(away, axis=0), candidates)) if q.size else white
 
 
 def _in_rows(target: IdentificationTarget, samples: Samples, values: Array) -> Array:
@@ -277,7 +297,8 @@ def allowing_for_motion_noise(estimate: Estimate, estimator: Estimator, context:
         motion_noise(part, context.target, context.recipe, what, seed) for seed, part in enumerate(context.prepared)
     ]
     known = [noise for noise in noises if noise is not None]
-    if len(known) < len(noises) or (share := max(share for _, share in known)) < SHARE:
+    homogeneous = any(not part.measured.any(axis=0).all() for part in context.prepared)  # which any noise pulls to zero
+    if len(known) < len(noises) or (share := max(share for _, share in known)) < SHARE * (not homogeneous):
         return estimate
     try:
         shifted = [_estimated_with(estimator, context, what, [sign * n for n, _ in known]) for sign in (1.0, -1.0)]

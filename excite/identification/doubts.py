@@ -31,7 +31,7 @@ from excite.identification.large_residual import (
 from excite.identification.log_faults import every_joint_moves, load_that_explains
 from excite.identification.noise import residual_diagnostics
 from excite.identification.observations import GroupFactors, Observations
-from excite.identification.prediction import LogPrediction, prediction, relative_error
+from excite.identification.prediction import LogPrediction, fit_error, prediction
 from excite.identification.spoilt_log import spoilt_log
 from excite.information.target import IdentificationTarget
 from excite.logs.signals.method import interpolated
@@ -194,7 +194,7 @@ def _shares(result: Identification) -> Array:
 
 
 def _residual_size(result: Identification) -> float:
-    return relative_error(result.observations.y, result.estimate.predicted(result.observations))
+    return fit_error(result.observations, result.estimate)
 
 
 def _residual(

@@ -19,7 +19,7 @@ from excite.identification.drive_gains import GainCalibration
 from excite.identification.estimator import Estimate
 from excite.identification.large_residual import Doubt
 from excite.identification.observations import Observations
-from excite.identification.prediction import instantaneous_target, prediction, relative_error
+from excite.identification.prediction import fit_error, instantaneous_target, prediction
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from excite.identification.result import FitCurves, FitData, FitFacts, PlayedDesign, ReferenceValues, RepetitionSummary
@@ -217,12 +217,13 @@ class Identification(Saved):
         if target.base.names != self.names:
             return None
         if self._of_all_instants:
-            error = relative_error(self.observations.y, self.estimate.predicted(self.observations))
+            error = fit_error(self.observations, self.estimate)
             return error if np.isfinite(error) else None
         squares = np.zeros(2)
         for part in self.prepared:  # one after the other, since those of a long log take much memory
             one = prediction(target, part, self.recipe, self.coefficients, self.friction)
-            squares += np.linalg.norm(one.measured - one.predicted) ** 2, np.linalg.norm(one.measured) ** 2
+            error = (one.measured - one.predicted)[:, one.measured.any(axis=0)]
+            squares += np.linalg.norm(error) ** 2, np.linalg.norm(one.measured) ** 2
         return float(np.sqrt(squares[0] / squares[1])) if squares[1] > 0 and np.isfinite(squares).all() else None
 
     @property

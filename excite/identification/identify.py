@@ -19,6 +19,7 @@ from excite.identification.biases import allowing_for_nuisances
 from excite.identification.choices.all_choices import Chosen, choose_settings, free_settings
 from excite.identification.choices.friction_terms import TERM_SETTINGS, added_columns
 from excite.identification.estimator import Context, Estimator, hide_parameters
+from excite.identification.free_base import low_passed, why_not
 from excite.identification.identification import Identification
 from excite.identification.impossible_parameters import beyond_plausible
 from excite.identification.large_residual import with_external_forces
@@ -175,7 +176,11 @@ def identify(
         read = [with_external_forces(robot, target, log, recipe) for log in read]
         chosen = choose_settings(robot, task, read, recipe, free, friction=curves, progress=progress)
         known = {"commanded": commanded, "friction": curves, "progress": progress}
+        floats = layout is not None and layout.base is not None and layout.base.free
+        chosen = low_passed(chosen) if floats else chosen
         chosen, result = _estimated(robot, chosen, read, known, may_fall_back="estimator" in free)
+        if floats:
+            chosen, result = _with_base_equations(robot, chosen, result, read, known)
         if calibrate and known_mass is not None:
             with_load = read_logs(loaded, robot, mapping, tuple(drop), progress)
             result = calibrated(result, read, with_load, known_mass, gains, commanded=commanded)
@@ -236,6 +241,19 @@ def _estimated(
     )
     chosen = replace(chosen, recipe=recipe, choices=tuple(choices))
     return chosen, estimate_parameters(robot, chosen.task, logs, recipe, **known, found=found)
+
+
+def _with_base_equations(
+    robot: Robot, chosen: Chosen, joints: Identification, logs: Sequence[Log], known: dict[str, Any]
+) -> tuple[Chosen, Identification]:
+    """The estimate with the equations of a base that nothing touches, where they can be used, and why."""
+    both = replace(chosen, task=chosen.task.changed(equations=None))
+    whole, result = _estimated(robot, both, logs, known, may_fall_back=True)
+    if reason := why_not(result, joints):
+        note = f"the equations of the base are left out, and its parameters stay hidden: {reason}"
+        return replace(chosen, notes=(*chosen.notes, note)), joints
+    note = "the equations of the base are used, since nothing touches the robot"
+    return replace(whole, notes=(*whole.notes, note)), result
 
 
 def _allowing_for_choices(result: Identification, chosen: Chosen) -> Identification:

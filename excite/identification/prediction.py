@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from excite.identification.equations import drive_directions, measured_rows, predicted_rows
 from excite.identification.estimator import CONFIDENCE, Estimate
+from excite.identification.observations import Observations
 from excite.identification.preparation import HELD, PreparedLog, measured_channel
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, target_of
@@ -170,6 +171,12 @@ def relative_error(measured: Array, predicted: Array) -> float:
     """``||y - y_predicted|| / ||y||`` over all equations, in their units; infinite where nothing was measured."""
     size = float(np.linalg.norm(measured))
     return float(np.linalg.norm(measured - predicted)) / size if size > 0 else np.inf
+
+
+def fit_error(observations: Observations, estimate: Estimate) -> float:
+    """Relative error over all equations that have a measured side."""
+    rows = observations.measured
+    return relative_error(observations.y[rows], estimate.predicted(observations)[rows])
 
 
 def instantaneous_target(robot: Robot, task: Task, recipe: Recipe) -> IdentificationTarget:

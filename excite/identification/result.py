@@ -18,7 +18,7 @@ from excite.identification.covariance import noise_density
 from excite.identification.large_residual import Doubt
 from excite.identification.noise import GroupResidual, residual_diagnostics
 from excite.identification.observations import Observations
-from excite.identification.prediction import relative_error
+from excite.identification.prediction import fit_error
 from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
 from excite.logs.event import Event
@@ -172,7 +172,7 @@ class FitFacts:
             gap=base.gap,
             expressions=base.expressions,
             motor_sides=motor_sides(result.target.model, base),
-            relative_error=relative_error(observations.y, result.curves.predicted),
+            relative_error=fit_error(observations, estimate),
             prediction_error=result.training_error,
             residuals=residual_diagnostics(estimate, observations),
             noise_density=dict(zip(names, density.tolist(), strict=True)) if np.isfinite(density).all() else None,

@@ -37,8 +37,7 @@ def measured_equations(
     """Joints whose equations are used: those asked for, or those whose efforts a log has by its mapping; None for all.
 
     Where no wrench is measured, the base's six equations are left out: those of the other joints hold whatever acts on
-    the base. Nor are they used where nothing does: ``0 = Y theta`` says nothing of the size of theta, and its least
-    residuals are those of ``theta = 0``.
+    the base. Where nothing does, see `excite.identification.free_base`.
 
     Raises
     ------
@@ -151,8 +150,8 @@ class _BaseMotion:
         section, axes = self.given["wrench"], self._axes("wrench")
         if not np.any(self.values["wrench"]):
             raise InputError(
-                f"{self.log.source}: the wrench on the base is zero; leave `wrench` out where nothing touches the "
-                "robot, so that the equations of its joints alone are used"
+                f"{self.log.source}: the wrench on the base is zero; where nothing touches the robot, leave out "
+                "`wrench`, and state `free: true` in `base`"
             )
         F, N = self.values["wrench"][:, :3] @ axes.T, self.values["wrench"][:, 3:] @ axes.T
         N = N + np.cross(section.xyz, F)

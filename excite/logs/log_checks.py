@@ -14,6 +14,7 @@ from excite.logs.excitation import mean_speed, moves, span_ends
 from excite.logs.log import Log, integrate_rates
 from regressors.errors import InputError
 from regressors.readers.library import built_in, built_in_names
+from regressors.robot.moving_base import BASE_JOINTS
 from regressors.robot.robot import Robot
 
 Findings = Iterator[tuple[bool, str]]
@@ -148,8 +149,9 @@ def _relation(ratio: float) -> str:
 
 
 def _resting_joints(case: _Case) -> Findings:
-    resting = [name for name, moved in zip(case.log.joints, case.moved, strict=True) if not moved]
-    if len(resting) == len(case.log.joints) and not case.may_rest:
+    still = [name for name, moved in zip(case.log.joints, case.moved, strict=True) if not moved]
+    resting = [name for name in still if name not in BASE_JOINTS]
+    if len(still) == len(case.log.joints) and not case.may_rest:
         yield True, "no joint moves"
     elif resting:
         yield False, f"{', '.join(resting)}: not moved"

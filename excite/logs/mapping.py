@@ -43,6 +43,8 @@ the frame of the base::
       angular_velocity: {columns: [gx, gy, gz], unit: rad/s}
       specific_force: {columns: [ax, ay, az], unit: m/s^2, xyz: [0.02, 0, 0.05]}
       wrench: {columns: [fx, fy, fz, nx, ny, nz], unit: N, xyz: [0, 0, 0.1]}
+
+Where nothing touches the robot, as in free fall, state ``free: true`` instead of a wrench.
 """
 
 from __future__ import annotations
@@ -267,9 +269,12 @@ class BaseSection(Section):
     angular_velocity: BaseChannel | None = None
     specific_force: BaseChannel | None = None
     wrench: BaseChannel | None = None
+    free: bool = False  # nothing touches the robot
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
+        if self.free and self.wrench is not None:
+            raise ValueError("free says that nothing touches the robot; leave out one of free and wrench")
         if (self.rpy is None) == (self.quaternion is None):
             raise ValueError("needs one of rpy and quaternion, the orientation of the base")
         for name, section in self.channels.items():

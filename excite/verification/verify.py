@@ -120,8 +120,7 @@ def verify(
             f"{log.source} is a log that the result was identified from: it cannot show whether the result holds "
             f"elsewhere; take another one, or allow it with `training_too`"
         )
-    target = judging_target(result)
-    measured_equations(mapping, target.robot, [name for name, _ in target.model.row_labels])
+    target = _as_measured(judging_target(result), mapping)
     simulated = target.model.torque_equations() is not None
     announce(f"the verification on {cut(log.source)}", verification_seconds(log, simulated=simulated))
     part = prepare(with_external_forces(result.robot, target, log, recipe), result.robot, target, recipe)
@@ -248,6 +247,16 @@ def judging_target(result: Identification) -> IdentificationTarget:
             f"but the result has {', '.join(result.names)}"
         )
     return target
+
+
+def _as_measured(target: IdentificationTarget, mapping: LogMapping | None) -> IdentificationTarget:
+    """The target with those of its equations whose efforts a log has by its mapping."""
+    used = [name for name, _ in target.model.row_labels]
+    measured = measured_equations(mapping, target.robot)
+    kept = used if measured is None else [name for name in used if name in measured]
+    if not kept:
+        measured_equations(mapping, target.robot, used)  # which says what is missing
+    return target if kept == used else replace(target, model=target.model.restricted(target.motion, kept))
 
 
 def _recipe(

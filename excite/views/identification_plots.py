@@ -136,7 +136,8 @@ _ALIKE = 0.01  # relative; logs whose sample times differ by less share an axis 
 def torques_figure(result: Identification) -> Figure:
     """Draw measured and predicted values of the equations over time."""
     c = result.curves
-    error = relative_error(c.measured, c.predicted)
+    sized = np.bincount(c.equation, c.measured**2)[c.equation] > 0  # not those of a base that nothing touches
+    error = relative_error(c.measured[sized], c.predicted[sized])
     title = f"{result.robot.name}: measured and predicted, relative error {error} over all equations"
     of_equation = (c.equation == j for j in range(len(result.equations)))
     rows = [(c.time[own], c.log[own], c.measured[own], c.predicted[own]) for own in of_equation]

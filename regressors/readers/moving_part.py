@@ -17,6 +17,7 @@ from regressors.quantities import Tips
 from regressors.readers.description import range_of
 from regressors.readers.urdf_tree import MOVING, TreeJoint, UrdfTree, listing
 from regressors.robot.inertia import Array
+from regressors.robot.moving_base import STANDS_STILL
 from regressors.robot.robot import Joint, JointKind
 
 _FINGER = re.compile(r"finger|jaw|claw|knuckle", re.IGNORECASE)
@@ -165,7 +166,7 @@ def _limbs_alone(tree: UrdfTree, base: str, tips: Sequence[str]) -> MovingPart:
     limbs = _limbs(tree, base, tips)
     ends = [limb[-1].child for limb in map(_without_wheels, limbs) if limb] or [limb[-1].child for limb in limbs]
     part = _between(tree, base, tuple(ends))
-    still = "stands still, as on a stand or a table, and so does all that it carries but these limbs"
+    still = f"{STANDS_STILL}, and so does all that it carries but these limbs"
     notes = [Finding("assumed", f"link {base!r}", still, "`base_link` and `tip` choose a part")]
     links = {joint.child for tip in tips for joint in tree.path(base, tip) or ()}
     moving = part.moving_names

@@ -38,6 +38,7 @@ from regressors.samples import Array
 BASE_JOINTS = ("base_x", "base_y", "base_z", "base_yaw", "base_pitch", "base_roll")
 _AXES = np.eye(3)[[0, 1, 2, 2, 1, 0]]
 _LINK, _WORLD = "moving_base", "world"
+STANDS_STILL = "stands still, as on a stand or a table"
 _STEEPEST = np.deg2rad(80.0)
 
 
@@ -86,6 +87,7 @@ def with_moving_base(robot: Robot) -> Robot:
         parents=(*range(k), *(parent + k for parent in robot.parents)),
         base_joints=BASE_JOINTS,
         base=None,
+        notes=tuple(note for note in robot.notes if not note.what.startswith(STANDS_STILL)),
     )
 
 

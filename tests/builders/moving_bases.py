@@ -121,7 +121,9 @@ def _columns(model: Any, rows: Array, noise: float, rng: np.random.Generator) ->
     return dict(zip(heads, measured.T, strict=True))
 
 
-def mapping(log: dict[str, Array], *, wrench: bool = True, imu: bool = True, torques: bool = True) -> LogMapping:
+def mapping(
+    log: dict[str, Array], *, wrench: bool = True, imu: bool = True, torques: bool = True, free: bool = False
+) -> LogMapping:
     """Mapping of these columns."""
     names = [head.removesuffix(".position") for head in log if head.endswith(".position")]
     base: dict[str, Any] = {
@@ -131,7 +133,9 @@ def mapping(log: dict[str, Array], *, wrench: bool = True, imu: bool = True, tor
     if imu:
         base["angular_velocity"] = {"columns": ["gx", "gy", "gz"], "unit": ["rad/s"]}
         base["specific_force"] = {"columns": ["ax", "ay", "az"], "unit": ["m/s^2"], "xyz": IMU.tolist()}
-    if wrench:
+    if free:
+        base["free"] = True
+    elif wrench:
         base["wrench"] = {"columns": ["fx", "fy", "fz", "nx", "ny", "nz"], "unit": ["N"], "xyz": HOOK.tolist()}
     content: dict[str, Any] = {"joints": names, "time": {"column": "t"}, "base": base}
     content["position"] = {"columns": [f"{name}.position" for name in names], "unit": ["rad"]}

@@ -15,7 +15,9 @@ from ruamel.yaml import YAML
 from scipy.spatial.transform import Rotation
 
 import excite
+from excite.identification.estimators.least_squares import weighted
 from excite.identification.identification import Identification
+from excite.identification.observations import Observations
 from excite.information.prior import prior_of
 from excite.logs.base_motion import measured_equations
 from excite.logs.log import Log
@@ -97,11 +99,56 @@ def test_without_torques_the_wrench_on_the_base_shows_the_bodies() -> None:
         excite.identify(robot(), log, mapping=mapping(log, wrench=False, torques=False))
 
 
-def test_a_result_of_the_base_is_not_judged_without_the_wrench() -> None:
+def test_a_log_is_judged_by_the_equations_whose_efforts_it_has() -> None:
     log, other = log_of(0), log_of(1)
     result = excite.identify(robot(), log, mapping=mapping(log), **GIVEN)
+    judged = excite.verify(result, other, mapping=mapping(other, wrench=False))
+    assert tuple(error.name for error in judged.torques) == robot().joint_names
+    assert judged.corrected_total.relative < 0.01
+    of_wrench = excite.identify(robot(), log, mapping=mapping(log, torques=False), **GIVEN)
     with pytest.raises(InputError, match=r"no efforts of base_x, .*; give `wrench` in `base`"):
-        excite.verify(result, other, mapping=mapping(other, wrench=False))
+        excite.verify(of_wrench, other, mapping=mapping(other, wrench=False))
+
+
+@pytest.mark.slow
+def test_a_quadruped_that_falls_shows_its_base_by_equations_without_a_measured_side() -> None:
+    log, other = (played(file_of("go2"), hung=False, seed=seed, seconds=8.0) for seed in (0, 1))
+    result = excite.identify(str(file_of("go2")), log, mapping=mapping(log, free=True))
+    inside = off(result)[[not name.startswith("F") for name in result.names]] < 1.0
+    assert np.mean(inside) > 0.97
+    assert abs(result.coefficients[result.names.index("m13")] / 16.085 - 1) < 0.02
+    assert result.training_error is not None
+    assert result.training_error < 0.03  # over the equations of the joints, which have another side
+    assert "the equations of the base are used, since nothing touches the robot" in result.estimate.notes
+    assert not any("stands still" in note for note in result.estimate.notes)
+    judged = excite.verify(result, other, mapping=mapping(other, free=True))
+    assert judged.verdict.holds
+    assert judged.corrected_total.relative < 0.005
+
+
+@pytest.mark.slow
+def test_equations_of_a_base_that_hardly_moves_are_left_out() -> None:
+    log = log_of(1, hung=False, noise=1.0)
+    result = excite.identify(robot(), log, mapping=mapping(log, free=True), friction=False, rotor=False)
+    assert [name for name, _ in result.target.model.row_labels] == list(robot().joint_names)
+    assert np.mean(off(result) < 1.0) > 0.95
+    assert any(note.startswith("the equations of the base are left out") for note in result.estimate.notes)
+
+
+def test_equations_without_a_measured_side_do_not_shrink_parameters() -> None:
+    rng = np.random.default_rng(0)
+    truth, joint = np.array([1.0, -2.0, 0.5]), np.arange(4000) % 2 == 0
+    W = rng.normal(size=(4000, 3))
+    W[joint, 2] = 0.0
+    W[joint] *= 0.01
+    W[~joint, 0] = 2.0 * W[~joint, 1] - 0.5 * W[~joint, 2]  # 0 = W truth
+    y = np.where(joint, W @ truth + 1e-4 * rng.normal(size=4000), 0.0)
+    W[~joint] += 0.05 * rng.normal(size=(2000, 3))
+    names, equations, one = ("a", "b", "c"), (("joint", "Nm"), ("base", "N")), np.zeros(4000, dtype=int)
+    time = np.arange(4000.0) // 2
+    rows = Observations(W, y, names, ("1",) * 3, np.where(joint, 0, 1), equations, one, ("log",), time)
+    np.testing.assert_allclose(weighted(rows).values, truth, rtol=0.02)
+    np.testing.assert_array_equal(rows.measured, joint)
 
 
 @pytest.mark.slow
@@ -208,6 +255,7 @@ def test_bases_that_cannot_be_are_refused_in_words() -> None:
     ("base", "expected"),
     [
         ({"quaternion": None}, "needs one of rpy and quaternion"),
+        ({"free": True}, "free says that nothing touches the robot; leave out one of free and wrench"),
         ({"rpy": {"columns": [1, 2, 3], "unit": ["rad"]}}, "needs one of rpy and quaternion"),
         ({"position": {"columns": [1, 2, 3], "unit": ["rad"]}}, "position needs 3 columns, in one of m, mm"),
         ({"wrench": {"columns": [1, 2, 3], "unit": ["N"]}}, "wrench needs 6 columns, in one of N, kN"),

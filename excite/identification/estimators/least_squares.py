@@ -155,8 +155,7 @@ def weighting(observations: Observations, factors: GroupFactors | None = None) -
         if not np.all(np.isfinite(scale) & (scale > 0)):
             raise InputError(f"observations: known noise must be positive, given {observations.noise.tolist()}")
         return _problem(observations, factors, scale, (_GIVEN,))
-    sizes = factors.sizes()
-    start = np.where(sizes > 0, sizes, sizes.max(initial=0.0) or 1.0)
+    start = _first_scales(factors, p)
     scale, floor = start, _FLOOR * start
     for _ in range(_ITERATIONS):
         solution = solve_triangular_system(factors.stacked(scale)[:, -p - 1 :])
@@ -173,6 +172,22 @@ def weighting(observations: Observations, factors: GroupFactors | None = None) -
         f"the weights of the rows did not converge: they still changed by {change:.1e} after {_ITERATIONS} iterations"
     )
     return _problem(observations, factors, scale, (note,))
+
+
+def _first_scales(factors: GroupFactors, p: int) -> Array:
+    """Size of each group's y; where it is zero, of what the parameters that the other groups show make of it.
+
+    ``0 = W beta`` holds for ``beta = 0``, to which weights by its own residuals lead from any smaller scale.
+    """
+    sizes = factors.sizes()
+    largest = sizes.max(initial=0.0) or 1.0
+    empty = (sizes == 0) & (factors.count > 0)
+    if not empty.any() or empty.all():
+        return np.where(sizes > 0, sizes, largest)
+    measured = np.where(sizes > 0, sizes, np.inf)
+    shown = solve_triangular_system(factors.stacked(measured)[:, -p - 1 :]).values
+    made = np.sqrt(factors.squares(shown) / np.maximum(factors.count, 1))
+    return np.where(sizes > 0, sizes, np.where(made > 0, made, largest))
 
 
 def _problem(observations: Observations, factors: GroupFactors, scale: Array, notes: tuple[str, ...]) -> GroupWeights:
