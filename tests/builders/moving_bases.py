@@ -95,28 +95,7 @@ def _columns(model: Any, rows: Array, noise: float, rng: np.random.Generator) ->
     bias = np.zeros(rows.shape[1])
     bias[8:14] = np.repeat([GYRO_BIAS, FORCE_BIAS], 3) * rng.normal(size=6)
     measured = rows + noise * (deviation * rng.normal(size=rows.shape) + bias)
-    heads = [
-        "t",
-        "px",
-        "py",
-        "pz",
-        "qx",
-        "qy",
-        "qz",
-        "qw",
-        "gx",
-        "gy",
-        "gz",
-        "ax",
-        "ay",
-        "az",
-        "fx",
-        "fy",
-        "fz",
-        "nx",
-        "ny",
-        "nz",
-    ]
+    heads = ["t", *(f"{head}{axis}" for head, axes in _HEADS for axis in axes)]
     heads += [f"{name}.position" for name in names] + [f"{name}.effort" for name in names]
     return dict(zip(heads, measured.T, strict=True))
 
