@@ -41,7 +41,7 @@ def why_not(whole: Identification, joints: Identification) -> str:
     away = np.abs(ours.coefficients[place] - theirs.coefficients)[known] / theirs.half_width[known]
     if np.mean(away <= 1.0) < _WITHIN:
         worst = np.array(joints.names)[known][int(np.argmax(away))]
-        return f"they contradict the equations of the joints, most in {worst}"
+        return f"they contradict those of the joints, most in {worst}, as if something touched the robot"
     if np.median(ours.half_width[place][known] / theirs.half_width[known]) > 1.0:
         return "intervals are wider with them"
     return ""

@@ -221,7 +221,7 @@ def _operations(columns: Index, equations: int, instants: int) -> int:
 
 
 LENGTH = 0.1
-DEFAULT_NOISE = 1.0
+_OF_LIMIT = 0.01  # of the largest torque limit, which noise is at most a decade above
 _LENGTH_POWER = {"kg m": 1, "kg m^2": 2}
 
 CONVENTIONS = {
@@ -273,11 +273,20 @@ class PredictedAccuracy:
 
 def noise_per_row(noise: tuple[float, ...] | None, model: RegressorModel) -> Array:
     """Standard deviation of the noise of each of a model's equations, shape (r,), in their units."""
-    given = noise if noise is not None else (DEFAULT_NOISE,)
+    given = noise if noise is not None else (_assumed_noise(model),)
     labels = [name for name, _ in model.row_labels]
     if len(given) not in (1, len(labels)):
         raise InputError(f"noise needs one value, or {len(labels)} for {', '.join(labels)}; given {len(given)}")
     return np.broadcast_to(np.asarray(given, dtype=float), (len(labels),)).copy()
+
+
+def _assumed_noise(model: RegressorModel) -> float:
+    """1 in the unit of the equations; of the torques of a small arm, 0.1, 0.01 ... by its largest torque limit."""
+    limits = model.robot.limits.torque
+    largest = limits[np.isfinite(limits)].max(initial=0.0)
+    if largest == 0.0 or model.torque_equations() is None:
+        return 1.0
+    return min(1.0, float(f"1e{int(np.ceil(np.log10(_OF_LIMIT * largest) - 1e-9))}"))
 
 
 def noise_text(noise: tuple[float, ...] | None, model: RegressorModel) -> str:

@@ -1,6 +1,6 @@
 """Yardsticks against slow, obvious NumPy: condition numbers, determinants, and standard deviations by simulation."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -9,6 +9,7 @@ from excite.information.matrix import CONVENTIONS, MotionMeasures, noise_per_row
 from excite.information.target import IdentificationTarget, target_of
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
+from regressors.models.differential import DifferentialModel
 from regressors.readers.library import load_robot
 from regressors.samples import Samples
 
@@ -141,3 +142,14 @@ def test_predictions_are_the_covariance_of_weighted_least_squares(given: Case) -
 
 
 # Noise
+
+
+@pytest.mark.parametrize(
+    ("limit", "expected"),
+    [(np.inf, 1.0), (330.0, 1.0), (10.5, 1.0), (10.0, 0.1), (3.0, 0.1), (1.0, 0.01), (0.17, 0.01), (0.05, 0.001)],
+)
+def test_noise_that_is_assumed_is_no_larger_than_the_torques_of_the_arm(limit: float, expected: float) -> None:
+    robot = load_robot("panda")
+    torque = np.full(robot.n, limit)
+    model = DifferentialModel(robot.replace(limits=replace(robot.limits, torque=torque)))
+    np.testing.assert_array_equal(noise_per_row(None, model), np.full(robot.n, expected))
