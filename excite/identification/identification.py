@@ -222,8 +222,8 @@ class Identification(Saved):
         squares = np.zeros(2)
         for part in self.prepared:  # one after the other, since those of a long log take much memory
             one = prediction(target, part, self.recipe, self.coefficients, self.friction)
-            error = (one.measured - one.predicted)[:, one.measured.any(axis=0)]
-            squares += np.linalg.norm(error) ** 2, np.linalg.norm(one.measured) ** 2
+            left = (one.measured - one.predicted)[:, one.measured.any(axis=0)]
+            squares += np.linalg.norm(left) ** 2, np.linalg.norm(one.measured) ** 2
         return float(np.sqrt(squares[0] / squares[1])) if squares[1] > 0 and np.isfinite(squares).all() else None
 
     @property

@@ -49,8 +49,8 @@ class Objective:
     criterion : str or Criterion
         A registered name, or a criterion object.
     noise : tuple of float, optional
-        Standard deviation of the noise of each equation, one for all or one each [Nm, or its unit]. If not given, 1; of joint
-        torques of arms whose largest torque limit is at most 10 Nm, 0.1, at most 1 Nm, 0.01, and so on.
+        Standard deviation of the noise of each equation, one for all or one each [Nm, or its unit]. If not given, 1; of
+        joint torques of arms whose largest torque limit is at most 10 Nm, 0.1, at most 1 Nm, 0.01, and so on.
     weighted : bool
         Rows of W are divided by the noise of their equations before M is formed.
     prior : float or tuple of Belief, optional
