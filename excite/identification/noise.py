@@ -102,17 +102,17 @@ def autoregressive_covariance(groups: Sequence[NoiseGroup], effective: float, sh
         settled = np.allclose(np.diag(before), np.diag(C), rtol=2 * _SETTLED, atol=0.0)
         if settled or C.shape[0] < _LITTLE * effective:
             break
-        half = _square_root(C)
+        C = _positive(C)
         parts = zip(found, groups, spread, shares, strict=True)
-        aim = [r + _removed(group.rows, carried, half, of_lag) for r, group, (carried, _), of_lag in parts]
-    half = _square_root(C)
-    return np.asarray(half @ half.T)
+        aim = [r + _removed(group.rows, carried, C, of_lag) for r, group, (carried, _), of_lag in parts]
+    return _positive(C)
 
 
-def _square_root(C: Array) -> Array:
-    """Factor H of ``C = H H'``, without what rounding makes negative."""
+def _positive(C: Array) -> Array:
+    """A covariance without what rounding makes negative."""
     values, vectors = np.linalg.eigh(C)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+    half = vectors * np.sqrt(np.maximum(values, 0.0))
+    return np.asarray(half @ half.T)
 
 
 def _sizes(group: NoiseGroup) -> Array:
@@ -139,11 +139,13 @@ def _spread(group: NoiseGroup, channels: Array, noise: AutoregressiveNoise) -> t
     return carried, (covariance + covariance.T) / 2
 
 
-def _removed(X: Array, carried: Array, half: Array, shares: Array) -> Array:
-    """Autocovariance that the fit takes from the residuals, at the first lags, for ``C = half half'``."""
-    left = X @ half
-    taken = [_shifted(X, carried, k) + _shifted(carried, X, k) - _shifted(left, left, k) for k in range(shares.size)]
-    return np.asarray(taken / shares)
+def _removed(X: Array, carried: Array, C: Array, shares: Array) -> Array:
+    """Autocovariance that the fit takes from the residuals, at the first lags.
+
+    ``x_t' o_{t+k} + o_t' x_{t+k} - x_t' C x_{t+k} = x_t' z_{t+k} + z_t' x_{t+k}`` with ``z = o - C x / 2``.
+    """
+    z = carried - X @ (C / 2)
+    return np.array([_shifted(X, z, k) + _shifted(z, X, k) for k in range(shares.size)]) / shares
 
 
 def _shifted(x: Array, y: Array, lag: int) -> float:
