@@ -7,13 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
+import scipy
 
 from excite.design.design import Design
 from excite.information.target import friction_of_moving
-from excite.simulation.closed_run import NOTE, closed_run
 from excite.simulation.control import ControlledRobot, RampedDrive, broken_loose, controller_of
-from excite.simulation.integration import Progress, Steps, simulated_run, steps_for
+from excite.simulation.integration import Progress, SimulatedRun, Steps, simulated_run, steps_for
 from excite.simulation.plant import Plant, plant_of
 from excite.simulation.sensors import friction_at, joint_log, sensor_notes, sensor_of, wrench_log_of
 from excite.simulation.servo_motion import simulate_servos
@@ -32,8 +33,10 @@ from regressors.memory_cap import FLOAT, check_memory
 from regressors.models.servo_response import Servos
 from regressors.numerical import numerical_work
 from regressors.robot.friction.curves import FrictionCurves
-from regressors.robot.friction.load_and_temperature import drives_with_friction
+from regressors.robot.friction.load_and_temperature import drives_with_friction, smooth_direction
 from regressors.robot.robot import Robot
+from regressors.robot.symbolic.loops import loops_of
+from regressors.robot.symbolic.vectorised import program
 from regressors.samples import Samples
 
 
@@ -163,8 +166,8 @@ def simulate_motion(
     if ramps is not None and settings.periods > 1:
         raise InputError(f"torque ramps are played once, given {settings.periods} periods")
     if moving.closures:
-        simulated, steps = closed_run(plant, reference, settings)
-        notes = (*notes, NOTE)
+        simulated, steps = _closed_run(plant, reference, settings)
+        notes = (*notes, _CLOSED)
     else:
         controlled = controlled_robot(plant, plant_of(bare, friction)[0], motion, settings, ramps)
         steps = steps_for(controlled, motion, settings.rate, settings.sign_width, settings.breakaway)
@@ -267,3 +270,40 @@ def check_size(settings: SimulationSettings, duration: float, n: int, *, wrench:
     held = samples * (_OF_ANY + _OF_JOINT * n) + _OF_WRENCH * of_wrench
     remedy = "lower `rate` or `periods`" + ", or `wrench_rate`" * wrench
     check_memory("the simulation", FLOAT * held, f"{max(samples, of_wrench):.3g} samples", remedy)
+
+
+_SOFTEST = 1e-6  # of the largest velocity: the sign of friction changes within it; nothing is integrated
+_CLOSED = (
+    "closed loops: the robot follows its motion exactly, and its drives have the torques which that takes; no "
+    "controller is simulated"
+)
+
+
+def _closed_run(plant: Plant, motion: Reference, settings: SimulationSettings) -> tuple[SimulatedRun, Steps]:
+    """Torques of the drives along a motion that keeps the loops closed, and that the robot follows exactly.
+
+    ``N' tau`` is determined by the motion. Where drives act on more joints than move on their own, their torques are
+    those of the least norm: what they bear against each other is not determined by a motion.
+    """
+    if settings.impact or settings.breakaway is not None or plant.friction.loaded:
+        raise InputError(
+            f"robot {plant.robot.name!r}: impacts, presliding and friction that grows with the load are not simulated "
+            "for closed loops; leave `impact`, `breakaway` and such friction out"
+        )
+    loops, count = loops_of(plant.robot), round(motion.duration * settings.rate) + 1
+    given = motion.samples(np.arange(count) / settings.rate)
+    solved, left = loops.solved(given.q[:, loops.independent])
+    loops.check(given.time, solved, left, plant.robot.name)
+    samples = loops.rates(replace(given, q=solved, dddq=np.zeros_like(solved)))
+    q, dq, ddq = (x.T for x in (samples.q, samples.dq, samples.ddq))
+    width = settings.sign_width or _SOFTEST * (float(np.abs(dq).max()) or 1.0)
+    symbol = ca.SX.sym("dq", plant.robot.n)
+    lost = plant.friction.joint_expression(plant.robot, symbol, smooth_direction(plant.robot, symbol, width))
+    friction = program(ca.Function("friction", [symbol], [ca.densify(lost)]))((dq,)).T
+    rigid = program(plant.torque)((q, dq, ddq)).T
+    effort = loops.drive_torques(samples.q, rigid + friction)
+    powers = (np.sum(tau * samples.dq, axis=1) for tau in (effort, friction))
+    work, loss = (scipy.integrate.cumulative_simpson(power, x=samples.time, initial=0.0) for power in powers)
+    energy = program(plant.energy)((q, dq))[0]
+    run = SimulatedRun(samples, effort, effort.copy(), friction, work, loss, energy)
+    return run, Steps(1, width)

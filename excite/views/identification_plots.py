@@ -120,6 +120,8 @@ def relative_error(measured: Array, predicted: Array) -> str:
 def error_note(measured: Array, predicted: Array, unit: str) -> tuple[str, str]:
     """Error of one equation as text, and the text's colour."""
     rms, size = (float(np.sqrt(np.mean(x**2))) for x in (measured - predicted, measured))
+    if size == 0:
+        return f"rms error {significant(rms, 3)} {unit}, measured zero throughout", DARK
     return error_text(rms, size, unit, relative_error(measured, predicted)), VERMILLION if rms > _LARGE * size else DARK
 
 
