@@ -74,7 +74,7 @@ class Installation:
     def __post_init__(self) -> None:
         strict(self)
         if self.moving_base and self.mount is not None:
-            raise InputError("`mount` is for a base that stands still; leave it out, or `moving_base`")
+            raise InputError("`mount` is for a base that stands still; leave it out where the log has a moving base")
         if self.gravity is not None and self.mount is not None:
             raise InputError("`gravity` and `mount` both set the direction of gravity; give one of them")
         if self.gravity is not None and len(self.gravity) != 3:
