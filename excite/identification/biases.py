@@ -297,8 +297,9 @@ def allowing_for_motion_noise(estimate: Estimate, estimator: Estimator, context:
         motion_noise(part, context.target, context.recipe, what, seed) for seed, part in enumerate(context.prepared)
     ]
     known = [noise for noise in noises if noise is not None]
-    homogeneous = any(not part.measured.any(axis=0).all() for part in context.prepared)  # which any noise pulls to zero
-    if len(known) < len(noises) or (share := max(share for _, share in known)) < SHARE * (not homogeneous):
+    k = len(context.target.robot.base_joints)
+    floats = k > 0 and not any(part.measured[:, :k].any() for part in context.prepared)  # no wrench outweighs its noise
+    if len(known) < len(noises) or (share := max(share for _, share in known)) < SHARE * (not floats):
         return estimate
     try:
         shifted = [_estimated_with(estimator, context, what, [sign * n for n, _ in known]) for sign in (1.0, -1.0)]

@@ -38,6 +38,8 @@ def why_not(whole: Identification, joints: Identification) -> str:
     place = [whole.names.index(name) for name in joints.names]
     ours, theirs = whole.estimate, joints.estimate
     known = np.isfinite(theirs.half_width) & (theirs.half_width > 0)
+    if not known.any():
+        return "those of the joints show no parameter, and so not the size of any"
     away = np.abs(ours.coefficients[place] - theirs.coefficients)[known] / theirs.half_width[known]
     if np.mean(away <= 1.0) < _WITHIN:
         worst = np.array(joints.names)[known][int(np.argmax(away))]

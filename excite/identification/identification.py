@@ -19,7 +19,7 @@ from excite.identification.drive_gains import GainCalibration
 from excite.identification.estimator import Estimate
 from excite.identification.large_residual import Doubt
 from excite.identification.observations import Observations
-from excite.identification.prediction import fit_error, instantaneous_target, prediction
+from excite.identification.prediction import fit_error, instantaneous_target, prediction, with_measured_side
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from excite.identification.result import FitCurves, FitData, FitFacts, PlayedDesign, ReferenceValues, RepetitionSummary
@@ -222,7 +222,8 @@ class Identification(Saved):
         squares = np.zeros(2)
         for part in self.prepared:  # one after the other, since those of a long log take much memory
             one = prediction(target, part, self.recipe, self.coefficients, self.friction)
-            left = (one.measured - one.predicted)[:, one.measured.any(axis=0)]
+            judged = with_measured_side(target.model.row_labels, np.abs(one.measured).max(axis=0))
+            left = (one.measured - one.predicted)[:, judged]
             squares += np.linalg.norm(left) ** 2, np.linalg.norm(one.measured) ** 2
         return float(np.sqrt(squares[0] / squares[1])) if squares[1] > 0 and np.isfinite(squares).all() else None
 

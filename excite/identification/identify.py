@@ -140,7 +140,8 @@ def identify(
     model = _on_moving_base(model, layout, options)
     installation = _installation(model, design, options)
     robot, task = robot_and_task(model, **_ends(model, design, options), installation=installation)
-    equations = measured_equations(layout, robot, options.get("equations", task.model.equations))
+    asked = options.get("equations", task.model.equations)
+    equations = measured_equations(layout, robot, asked)
     options |= {} if equations is None else {"equations": equations}
     given = {*options, *(() if estimator is None else ("estimator",))}
     of_recipe = {name: options.pop(name) for name in list(options) if name in _RECIPE}
@@ -176,7 +177,7 @@ def identify(
         read = [with_external_forces(robot, target, log, recipe) for log in read]
         chosen = choose_settings(robot, task, read, recipe, free, friction=curves, progress=progress)
         known = {"commanded": commanded, "friction": curves, "progress": progress}
-        floats = layout is not None and layout.base is not None and layout.base.free
+        floats = asked is None and layout is not None and layout.base is not None and layout.base.free
         chosen = low_passed(chosen) if floats else chosen
         chosen, result = _estimated(robot, chosen, read, known, may_fall_back="estimator" in free)
         if floats:

@@ -13,7 +13,6 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
 from excite.identification.streamed_rows import BLOCK, Rows, StreamedRows, joined_rows, widened
 from regressors.errors import InputError
@@ -85,11 +84,6 @@ class Observations:
             It is too large to be held, see `StreamedRows.whole`.
         """
         return self.W.whole() if isinstance(self.W, StreamedRows) else self.W
-
-    @property
-    def measured(self) -> NDArray[np.bool_]:
-        """Rows of equations with a measured side, shape (m,); that of a base that nothing touches is zero."""
-        return np.asarray(np.bincount(self.group, self.y**2)[self.group] > 0)
 
     def beside(self, columns: Array, names: Sequence[str], unit: str = "1") -> Observations:
         """The same observations with further parameters, whose columns have the shape (m, k)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +32,7 @@ from regressors.robot.friction.load_and_temperature import (
     moving_drive_numbers,
     temperature_notes,
 )
+from regressors.robot.moving_base import BASE_JOINTS
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -173,10 +174,17 @@ def relative_error(measured: Array, predicted: Array) -> float:
     return float(np.linalg.norm(measured - predicted)) / size if size > 0 else np.inf
 
 
+def with_measured_side(equations: Sequence[tuple[str, str]], size: Array) -> NDArray[np.bool_]:
+    """Which equations errors are over, shape (r,), by the size of their measured sides: not those of a free base."""
+    of_base = np.array([name in BASE_JOINTS for name, _ in equations])  # size (r,)
+    return ~of_base | np.any(size[of_base] > 0)
+
+
 def fit_error(observations: Observations, estimate: Estimate) -> float:
-    """Relative error over all equations that have a measured side."""
-    rows = observations.measured
-    return relative_error(observations.y[rows], estimate.predicted(observations)[rows])
+    """Relative error over all equations but those of a base that nothing touches, which have no measured side."""
+    y, equation, names = observations.y, observations.equation, observations.equations
+    rows = with_measured_side(names, np.asarray(np.bincount(equation, y**2, len(names)), dtype=float))[equation]
+    return relative_error(y[rows], estimate.predicted(observations)[rows])
 
 
 def instantaneous_target(robot: Robot, task: Task, recipe: Recipe) -> IdentificationTarget:

@@ -14,6 +14,7 @@ from matplotlib.patches import Patch
 
 from excite.identification.estimator import Estimate
 from excite.identification.identification import Identification
+from excite.identification.prediction import with_measured_side
 from excite.identification.result import ReferenceValues
 from excite.study.time_study import TimeStudy
 from excite.views.panels import Panel, Timeline, alike, fit_panels, head, legend_below, panels, value_axis
@@ -138,8 +139,9 @@ _ALIKE = 0.01  # relative; logs whose sample times differ by less share an axis 
 def torques_figure(result: Identification) -> Figure:
     """Draw measured and predicted values of the equations over time."""
     c = result.curves
-    sized = np.bincount(c.equation, c.measured**2)[c.equation] > 0  # not those of a base that nothing touches
-    error = relative_error(c.measured[sized], c.predicted[sized])
+    size = np.asarray(np.bincount(c.equation, c.measured**2, len(result.equations)), dtype=float)
+    judged = with_measured_side(result.equations, size)[c.equation]
+    error = relative_error(c.measured[judged], c.predicted[judged])
     title = f"{result.robot.name}: measured and predicted, relative error {error} over all equations"
     of_equation = (c.equation == j for j in range(len(result.equations)))
     rows = [(c.time[own], c.log[own], c.measured[own], c.predicted[own]) for own in of_equation]

@@ -18,6 +18,7 @@ import excite
 from excite.identification.estimators.least_squares import weighted
 from excite.identification.identification import Identification
 from excite.identification.observations import Observations
+from excite.identification.prediction import with_measured_side
 from excite.information.prior import prior_of
 from excite.logs.base_motion import measured_equations
 from excite.logs.log import Log
@@ -148,7 +149,9 @@ def test_equations_without_a_measured_side_do_not_shrink_parameters() -> None:
     time = np.arange(4000.0) // 2
     rows = Observations(W, y, names, ("1",) * 3, np.where(joint, 0, 1), equations, one, ("log",), time)
     np.testing.assert_allclose(weighted(rows).values, truth, rtol=0.02)
-    np.testing.assert_array_equal(rows.measured, joint)
+    free = with_measured_side((("base_x", "N"), ("joint", "Nm"), ("dead", "Nm")), np.array([0.0, 1.0, 0.0]))
+    assert free.tolist() == [False, True, True]
+    assert with_measured_side((("base_x", "N"), ("base_y", "N")), np.array([0.0, 1.0])).all()
 
 
 @pytest.mark.slow
