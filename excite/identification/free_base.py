@@ -26,11 +26,13 @@ _WITHIN = 0.97  # of the parameters
 
 
 def low_passed(chosen: Chosen) -> Chosen:
-    """Settings with a low-pass of both sides, where none is given."""
+    """Settings with a low-pass of both sides, where none is given; a note says so."""
     cutoff, low_pass = chosen.recipe.cutoff, chosen.recipe.low_pass
     if cutoff is None or low_pass is not None or chosen.recipe.every is not None:
         return chosen
-    return replace(chosen, recipe=replace(chosen.recipe, low_pass=_LOWER * cutoff))
+    low_pass = _LOWER * cutoff
+    note = f"both sides of the equations are low-passed at {low_pass:.3g} Hz, against noise of the base's motion"
+    return replace(chosen, recipe=replace(chosen.recipe, low_pass=low_pass), notes=(*chosen.notes, note))
 
 
 def why_not(whole: Identification, joints: Identification) -> str:

@@ -31,7 +31,7 @@ from excite.identification.result import check_played, played_design, provenance
 from excite.identification.spoilt_log import SPOILT
 from excite.identification.streamed_rows import HELD
 from excite.identification.symmetry import symmetry_of
-from excite.information.target import friction_of_moving
+from excite.information.target import friction_of_moving, model_of
 from excite.logs.base_motion import measured_equations
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping, read_mapping
@@ -172,16 +172,16 @@ def identify(
         free -= TERM_SETTINGS
     announce("the identification", identification_seconds(read, chosen=bool(free)))
 
+    if equations != asked:
+        _check_instants(robot, task)
     with _refusals_explained(robot, task, read, recipe, curves):
         target = instantaneous_target(robot, task, recipe)
         read = [with_external_forces(robot, target, log, recipe) for log in read]
         chosen = choose_settings(robot, task, read, recipe, free, friction=curves, progress=progress)
         known = {"commanded": commanded, "friction": curves, "progress": progress}
         floats = asked is None and layout is not None and layout.base is not None and layout.base.free
-        chosen = low_passed(chosen) if floats else chosen
-        chosen, result = _estimated(robot, chosen, read, known, may_fall_back="estimator" in free)
-        if floats:
-            chosen, result = _with_base_equations(robot, chosen, result, read, known)
+        estimated = _estimated_on_free_base if floats else _estimated
+        chosen, result = estimated(robot, chosen, read, known, may_fall_back="estimator" in free)
         if calibrate and known_mass is not None:
             with_load = read_logs(loaded, robot, mapping, tuple(drop), progress)
             result = calibrated(result, read, with_load, known_mass, gains, commanded=commanded)
@@ -244,12 +244,13 @@ def _estimated(
     return chosen, estimate_parameters(robot, chosen.task, logs, recipe, **known, found=found)
 
 
-def _with_base_equations(
-    robot: Robot, chosen: Chosen, joints: Identification, logs: Sequence[Log], known: dict[str, Any]
+def _estimated_on_free_base(
+    robot: Robot, chosen: Chosen, logs: Sequence[Log], known: dict[str, Any], *, may_fall_back: bool
 ) -> tuple[Chosen, Identification]:
-    """The estimate with the equations of a base that nothing touches, where they can be used, and why."""
+    """The estimate by the equations of the joints, and by those of a base that nothing touches where they add to it."""
+    chosen, joints = _estimated(robot, low_passed(chosen), logs, known, may_fall_back=may_fall_back)
     both = replace(chosen, task=chosen.task.changed(equations=None))
-    whole, result = _estimated(robot, both, logs, known, may_fall_back=True)
+    whole, result = _estimated(robot, both, logs, known, may_fall_back=may_fall_back)
     if reason := why_not(result, joints):
         note = f"the equations of the base are left out, and its parameters stay hidden: {reason}"
         return replace(chosen, notes=(*chosen.notes, note)), joints
@@ -332,6 +333,15 @@ def _on_moving_base(
     if isinstance(model.robot, Robot):
         return model.changed(robot=moving.applied(model.robot))
     return model.changed(moving_base=True)
+
+
+def _check_instants(robot: Robot, task: Task) -> None:
+    """Refuse windows on a moving base whose wrench is not measured: they hold the work of all that acts."""
+    if model_of(moving_robot(robot, task), task).window is not None:
+        raise InputError(
+            "windows hold the work of all that acts on the robot, and no wrench on its moving base is measured; leave "
+            "out `model`, or give `wrench` in `base`"
+        )
 
 
 def check_design(robot: Robot, design: Design) -> None:

@@ -96,6 +96,9 @@ def test_without_torques_the_wrench_on_the_base_shows_the_bodies() -> None:
     result = excite.identify(robot(), log, mapping=mapping(log, torques=False), **GIVEN)
     assert [name for name, _ in result.target.model.row_labels] == list(BASE_JOINTS)
     assert abs(result.coefficients[0] / 1.686413 - 1) < 1e-3
+    for given in ({"wrench": False}, {"free": True}):
+        with pytest.raises(InputError, match="windows hold the work of all that acts on the robot, and no wrench"):
+            excite.identify(robot(), log, mapping=mapping(log, **given), model="energy", choose=False)
     with pytest.raises(InputError, match="neither torques of the joints nor a wrench on the base"):
         excite.identify(robot(), log, mapping=mapping(log, wrench=False, torques=False))
 
@@ -121,6 +124,7 @@ def test_a_quadruped_that_falls_shows_its_base_by_equations_without_a_measured_s
     assert result.training_error is not None
     assert result.training_error < 0.03  # over the equations of the joints, which have another side
     assert "the equations of the base are used, since nothing touches the robot" in result.estimate.notes
+    assert any(note.startswith("both sides of the equations are low-passed at") for note in result.estimate.notes)
     assert not any("stands still" in note for note in result.estimate.notes)
     judged = excite.verify(result, other, mapping=mapping(other, free=True))
     assert judged.verdict.holds
