@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from excite.identification.choices.left_out import least_squares_of_products
+from excite.identification.choices.left_out import least_squares_of_products, weighted_sum
 from excite.identification.equations import (
     DirectedFriction,
     friction_drives,
@@ -145,7 +145,7 @@ def _misfit(factors: Sequence[Array], y: Array) -> float:
     """Mean over the equations of the logarithm of the residuals' size, after a fit weighted by these sizes."""
     sizes, products = np.ones(len(factors)), np.array([R.T @ R for R in factors])
     for _ in range(4):
-        beta = least_squares_of_products(products, sizes**-2)
+        beta = least_squares_of_products(weighted_sum(products, sizes**-2))
         sizes = np.array([np.linalg.norm(R[:, -1] - R[:, :-1] @ beta) for R in factors]) / np.sqrt(len(y))
         sizes = np.maximum(sizes, 1e-9 * np.sqrt(np.mean(y**2)))
     return float(np.mean(np.log(sizes)))

@@ -18,6 +18,7 @@ from excite.identification.choices.left_out import (
     candidates_of,
     least_squares_of_products,
     left_out,
+    weighted_sum,
 )
 from excite.identification.choices.scoring import (
     WITHIN,
@@ -299,7 +300,7 @@ def _factors(scoring: Scoring, statistics: BlockStatistics, errors: LeftOut, cou
 
 def _told_apart(statistics: BlockStatistics, weights: Array, count: int) -> Array:
     """Share of each of the last columns that all others leave, shape (count,)."""
-    both = np.tensordot(weights, statistics.total, axes=1)[:-1, :-1]
+    both = weighted_sum(statistics.total, weights)[:-1, :-1]
     length = np.sqrt(np.diag(both))
     length = np.where(length > 0.0, length, 1.0)
     both = both / np.outer(length, length)
@@ -326,7 +327,7 @@ def choose_bias(scoring: Scoring, recipe: Recipe) -> tuple[Recipe, Choice]:
         reason = "no bias is subtracted, since the motion hardly tells it from the bodies: tare the sensor"
         return recipe, Choice("bias", "none", candidates_of({"none": none}), reason)
     fitted, bias = left_out(few), np.zeros(len(EQUATIONS))
-    bias[shown] = least_squares_of_products(few.total, fitted.weights)[-shown.size :]
+    bias[shown] = least_squares_of_products(weighted_sum(few.total, fitted.weights))[-shown.size :]
     values = tuple(float(f"{b:.6g}") for b in bias)
     hidden = listed_names([EQUATIONS[k] for k in used if k not in shown])
     reason = (

@@ -138,7 +138,8 @@ _SMALLEST = 1e-8  # squared size of an equation that counts, of that of the larg
 _RIDGE = 1e-9  # of a column's length: what the other blocks do not determine stays small
 _ROUNDS = 3
 
-Estimate = Callable[[Array, Array], Array]
+# parameters (..., p) from weighted sums of `[W y]' [W y]`, shape (..., p + 1, p + 1)
+Estimate = Callable[[Array], Array]
 Value = TypeVar("Value")
 
 
@@ -204,7 +205,7 @@ def left_out(
     *,
     judged: BlockStatistics | None = None,
 ) -> LeftOut:
-    """Predict every block from the others."""  # estimate (p,); weights (r,)
+    """Predict every block from the others, estimated by least squares if not otherwise."""  # weights (r,)
     judged = statistics if judged is None else judged
     measured = judged.total[:, -1, -1]
     sizes = np.maximum(measured, _SMALLEST * (measured.max() or 1.0))
@@ -212,7 +213,7 @@ def left_out(
     weights = statistics.counts.sum() / sizes if weights is None else weights
     for _ in range(_ROUNDS):
         x = np.ones((statistics.counts.size, judged.products.shape[-1]))
-        x[:, :-1] = -_estimates(statistics, estimate, weights)
+        x[:, :-1] = -_estimates(statistics, weights, estimate)
         squares = ((judged.products @ x[:, None, :, None])[..., 0] @ x[:, :, None])[..., 0]
         result = LeftOut(np.maximum(squares, 0.0) + floor, int(statistics.counts.sum()), sizes)
         if np.all(np.abs(np.log(result.weights / weights)) < 0.1):
@@ -226,29 +227,26 @@ _DOUBT = 0.05  # probability of calling one parameter different that is not
 
 def differ(one: BlockStatistics, other: BlockStatistics, weights: Array) -> bool:
     """Whether two sets of rows estimate half of the parameters clearly differently, by the scatter over the blocks."""
-    change = _estimates(other, None, weights) - _estimates(one, None, weights)  # without one block after the other
-    found = least_squares_of_products(other.total, weights) - least_squares_of_products(one.total, weights)
+    change = _estimates(other, weights) - _estimates(one, weights)  # without one block after the other
+    found = np.subtract(*(least_squares_of_products(weighted_sum(each.total, weights)) for each in (other, one)))
     deviation = np.array([jackknife(column) for column in change.T])
     most = scipy.special.stdtrit(len(change) - 1, 1 - _DOUBT / 2)
     return bool(np.count_nonzero(np.abs(found) > most * deviation) > found.size / 2)
 
 
-def least_squares_of_products(products: Array, weights: Array, prior: Array | float = 0.0) -> Array:
-    """Weighted least squares from sums of products, beside those of prior knowledge."""
-    # products (r, p + 1, p + 1); weights (r,); prior (p + 1, p + 1)
-    return _solutions(np.tensordot(weights, products, axes=1) + prior)
-
-
-def _estimates(statistics: BlockStatistics, estimate: Estimate | None, weights: Array) -> Array:
+def _estimates(statistics: BlockStatistics, weights: Array, estimate: Estimate | None = None) -> Array:
     """Estimates without one block after the other, shape (B, p)."""
-    if estimate is not None:
-        return np.array([estimate(statistics.total - products, weights) for products in statistics.products])
-    B, r, width, _ = statistics.products.shape
-    weighted = (weights @ statistics.products.reshape(B, r, -1)).reshape(B, width, width)
-    return _solutions(weighted.sum(axis=0) - weighted)
+    weighted = weighted_sum(statistics.products, weights)
+    return (estimate or least_squares_of_products)(weighted.sum(axis=0) - weighted)
 
 
-def _solutions(both: Array) -> Array:
+def weighted_sum(products: Array, weights: Array) -> Array:
+    """Sum over the equations, shape (..., p + 1, p + 1)."""  # products (..., r, p + 1, p + 1); weights (r,)
+    *blocks, r, width, _ = products.shape
+    return np.asarray((weights @ products.reshape(*blocks, r, -1)).reshape(*blocks, width, width))
+
+
+def least_squares_of_products(both: Array) -> Array:
     """Least squares from each ``[W y]' [W y]``, shape (..., p + 1, p + 1)."""
     length = np.sqrt(np.maximum(np.diagonal(both, axis1=-2, axis2=-1)[..., :-1], 0.0))
     length = np.where(length > 0, length, 1.0)

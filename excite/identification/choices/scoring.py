@@ -20,6 +20,7 @@ from excite.identification.choices.left_out import (
     least_squares_of_products,
     left_out,
     time_blocks,
+    weighted_sum,
 )
 from excite.identification.equations import DirectedFriction, drive_directions, friction_drives, nearest
 from excite.identification.estimators.physical import possible_fit
@@ -77,7 +78,7 @@ class Scoring:
 
     def fitted(self, statistics: BlockStatistics, weights: Array) -> Array:
         """The estimate from all blocks, shape (p,)."""
-        return (self.estimate or least_squares_of_products)(statistics.total, weights)
+        return (self.estimate or least_squares_of_products)(weighted_sum(statistics.total, weights))
 
     def with_target(self, target: IdentificationTarget, recipe: Recipe) -> Scoring:
         """Score in the columns of another target, with the described bodies if these were needed before."""
@@ -129,10 +130,10 @@ def pulled_least_squares(
     prior[known, -1] = prior[-1, known] = information @ center[known]
     places = [*range(len(columns)), -1]  # further columns, of which nothing is known, stand before the last
 
-    def estimate(products: Array, weights: Array) -> Array:
-        beside = np.zeros(products.shape[1:])
+    def estimate(both: Array) -> Array:
+        beside = np.zeros(both.shape[-2:])
         beside[np.ix_(places, places)] = prior
-        return least_squares_of_products(products, weights, beside)
+        return least_squares_of_products(both + beside)
 
     return estimate
 
@@ -158,7 +159,7 @@ def choose_bodies(
     chosen = next(deviation for deviation in held if not best.is_better(held[deviation], _WORTH))
     listed = candidates_of({"weighted": free, **{_words(deviation): errors for deviation, errors in held.items()}})
     try:
-        _possible_fit(target, statistics.total, held[chosen].weights, described, chosen)
+        _possible_fit(target, weighted_sum(statistics.total, held[chosen].weights), described, chosen)
     except ConicSolverError:
         reason = "bodies are not held physically possible: the conic solver found none"
         return recipe, Choice("estimator", "weighted", listed, reason)
@@ -191,30 +192,26 @@ def possible_estimate_of_products(
 ) -> Estimate:
     """Estimate by physically possible bodies from sums of products; by least squares where the solver finds none."""
 
-    def estimate(products: Array, weights: Array) -> Array:
+    def estimate(both: Array) -> Array:
+        if both.ndim > 2:
+            return np.array([estimate(one) for one in both])
         try:
-            return _possible_fit(target, products, weights, described, deviation)
+            return _possible_fit(target, both, described, deviation)
         except ConicSolverError:
-            return least_squares_of_products(products, weights)
+            return least_squares_of_products(both)
 
     return estimate
 
 
 def _possible_fit(
-    target: IdentificationTarget,
-    products: Array,
-    weights: Array,
-    described: Mapping[str, float],
-    deviation: float | None,
+    target: IdentificationTarget, both: Array, described: Mapping[str, float], deviation: float | None
 ) -> Array:
     pull = None if deviation is None else near_described(target.model, described, deviation)
-    factor = factor_of_products(products, weights)
-    return possible_fit(factor, target.model, target.base, pull=pull, reference=described)
+    return possible_fit(factor_of_products(both), target.model, target.base, pull=pull, reference=described)
 
 
-def factor_of_products(products: Array, weights: Array) -> Array:
-    """F of the weighted sum of ``[W y]' [W y] = F' F``, shape (p + 1, p + 1)."""
-    both = np.tensordot(weights, products, axes=1)  # products (r, p + 1, p + 1); weights (r,)
+def factor_of_products(both: Array) -> Array:
+    """F of ``[W y]' [W y] = F' F``, shape (p + 1, p + 1)."""
     length = np.sqrt(np.diag(both))
     length = np.where(length > 0, length, 1.0)
     values, vectors = np.linalg.eigh(both / np.outer(length, length))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -32,13 +32,15 @@ LEAST_GAIN = 0.002  # of the score
 Residuals = Callable[[float], list[Array]]  # of each equation under a delay, (N,)
 
 
-def choose_delay(scored: Scored, residuals: Residuals, step: float, near: float | None = None) -> tuple[float, Choice]:
+def choose_delay(
+    scored: Scored, residuals: Callable[[Array, float], list[Array]], step: float, near: float | None = None
+) -> tuple[float, Choice]:
     """Delay of the torques after the motion; zero where its interval holds zero, or it predicts no better than none.
 
     Both neighbours are tried at distances that are halved, from 10 ms to a hundredth of a sample: by left-out errors,
     and below half a sample by `DelayLikelihood`, for a single reversal of friction that lies in the wrong row moves the
     errors' minimum. The delay is the mean by that likelihood; the interval holds delays that are as likely.
-    """
+    """  # residuals of each equation with the weights of all, (r,), and a delay
     tried: dict[float, LeftOut] = {}
 
     def score(delay: float) -> float:
@@ -49,7 +51,8 @@ def choose_delay(scored: Scored, residuals: Residuals, step: float, near: float 
         return tried[delay].score
 
     score(near := _descent(score, 0.0, _GRID, step / 2) if near is None else near)
-    best, (low, high) = DelayLikelihood.of(residuals(near), tried[near]).found(residuals, near, step / 2, step)
+    weighted = partial(residuals, tried[near].weights)
+    best, (low, high) = DelayLikelihood.of(weighted(near), tried[near]).found(weighted, near, step / 2, step)
     gain = score(0.0) - score(best)
     listed = candidates_of(dict(sorted(tried.items())))
     inside = abs(best) <= LONGEST + _BEYOND / 2
@@ -144,17 +147,19 @@ def delay_of(
         recipes = (along.at(delay), *(() if delay else undelayed))
         return min((scoring.of(scoring.statistics(one, parts, delay)) for one in recipes), key=lambda one: one.score)
 
-    def residuals(delay: float) -> list[Array]:
-        return _residuals(scoring, along.at(delay), parts, delay)
+    def residuals(weights: Array, delay: float) -> list[Array]:
+        return _residuals(scoring, along.at(delay), parts, delay, weights)
 
     return choose_delay(scored, residuals, min(1 / part.log.rate for part in parts), *along.delays.tolist())
 
 
-def _residuals(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], delay: Delays) -> list[Array]:
-    """Residuals of each equation under a delay, after the estimate with it."""
+def _residuals(
+    scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], delay: Delays, weights: Array
+) -> list[Array]:
+    """Residuals of each equation under a delay, after the estimate with it."""  # weights (r,)
     equations = scoring.trial.equations(scoring.target, parts, recipe, delay)
     statistics = scoring.trial.statistics_of(equations, scoring.target.base.rank)
-    beta = scoring.fitted(statistics, scoring.of(statistics).weights)
+    beta = scoring.fitted(statistics, weights)
     masks = scoring.trial.rows or [np.ones(y.shape, dtype=bool) for _, y in equations]
     predicted = [np.column_stack([beta[place] @ entries for place, entries in W]) for W, _ in equations]
     e = np.concatenate([y - p for (_, y), p in zip(equations, predicted, strict=True)])
@@ -228,9 +233,10 @@ class DelayFit:
         most, limit = (np.repeat([delay / step, size], [k, m]) for delay, size in (_FARTHEST, (LONGEST, _RANGE)))
 
         def residuals(x: Array) -> list[Array]:
-            return _residuals(scoring, _resized(recipe, x[k:]), parts, step * np.tensordot(x[:k], groups, 1))
+            late = step * np.tensordot(x[:k], groups, 1)
+            return _residuals(scoring, _resized(recipe, x[k:]), parts, late, errors.weights)
 
-        errors = scoring.of(scoring.statistics(recipe, parts))
+        errors = scoring.of(scoring.statistics(recipe, parts, step * np.tensordot(x[:k], groups, 1)))
         for _ in range(_ROUNDS):
             own, *ahead = (residuals(y) for y in (x, *(x + np.diag(difference))))
             likelihood = DelayLikelihood.of(own, errors)
@@ -304,7 +310,10 @@ def _with_delays_of_each(
         start, coarse = _coarse_delays(scoring, recipe, parts, groups, common)
         if errors.score - coarse.score < _EACH_WORTH:
             continue
-        one, each = (_residuals(scoring, recipe, parts, late) for late in (common, np.tensordot(start, groups, 1)))
+        one, each = (
+            _residuals(scoring, recipe, parts, late, coarse.weights)
+            for late in (common, np.tensordot(start, groups, 1))
+        )
         likelihood = DelayLikelihood.of(each, coarse)
         if likelihood.misfit_of(one) - likelihood.misfit_of(each) < len(names) * likelihood.margin:
             continue
@@ -347,16 +356,20 @@ def _coarse_delays(
     """The best delay of each group in turn, beside one of all, by left-out errors."""
     grid = {delay: scoring.statistics(recipe, parts, delay) for delay in (common + _OFFSETS).tolist()}
     blocks = [np.unique(block[block >= 0]).size for block in scoring.trial.blocks]
-    late, mixed = np.full(len(groups), common), grid[common]
+    rows = np.repeat(groups, blocks, axis=1) > 0  # (k, B, r)
+
+    @cache
+    def errors(*late: float) -> LeftOut:
+        products = grid[common].products.copy()
+        for own, delay in zip(rows, late, strict=True):
+            products[own] = grid[delay].products[own]
+        return scoring.of(replace(grid[common], products=products))
+
+    late = (common,) * len(groups)
     for _ in range(_SWEEPS):
-        for g, rows in enumerate(np.repeat(groups, blocks, axis=1)):
-            tried = {
-                delay: replace(mixed, products=np.where(rows[..., None, None] > 0, one.products, mixed.products))
-                for delay, one in grid.items()
-            }
-            late[g] = min(tried, key=lambda delay: scoring.of(tried[delay]).score)
-            mixed = tried[late[g]]
-    return late, scoring.of(mixed)
+        for g in range(len(groups)):
+            late = min(((*late[:g], delay, *late[g + 1 :]) for delay in grid), key=lambda tried: errors(*tried).score)
+    return np.array(late), errors(*late)
 
 
 _SWEEPS = 2
@@ -373,10 +386,13 @@ def _delays_in_turn(
             def others(delay: float, g: int = g) -> Array:
                 return np.tensordot(np.where(np.arange(len(late)) == g, delay, late), groups, 1)
 
-            def residuals(delay: float, others: Callable[[float], Array] = others) -> list[Array]:
-                return _residuals(scoring, recipe, parts, others(delay))
-
             errors = scoring.of(scoring.statistics(recipe, parts, others(late[g])))
+
+            def residuals(
+                delay: float, others: Callable[[float], Array] = others, weights: Array = errors.weights
+            ) -> list[Array]:
+                return _residuals(scoring, recipe, parts, others(delay), weights)
+
             likelihood = DelayLikelihood.of(residuals(late[g]), errors)
             late[g], ends[g] = likelihood.found(residuals, late[g], _GRID / 2, step)
     return DelayFit(recipe, late, ends)

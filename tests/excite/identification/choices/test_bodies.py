@@ -11,7 +11,7 @@ from observed import statistics_of
 
 from excite.errors import ConicSolverError
 from excite.identification.choices import scoring
-from excite.identification.choices.left_out import BlockStatistics, least_squares_of_products, left_out
+from excite.identification.choices.left_out import BlockStatistics, least_squares_of_products, left_out, weighted_sum
 from excite.identification.choices.scoring import (
     DEVIATIONS,
     best_pulled,
@@ -73,7 +73,8 @@ def statistics(count: int, noise: float, seed: int = 0, scale: float = 1.0, size
 def test_a_factor_has_the_same_normal_equations(dependent: bool) -> None:
     products = statistics(8 if dependent else 60, 0.1).total
     weights = np.array([1.0, 0.1, 5.0])
-    factor, both = factor_of_products(products, weights), np.tensordot(weights, products, axes=1)
+    both = np.tensordot(weights, products, axes=1)
+    factor = factor_of_products(both)
     np.testing.assert_allclose(factor.T @ factor, both, atol=1e-10 * np.abs(both).max())
 
 
@@ -81,10 +82,11 @@ def test_parameters_that_the_data_does_not_depend_on_change_no_others(monkeypatc
     few, weights = statistics(20, 0.5), np.array([3.0, 0.5, 2.0])
     kept = [k for k, index in enumerate(target().base.index) if target().model.columns[index].kind != COULOMB]
     assert len(kept) < target().base.rank
-    products, fit = few.of_columns(kept).total, possible_estimate_of_products(of_base_columns(target(), kept), {}, None)
-    found = fit(products, weights)
+    both = weighted_sum(few.of_columns(kept).total, weights)
+    fit = possible_estimate_of_products(of_base_columns(target(), kept), {}, None)
+    found = fit(both)
     monkeypatch.setattr(physical, "_needed", lambda standard: np.full(standard.S.shape[1], True))
-    np.testing.assert_allclose(found, fit(products, weights), atol=1e-6 * np.abs(found).max())
+    np.testing.assert_allclose(found, fit(both), atol=1e-6 * np.abs(found).max())
 
 
 # ---------------------------------------------------------------- prior knowledge
@@ -95,7 +97,7 @@ def test_pulled_least_squares_is_the_posterior_mean(within: float) -> None:
     """With ``beta_known ~ N(A theta0, A D^2 A')``, and nothing known of the other parameters."""
     few, weights = statistics(40, 0.3), np.array([3.0, 0.5, 2.0])
     every = range(target().base.rank)
-    found = pulled_least_squares(target(), described(), within, every)(few.total, weights)
+    found = pulled_least_squares(target(), described(), within, every)(weighted_sum(few.total, weights))
     definition, names = target().model.definition()
     A = target().base.D @ definition
     pull = near_described(target().model, described(), within)
@@ -115,9 +117,9 @@ def test_the_best_deviation_is_taken_and_none_without_described_bodies() -> None
     few, every = statistics(12, 0.3), range(target().base.rank)
     scores = [left_out(few, pulled_least_squares(target(), described(), d, every)).score for d in (10.0, 3.0, 1.0)]
     assert left_out(few, best_pulled(target(), described(), few)).score == min(scores)
-    many, weights = statistics(60, 0.3), np.ones(3)
-    found = pulled_least_squares(target(), {}, 1.0, every)(many.total, weights)
-    np.testing.assert_allclose(found, least_squares_of_products(many.total, weights))
+    both = weighted_sum(statistics(60, 0.3).total, np.ones(3))
+    found = pulled_least_squares(target(), {}, 1.0, every)(both)
+    np.testing.assert_allclose(found, least_squares_of_products(both))
     assert (deviations_to_try(target(), {}), deviations_to_try(target(), described())) == ((None,), DEVIATIONS)
 
 

@@ -28,11 +28,12 @@ def last_weights(statistics: BlockStatistics) -> tuple[LeftOut, Array]:
     """Left-out errors, and the weights of the estimates that they are of."""
     used: list[Array] = []
 
-    def estimate(products: Array, weights: Array) -> Array:
-        used.append(weights)
-        return least_squares_of_products(products, weights)
+    def estimate(both: Array) -> Array:
+        used.append(both[:, -1, -1])
+        return least_squares_of_products(both)
 
-    return left_out(statistics, estimate), used[-1]
+    errors, measured = left_out(statistics, estimate), (statistics.total - statistics.products)[:, :, -1, -1]
+    return errors, np.linalg.lstsq(measured, used[-1])[0]
 
 
 def test_squares_are_those_of_least_squares_on_the_rows_of_the_other_blocks() -> None:
@@ -192,7 +193,7 @@ def test_neither_noise_nor_what_is_too_small_to_matter_needs_columns() -> None:
     assert (groups, len(steps), [c.value for c in listed]) == ([], 1, ["none"])
 
 
-@pytest.mark.parametrize(("guess", "tried"), [(None, 2), (lambda p, _: np.zeros(p.shape[-1] - 1), 8)])
+@pytest.mark.parametrize(("guess", "tried"), [(None, 2), (lambda both: np.zeros(both.shape[-1] - 1), 8)])
 def test_a_quick_estimate_orders_and_a_careful_one_decides(guess: Estimate | None, tried: int) -> None:
     """Of twelve groups the two that are the same are tried; eight where guesses tell nothing, and are seen to."""
     statistics = equations(0, (("a", 1),))
@@ -211,7 +212,7 @@ def test_a_quick_estimate_orders_and_a_careful_one_decides(guess: Estimate | Non
     assert quick[:13] == [3] + 12 * [4]
     assert (careful[0], careful.count(4)) == (3, tried)
     assert len(listed) >= 9  # those too that were only guessed
-    gains_nothing = choose_columns(statistics, ALWAYS, OPTIONAL, lambda columns: lambda *_: np.zeros(len(columns)))
+    gains_nothing = choose_columns(statistics, ALWAYS, OPTIONAL, lambda columns: lambda _: np.zeros(len(columns)))
     assert gains_nothing[0] == []
 
 

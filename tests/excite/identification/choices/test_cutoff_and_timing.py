@@ -129,7 +129,7 @@ def delayed_by(delay: float, noise: float, seed: int):
     def scored(tried: float) -> LeftOut:
         return left_out(statistics_of(columns(TIME - tried), torque, *blocks))
 
-    def residuals(tried: float) -> list[np.ndarray]:
+    def residuals(_: np.ndarray, tried: float) -> list[np.ndarray]:
         W = columns(TIME - tried)
         fit = np.linalg.lstsq(W.reshape(-1, 3), torque.ravel(), rcond=None)[0]
         return list((torque - W @ fit).T)
@@ -164,8 +164,8 @@ def test_a_row_on_the_wrong_side_of_a_reversal_moves_no_delay() -> None:
     scored, residuals = delayed_by(0.0, 0.1, 1)
     reversal = np.arange(TIME.size) == 400
 
-    def with_reversal(tried: float) -> list[np.ndarray]:
-        return [row + 10.0 * reversal * (abs(tried - 0.003) > 0.001) for row in residuals(tried)]
+    def with_reversal(weights: np.ndarray, tried: float) -> list[np.ndarray]:
+        return [row + 10.0 * reversal * (abs(tried - 0.003) > 0.001) for row in residuals(weights, tried)]
 
     found, choice = choose_delay(scored, with_reversal, 0.008)
     low, high = choice.interval
