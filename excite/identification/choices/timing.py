@@ -91,7 +91,7 @@ class DelayLikelihood:
 
     sizes: Array  # (r,) deviation of the residuals
     weights: Array  # (r,) share of the residuals that is independent
-    margin: float  # between logarithms in the interval; one row may be on the wrong side
+    independent: float  # of all residuals
 
     @classmethod
     def of(cls, own: list[Array], errors: LeftOut) -> DelayLikelihood:
@@ -99,9 +99,13 @@ class DelayLikelihood:
         least = NEGLIGIBLE * np.sqrt(errors.sizes / errors.instants)
         independent = np.array([effective_samples(autocorrelation(e), e.size) for e in own])
         weights = independent / [e.size for e in own]
-        margin = float(scipy.special.fdtri(1, independent.sum(), 1 - _LEVEL) / 2 + _MOST * weights.max())
         sizes = np.maximum([_NORMAL * np.median(np.abs(e)) for e in own], least)
-        return cls(sizes, weights, margin)
+        return cls(sizes, weights, float(independent.sum()))
+
+    def margin(self, count: int = 1) -> float:
+        """Of the logarithm, about the best of some delays; one row may be on the wrong side."""
+        spread = count * scipy.special.fdtri(count, self.independent, 1 - _LEVEL) / 2
+        return float(spread + _MOST * self.weights.max())
 
     def misfit_of(self, own: list[Array]) -> float:
         """Minus the logarithm: Tukey's bisquare, which is half the square of small deviations."""
@@ -128,7 +132,7 @@ class DelayLikelihood:
 
     def edge(self, misfit: Callable[[float], float], best: float, side: float, step: float) -> float:
         """End of the interval on one side of the best."""
-        inner, outer, most = 0.0, step / 4, misfit(best) + self.margin
+        inner, outer, most = 0.0, step / 4, misfit(best) + self.margin()
         while misfit(round(best + side * outer, 9)) <= most and outer < LONGEST:
             inner, outer = outer, 2 * outer
         while outer - inner > _EDGE * outer and outer > _PRECISION * step:
@@ -253,7 +257,7 @@ class DelayFit:
             if change @ H @ change < _SETTLED:
                 break
         delays, variance = step * x[:k], step**2 * np.maximum(np.diag(np.linalg.pinv(H))[:k], 0.0)
-        half = np.sqrt(2 * likelihood.margin * variance) + _TURN * step
+        half = np.sqrt(2 * likelihood.margin() * variance) + _TURN * step
         slope = -np.linalg.solve(H[k:, k:], H[k:, 0]) / step
         return cls(_resized(recipe, x[k:]), delays, np.column_stack([delays - half, delays + half]), slope)
 
@@ -297,55 +301,63 @@ _OFFSETS = 1e-3 * np.array([-40.0, -20.0, -10.0, -5.0, -2.0, 0.0, 2.0, 5.0, 10.0
 def _with_delays_of_each(
     chosen: _Timing, timings: Sequence[_Timing], softened: Callable[[Recipe], Scoring], parts: Sequence[PreparedLog]
 ) -> _Timing:
-    """Delays of single joints, or of single logs, where these predict clearly better than one of all.
+    """Delays of single joints, or of single logs, where these are likelier than one of all, and predict clearly better.
 
-    All kinds of presliding are tried again with them, for one that is wrong can stand for delays that differ.
+    All kinds of presliding are tried again with them, for one that is wrong can stand for delays that differ. The
+    chosen kind is first: the others are tried only where its delays are likelier. Coarse delays decide nothing, since
+    they hardly show beside the presliding that goes with one delay.
     """
     recipe, common = replace(chosen[0], delay=0.0), chosen[2][0].value
     scoring = softened(recipe)
     errors = scoring.of(scoring.statistics(recipe, parts, common))
+
+    def is_likelier(fit: DelayFit, found: LeftOut, groups: Array) -> bool:
+        """Whether further delays raise the likelihood by more than chance does."""
+        late = np.tensordot(fit.delays, groups, 1)
+        each = _residuals(softened(fit.recipe), fit.recipe, parts, late, found.weights)
+        likelihood = DelayLikelihood.of(each, found)
+        one = likelihood.misfit_of(_residuals(scoring, recipe, parts, common, found.weights))
+        return one - likelihood.misfit_of(each) > likelihood.margin(len(groups) - 1)
+
     for names, groups in _groups(scoring, parts).items():
-        if len(names) < 2:
-            continue
-        start, coarse = _coarse_delays(scoring, recipe, parts, groups, common)
-        if errors.score - coarse.score < _EACH_WORTH:
-            continue
-        one, each = (
-            _residuals(scoring, recipe, parts, late, coarse.weights)
-            for late in (common, np.tensordot(start, groups, 1))
-        )
-        likelihood = DelayLikelihood.of(each, coarse)
-        if likelihood.misfit_of(one) - likelihood.misfit_of(each) < len(names) * likelihood.margin:
-            continue
         fits: dict[DelayFit, LeftOut] = {}
-        for own in (replace(one[0], delay=0.0) for one in timings):
+        for own in dict.fromkeys((recipe, *(replace(one[0], delay=0.0) for one in timings))):
             soft = softened(own)
             start, coarse = _coarse_delays(soft, own, parts, groups, common)
-            if coarse.score > errors.score:  # a kind that delays of each do not help
-                continue
-            fit = DelayFit(own) if len(timings) == 1 else DelayFit.where_smooth(soft, own, parts, groups, start)
-            fit = fit if fit.delays.size else _delays_in_turn(soft, fit.recipe, parts, groups, start)
-            shared = fit.with_shared()
-            both = {
-                one: soft.of(soft.statistics(one.recipe, parts, np.tensordot(one.delays, groups, 1)))
-                for one in (shared, fit)
-            }
-            taken = fit if both[shared].score - both[fit].score > _EACH_WORTH else shared
-            fits[taken] = both[taken]
-        best = best_of(fits) if fits else DelayFit(recipe)
-        if fits and fits[best].is_better(errors, _EACH_WORTH, 2.0):
+            if errors.score - coarse.score > (_EACH_WORTH if own == recipe else 0.0):
+                fit, found = _fit_of_each(soft, own, parts, groups, start, smooth=len(timings) > 1)
+                if is_likelier(fit, found, groups):
+                    fits[fit] = found
+            if not fits and own == recipe:
+                break
+        if fits and fits[best := best_of(fits)].is_better(errors, _EACH_WORTH, 2.0):
             choice = best.choice(names, errors, fits[best])
             chosen, errors = (best.applied(names, groups), fits[best], (choice,)), fits[best]
     return chosen
+
+
+def _fit_of_each(
+    scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, start: Array, *, smooth: bool
+) -> tuple[DelayFit, LeftOut]:
+    """Delays of each group with their errors, those of some shared where that predicts as well."""
+    fit = DelayFit.where_smooth(scoring, recipe, parts, groups, start) if smooth else DelayFit(recipe)
+    fit = fit if fit.delays.size else _delays_in_turn(scoring, fit.recipe, parts, groups, start)
+    shared = fit.with_shared()
+    with_shared, with_own = (
+        scoring.of(scoring.statistics(one.recipe, parts, np.tensordot(one.delays, groups, 1))) for one in (shared, fit)
+    )
+    return (fit, with_own) if with_shared.score - with_own.score > _EACH_WORTH else (shared, with_shared)
 
 
 def _groups(scoring: Scoring, parts: Sequence[PreparedLog]) -> dict[tuple[str, ...], Array]:
     """Names of logs, and of joints, and their equations, shape (k, L, r)."""
     r, sources = len(scoring.target.model.row_labels), [part.log.source for part in parts]
     logs = tuple(dict.fromkeys(sources))
-    groups = {logs: np.array([[[source == log] * r for source in sources] for log in logs], dtype=float)}
+    groups = {}
+    if len(logs) > 1:
+        groups[logs] = np.array([[[source == log] * r for source in sources] for log in logs], dtype=float)
     joints, equations = scoring.target.robot.joint_names, scoring.target.model.torque_equations()
-    if scoring.target.motion.complete and equations is not None and r == len(joints):
+    if scoring.target.motion.complete and equations is not None and r == len(joints) > 1:
         groups[joints] = np.repeat(np.eye(r)[:, None], len(parts), axis=1)
     return groups
 

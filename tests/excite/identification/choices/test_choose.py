@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import scipy.signal
 from motions import Sines
 from played import LOAD, curves, irp6, noisy, periodic, played, three_joints
 
@@ -135,17 +136,35 @@ OF_EACH = (1e-3, 5e-3, 2.5e-3)
 )
 def test_presliding_is_not_taken_for_a_delay_nor_a_delay_for_presliding(delay: float, over: Sizes) -> None:
     """Friction that changes its direction over a distance [rad], alike for all drives or not."""
-    log, motion = late(delay), three_joints()
-    acted = Sines(motion.centre, motion.amplitude, motion.frequency, motion.phase - motion.frequency * delay)
-    moved = acted.samples(log.time)
-    samples = Samples(moved.time, *(x[:, :3] for x in (moved.q, moved.dq, moved.ddq, moved.dddq)))
-    effort = measured_regressor(plain().target, samples, over) @ plain().coefficients
-    turning = noisy(replace(log, effort=effort.reshape(-1, 3), sha256=f"presliding {delay} {over}"), 1.0, 0.0, 2)
+    effort, told_apart = turned(delay, over), f"presliding {delay} {over}"
+    turning = noisy(replace(late(delay), effort=effort, sha256=told_apart), 1.0, 0.0, 2)
     result = excite.identify("irp6", turning, choose=("cutoff", "delay"))
     low, high = choice_of(result, "delay").interval
     assert low < delay < high < low + 5e-3
     assert bool(result.recipe.delay) == bool(delay)
     np.testing.assert_allclose(result.recipe.breakaway, over, rtol=0.03)
+
+
+def turned(delay: float, over: Sizes) -> Array:
+    """Late torques whose friction changes its direction over a distance, shape (N, 3)."""
+    motion = three_joints()
+    acted = Sines(motion.centre, motion.amplitude, motion.frequency, motion.phase - motion.frequency * delay)
+    moved = acted.samples(late(0.0).time)
+    samples = Samples(moved.time, *(x[:, :3] for x in (moved.q, moved.dq, moved.ddq, moved.dddq)))
+    return (measured_regressor(plain().target, samples, over) @ plain().coefficients).reshape(-1, 3)
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_late_joint_shows_beside_presliding_and_correlated_noise(seed: int) -> None:
+    """Another presliding goes with each delay, so that coarse delays of joints hardly show at first."""
+    effort = np.column_stack([turned(0.012, 2e-3)[:, 0], turned(0.0, 2e-3)[:, 1:]])
+    white = np.random.default_rng(seed).normal(size=(len(effort) + 200, 3))
+    noise = scipy.signal.lfilter([np.sqrt(0.19)], [1.0, -0.9], white, axis=0)[200:]
+    effort += 0.02 * np.sqrt(np.mean(effort**2, axis=0)) * noise
+    log = noisy(replace(late(0.0), effort=effort, sha256=f"late joint {seed}"), 0.0, 1e-6, 2)
+    choice = choice_of(excite.identify("irp6", log, choose=("cutoff", "delay")), "delay")
+    assert choice.value[1:] == (0.0, 0.0)
+    assert all(low < x < high < low + 5e-3 for x, (low, high) in zip((0.012, 0.0, 0.0), choice.intervals, strict=True))
 
 
 def test_delays_of_single_joints_and_logs_are_found_applied_stated_and_read_back(tmp_path: Path) -> None:
