@@ -97,10 +97,6 @@ class Information:
         """Motion of every joint, from that of the moving coordinates."""
         return joint_trajectory(self._family, x, self._motion)
 
-    def joint_coefficients(self, x: Array) -> Array:
-        """The x of the motion of every joint; for a linear family ``N x + q0``, shape (n, size)."""
-        return self.trajectory(x).x
-
     def evaluate(self, x: Array) -> Evaluation:
         """M of the motion x of the moving coordinates."""
         return self.evaluations([x])[0]
