@@ -23,7 +23,8 @@ import casadi as ca
 import numpy as np
 
 from regressors.models.differential import inertial_torque
-from regressors.models.servo import described_bodies
+from regressors.models.servo import SCALED
+from regressors.robot.plausibility import described_bodies
 from regressors.robot.robot import Robot, finite_ranges
 from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array, Index
@@ -268,7 +269,7 @@ def arm_torques(robot: Robot) -> Callable[[Array, Array, Array], tuple[Array, Ar
 
     The torque without that of the joint's own inertia, ``tau_j - M_jj ddq_j``, and that inertia, each (N, n).
     """
-    theta = described_bodies(robot)
+    theta = described_bodies(robot, SCALED)
     q, dq, ddq = (ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq"))
     tau = inertial_torque(robot, theta, q, dq, ddq)
     own = ca.diag(ca.jacobian(tau, ddq))
