@@ -80,12 +80,11 @@ def designed(made: Formulation) -> dict[str, Any]:
     from excite.design.optimisation import limits_of
     from excite.design.starts import optimise_start
     from excite.registry import instance
-    from excite.trajectories import Trajectory
 
     problem, method = made.problem, instance("solver", "sqp")
     found = [optimise_start(problem, method, SEED, index, None) for index in range(STARTS)]
     best = min(found, key=lambda start: start.value)
-    motion = Trajectory(problem.family, problem.information.joint_coefficients(best.coefficients))
+    motion = problem.information.trajectory(best.coefficients)
     return {
         "x": best.coefficients,
         "cpu_seconds_per_start": sum(start.cpu for start in found) / STARTS,

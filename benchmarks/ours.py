@@ -154,7 +154,7 @@ def setup(wanted: Specification) -> dict[str, float]:
 
 def _plain(made: Formulation, x: Array) -> dict[str, Any]:
     problem = made.problem
-    return problem.family.to_dict(problem.information.joint_coefficients(x))
+    return problem.family.to_dict(problem.information.trajectory(x).x)
 
 
 MODES = {"search": search, "starts": starts, "target": target, "setup": setup}

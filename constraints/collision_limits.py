@@ -185,8 +185,7 @@ def _kept(limit: Clearance, poses: Array, notes: list[str]) -> list[Pair]:
     """Pairs whose distance varies and is allowed in some pose; a note lists pairs left out without being safe."""
     if len(poses) > _FEW and (few := _kept(limit, poses[:_FEW], [])) == list(limit.pairs):
         return few  # more poses would keep them too
-    zero = np.zeros_like(poses)
-    distance = limit.shown(limit.values(Samples(np.zeros(len(poses)), poses, zero, zero, zero)))
+    distance = limit.shown(limit.values(Samples.at_rest(poses)))
     kept = []
     for pair in limit.pairs:
         own, allowed = distance[:, [label == pair.label for label in limit.labels]], pair.clearance

@@ -150,9 +150,7 @@ class _Sides:
         self._scale = np.concatenate([limit.scale for limit in nonlinear])[self._function]
 
     def _still(self, pose: Array) -> Samples:
-        q = self._motion.poses(pose)[None]
-        zero = np.zeros_like(q)
-        return Samples(np.zeros(1), q, zero, zero, zero)
+        return Samples.at_rest(self._motion.poses(pose)[None])
 
     def room(self, pose: Array) -> Array:
         """Relative distance to every bound, shape (bounds,)."""

@@ -142,15 +142,15 @@ def _stationary(piece: Array, length: float) -> Array:
     return np.asarray(inside.real * length)
 
 
-def chebyshev_extrema(values: Array, duration: float) -> Extrema:
-    """Extrema of smooth functions over [0, T] from their values at Chebyshev points.
+def chebyshev_extrema(functions: Callable[[Array], Array], degree: int, duration: float) -> Extrema:
+    """Extrema of k smooth functions over [0, T], whose values at N + 1 instants have the shape (N + 1, k).
 
-    Through N + 1 points ``T/2 (1 - cos(pi k / N))`` passes one polynomial of degree N; the roots of its derivative are
+    Through the points at ``T/2 (1 - cos(pi k / N))`` passes one polynomial of degree N; the roots of its derivative are
     the eigenvalues of a colleague matrix. It equals the function where the Chebyshev coefficients vanish before degree
     N.
-    """  # values (N + 1, k)
-    degree = values.shape[0] - 1
+    """
     angle = np.pi * np.arange(degree + 1) / degree
+    values = functions(np.asarray(0.5 * duration * (1.0 - np.cos(angle))))
     weights = np.full(degree + 1, 2.0 / degree)
     weights[[0, -1]] /= 2
     found, times = [], []
@@ -167,11 +167,6 @@ def chebyshev_extrema(values: Array, duration: float) -> Extrema:
 def _roots(series: Array) -> Array:
     roots = np.asarray(chebyshev.chebroots(series), dtype=complex)
     return np.asarray(np.clip(roots[np.abs(roots.imag) < 1e-6].real, -1.0, 1.0))
-
-
-def chebyshev_points(count: int, duration: float) -> Array:
-    """Points ``T/2 (1 - cos(pi k / N))``, k = 0 ... N = count - 1, from 0 to T [s]."""
-    return np.asarray(0.5 * duration * (1.0 - np.cos(np.pi * np.arange(count) / (count - 1))))
 
 
 def chebyshev_nodes(count: int, start: float, end: float) -> Array:

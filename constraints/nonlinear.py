@@ -158,8 +158,7 @@ class NonlinearConstraint(Constraint):
 
     def at_rest(self, pose: Array) -> Array:
         """Values of g at rest in one pose of shape (n,), shape (k,)."""
-        zero = np.zeros((1, self.joints))
-        return np.asarray(self.values(Samples(np.zeros(1), pose[None], zero, zero, zero))[0])
+        return np.asarray(self.values(Samples.at_rest(pose[None]))[0])
 
     @cached_property
     def derivatives(self) -> tuple[int, ...]:

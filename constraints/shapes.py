@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,18 +27,18 @@ from regressors.samples import Array
 
 _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
+Carried = tuple[str, XmlElement, Array]  # the link of the robot or base that carries a <link>, and its pose there
 
-def urdf_shape(
-    path: Path, robot: Robot, base: str | None = None, *, snap_angles: bool = True, content: str | bytes | None = None
-) -> tuple[tuple[Part, ...], tuple[tuple[str, str], ...]]:
-    """One capsule around every ``<collision>`` of the robot's links and of the links fixed to them.
+
+def urdf_shape(path: Path, links: Iterable[Carried]) -> tuple[tuple[Part, ...], tuple[tuple[str, str], ...]]:
+    """One capsule around every ``<collision>`` of the links that a robot carries, see `carried_links`.
 
     A sphere stays a sphere; a box and a mesh get a small capsule around all their corners; a cylinder one that contains
     its flat ends. Links above the base, or below it on other branches, count as part of the base.
     """
     parts, left_out = [], []
     around: dict[str, Capsule] = {}  # many links have the same shape
-    for carrier, link, pose in carried_links(path, robot, base, snap_angles=snap_angles, content=content):
+    for carrier, link, pose in links:
         name = link.attributes["name"]
         for element in link.below("collision"):
             try:
@@ -56,19 +56,11 @@ def urdf_shape(
     return tuple(parts), tuple(left_out)
 
 
-def lowest_point(
-    path: Path,
-    robot: Robot,
-    base: str | None,
-    normal: Array,
-    *,
-    snap_angles: bool = True,
-    content: str | bytes | None = None,
-) -> float | None:
+def lowest_point(path: Path, links: Iterable[Carried], normal: Array) -> float | None:
     """Least height of the base's ``<collision>`` shapes themselves along a direction; None if it has none [m]."""
     # normal (3,)
     heights = []
-    for carrier, link, pose in carried_links(path, robot, base, snap_angles=snap_angles, content=content):
+    for carrier, link, pose in links:
         for element in link.below("collision") if carrier == BASE else ():
             shape, place = placed_shape(element)
             with contextlib.suppress(InputError, KeyError, ValueError):
@@ -89,7 +81,7 @@ def _lowest(shape: XmlElement, path: Path, pose: Array, normal: Array) -> float:
 
 def carried_links(
     path: Path, robot: Robot, base: str | None = None, *, snap_angles: bool = True, content: str | bytes | None = None
-) -> Iterator[tuple[str, XmlElement, Array]]:
+) -> Iterator[Carried]:
     """Every ``<link>`` of a URDF, the link of the robot or base that carries it, and its pose in that frame.
 
     Where the content of the file is given, it is not read again.

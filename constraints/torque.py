@@ -26,7 +26,7 @@ from regressors.models.partial import PartialMotion, of_joints
 from regressors.robot.columns import COULOMB, VISCOUS, Terms, drive_column
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import moving_drive_numbers
-from regressors.robot.plausibility import implausible_inertias
+from regressors.robot.plausibility import implausible_inertias, undescribed
 from regressors.robot.robot import Robot, linear_drives, transmission_of
 from regressors.robot.symbolic.kinematics import sparse
 from regressors.robot.symbolic.loops import loops_of
@@ -112,8 +112,7 @@ def limited_torques(robot: Robot, friction: DriveFriction) -> list[LimitedTorque
 
 def check_inertias(robot: Robot, what: str) -> None:
     """Raise `InputError` where the inertia of a link is not known."""
-    missing = [body.name for body in robot.bodies if body.theta is None]
-    if missing:
+    if missing := undescribed(robot):
         raise InputError(f"{what} need the inertias of all links; unknown: {', '.join(missing)}")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, StrictBool
 
 from constraints.geometry import Box, HalfSpace, Obstacle, Part, World, vector_of
-from constraints.shapes import lowest_point, urdf_shape
+from constraints.shapes import Carried, carried_links, lowest_point, urdf_shape
 from regressors.arguments import checked
 from regressors.errors import InputError, about
 from regressors.quantities import Tips
@@ -147,9 +147,7 @@ def urdf_capsules(robot: str, base: str | None = None, tip: Tips = None, *, snap
     if not _is_urdf(robot):
         what_is_given = f"{robot!r} is not one" if robot else "none is given"
         raise InputError(f"capsules are taken from the <collision> elements of a URDF, but {what_is_given}")
-    path, content = Path(robot), urdf_content(Path(robot))
-    read = parse_urdf(content, name_of_source=path.name, base=base, tip=tip, snap_angles=snap_angles)
-    return urdf_shape(path, read, base, snap_angles=snap_angles, content=content)
+    return urdf_shape(Path(robot), _links(robot, base, tip, snap_angles))
 
 
 def urdf_lowest(
@@ -157,11 +155,13 @@ def urdf_lowest(
 ) -> float | None:
     """Height of the lowest point of a robot's base, see `lowest_point`; None if not known."""
     # normal (3,)
-    if not _is_urdf(robot):
-        return None
+    return lowest_point(Path(robot), _links(robot, base, tip, snap_angles), normal) if _is_urdf(robot) else None
+
+
+def _links(robot: str, base: str | None, tip: Tips, snap_angles: bool) -> Iterator[Carried]:
     path, content = Path(robot), urdf_content(Path(robot))
     read = parse_urdf(content, name_of_source=path.name, base=base, tip=tip, snap_angles=snap_angles)
-    return lowest_point(path, read, base, normal, snap_angles=snap_angles, content=content)
+    return carried_links(path, read, base, snap_angles=snap_angles, content=content)
 
 
 def _is_urdf(robot: str) -> bool:

@@ -12,6 +12,9 @@ from threadpoolctl import threadpool_limits
 from regressors.errors import ExciteError, NumericalError
 from regressors.samples import Array, Index
 
+DESCRIPTION_CAUSE = (
+    "lengths, masses or inertias of very different sizes are the likely cause: check the description of the robot"
+)
 _NOT_FINITE = re.compile(
     r"infs? or nans?|nan to integer|not finite|non-finite|out of range float|infinit|overflow", re.I
 )
@@ -57,10 +60,21 @@ def _is_numerical(error: Exception) -> bool:
     return type(error).__module__.startswith("scipy") or (type(error) is RuntimeError and bool(_FOREIGN.search(text)))
 
 
+def or_none(value: float) -> float | None:
+    """A number as JSON can hold it; None if it is not finite."""
+    return float(value) if np.isfinite(value) else None
+
+
 TOLERANCE = 1e-8
 ROUNDING = 1e-4
 _TIE = 1e-6
 _EXACT = 1e-6  # of a coefficient, or a tenth of what rounding leaves of a column
+
+
+def column_lengths(W: Array) -> Array:
+    """Length of each column; 1 of those that are zero, so that it divides them."""
+    length = np.linalg.norm(W, axis=0)
+    return np.asarray(np.where(length > 0, length, 1.0))
 
 
 def independent_columns(R: Array, tolerance: float = TOLERANCE, sizes: Array | None = None) -> Index:

@@ -50,6 +50,12 @@ class Samples:
         return Samples(*(getattr(self, name)[part] for name in ("time", "q", "dq", "ddq", "dddq")))
 
     @staticmethod
+    def at_rest(q: Array) -> Samples:
+        """Poses at rest, shape (N, n); the time of each is its number."""
+        zero = np.zeros_like(q)
+        return Samples(np.arange(float(len(q))), q, zero, zero, zero)
+
+    @staticmethod
     def joined(parts: Sequence[Samples]) -> Samples:
         """Instants of several motions, one after the other."""
         names = ("time", "q", "dq", "ddq", "dddq")

@@ -77,7 +77,7 @@ def random_series(made: Formulation, number: int) -> Trajectory:
     problem = made.problem
     x = random_motion(problem, np.random.default_rng([SEED, number]))
     x = x + problem.longest_step(x, x - problem.rest) * (x - problem.rest)
-    motion = Trajectory(problem.family, problem.information.joint_coefficients(x))
+    motion = problem.information.trajectory(x)
     if not all(use.holds for use in limits_of(made, motion)):
         raise RuntimeError(f"random motion {number} exceeds a limit")
     return motion

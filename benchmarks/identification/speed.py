@@ -49,7 +49,6 @@ def panda_log(path: str, seconds: int, width: float) -> dict[str, float]:
     from excite.logs.log_reading import write_log
     from excite.tasks.reference import Repeated
     from excite.tasks.task import Task
-    from excite.trajectories import Trajectory
     from regressors.models.nominal import parameter_values, standard_values
     from regressors.readers.library import load_robot
 
@@ -57,7 +56,7 @@ def panda_log(path: str, seconds: int, width: float) -> dict[str, float]:
     task = Task("panda", offset=True, period=PERIOD)
     made, target = formulate(robot, task), target_of(robot, task, width)
     x = random_motion(made.problem, rng)
-    motion = Trajectory(made.problem.family, made.problem.information.joint_coefficients(x))
+    motion = made.problem.information.trajectory(x)
     samples = Repeated(motion, round(seconds / PERIOD)).samples(np.arange(round(seconds * RATE) + 1) / RATE)
     friction = {f"F{k}{kind}": value for k in range(1, 8) for kind, value in (("c", 0.5), ("v", 0.3), ("o", 0.1))}
     beta = parameter_values(target.model, target.base, {**standard_values(robot), **friction})
@@ -116,7 +115,6 @@ def recursion(path: str) -> dict[str, Any]:
     from excite.information.target import target_of
     from excite.logs.log_reading import read_log
     from excite.tasks.task import Task
-    from excite.trajectories import Trajectory
     from regressors.readers.library import load_robot
 
     robot, recipe = load_robot("panda"), Recipe(sign_width=0.0)
@@ -124,7 +122,7 @@ def recursion(path: str) -> dict[str, Any]:
     panda = equations_of(target, prepare(read_log(Path(path)), robot, target, recipe), recipe)
     made, rng = formulate(load_robot("irp6"), Task("irp6")), np.random.default_rng(SEED)
     x = random_motion(made.problem, rng)
-    motion = Trajectory(made.problem.family, made.problem.information.joint_coefficients(x))
+    motion = made.problem.information.trajectory(x)
     samples, model, base = motion.sampled(2000.0), made.target.model, made.target.base
     W = model.assemble(samples)[:, base.index]
     count, r = samples.time.size, len(model.row_labels)

@@ -62,7 +62,7 @@ def course(wanted: Mapping[str, Any]) -> dict[str, Any]:
 
     (_, formulation), kept = formulated(wanted), list[tuple[float, Any]]()
     problem, search = formulation.problem, formulation.task.search
-    coefficients, family = problem.information.joint_coefficients, problem.family
+    information, family = problem.information, problem.family
 
     def watch(x: Array, value: float) -> None:
         now = spent()
@@ -82,5 +82,5 @@ def course(wanted: Mapping[str, Any]) -> dict[str, Any]:
             results = optimise_starts(problem, Watched(), search.seed, starts, None)
             kept += [(spent(), np.array(result.coefficients)) for result in results]
             values += [result.value for result in results if not result.parents]
-    motions = [(cpu, family.to_dict(coefficients(x))) for cpu, x in kept]
+    motions = [(cpu, family.to_dict(information.trajectory(x).x)) for cpu, x in kept]
     return {"motions": motions, "values": values}

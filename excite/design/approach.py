@@ -19,7 +19,7 @@ from excite.trajectories.detours import detour
 from excite.trajectories.sequence import APPROACH, RETURN, MotionSequence, Piece, Rest, whole_pose
 from excite.trajectories.transfer import BUILDING_UP, SPEEDING_UP, Transfer, check_pose, quickest_transfer
 from regressors.errors import InputError
-from regressors.robot.robot import Robot
+from regressors.robot.robot import Robot, finite_ranges
 from regressors.samples import Array
 
 _SAME = 1e-6  # rad or m: poses that are written and read again
@@ -130,11 +130,10 @@ def _around(route: list[Array], robot: Robot, nonlinear: Sequence[NonlinearConst
     """The route with poses added where a straight line is blocked."""
     if not nonlinear:
         return route
-    limits, linear = robot.limits, linear_limits(robot)
-    lower, upper = (np.where(np.isfinite(x), x, s * np.pi) for x, s in ((limits.lower, -1), (limits.upper, 1)))
+    linear, ranges = linear_limits(robot), finite_ranges(robot)
     route_poses = [route[0]]
     for pose in route[1:]:
-        route_poses += [*(detour(route_poses[-1], pose, linear, nonlinear, lower, upper, seed) or ()), pose]
+        route_poses += [*(detour(route_poses[-1], pose, linear, nonlinear, *ranges, seed) or ()), pose]
     return route_poses
 
 

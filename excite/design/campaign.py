@@ -21,7 +21,7 @@ from regressors.memory_cap import FLOAT, check_memory
 from regressors.models.base import base_parameters, enough_states, random_states
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, drive_names
-from regressors.numerical import numerical_work
+from regressors.numerical import DESCRIPTION_CAUSE, numerical_work
 from regressors.quantities import check
 from regressors.robot.robot import Robot
 from regressors.samples import Array
@@ -55,10 +55,7 @@ class Campaign:
 
 
 @checked
-@numerical_work(
-    "the campaign",
-    "lengths, masses or inertias of very different sizes are the likely cause: check the description of the robot",
-)
+@numerical_work("the campaign", DESCRIPTION_CAUSE)
 def plan_campaign(
     robot_or_model: RegressorModel | Robot | Task | str, /, at_once: int | None = None, **options: Any
 ) -> Campaign:

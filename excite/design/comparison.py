@@ -21,7 +21,7 @@ from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.arguments import checked
 from regressors.errors import InputError
-from regressors.numerical import numerical_work
+from regressors.numerical import DESCRIPTION_CAUSE, numerical_work
 from regressors.robot.robot import Robot
 from regressors.samples import Samples
 
@@ -53,10 +53,7 @@ class Judgement:
 
 
 @checked
-@numerical_work(
-    "the comparison",
-    "lengths, masses or inertias of very different sizes are the likely cause: check the description of the robot",
-)
+@numerical_work("the comparison", DESCRIPTION_CAUSE)
 def compare(designs: Sequence[Design], model: str | None = None, window: str | None = None) -> list[Judgement]:
     """Evaluate every design under the terms (friction, rotors, noise) of the first one.
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from excite.design.design import Design
-from excite.design.start_results import or_none, write_start
+from excite.design.start_results import write_start
 from excite.design.starts import remove_starts, remove_temporary
 from excite.design.task_file import task_content
 from excite.information.precision_forecast import PrecisionSearch
@@ -25,6 +25,7 @@ from excite.storage.sampled_motion import motion_columns, write_motion_table
 from excite.tasks.option import NONE
 from excite.tasks.stored_files import EarlierInformation, InitialDesign
 from excite.tasks.task import Task
+from regressors.numerical import or_none
 from regressors.samples import Array
 
 KIND = "design"

@@ -279,8 +279,7 @@ def roomy_pose(
 
 def _room_at_rest(limit: NonlinearConstraint, q: Array) -> Array:
     """Least room of each pose of all joints."""
-    zero = np.zeros_like(q)
-    room = _room(limit, limit.values(Samples(np.zeros(len(q)), q, zero, zero, zero)))
+    room = _room(limit, limit.values(Samples.at_rest(q)))
     return np.asarray(room.min(axis=1, initial=np.inf))
 
 

@@ -28,12 +28,12 @@ from excite.design.initial_guesses import best_random_value
 from excite.design.interruption import current_interruption
 from excite.design.problem import Problem
 from excite.design.search_rounds import COMBINED, Rounds, RunningRounds, design_with_harmonics
-from excite.design.start_results import BestStarts, Progress as Progress, StartResult, best_starts, or_none
+from excite.design.start_results import BestStarts, Progress as Progress, StartResult, best_starts
 from excite.design.starts import KeptStarts, keep_starts
 from excite.design.stated_limits import remedy
 from excite.design.task_checks import suspecting, unidentifiable
 from excite.errors import NoFeasibleMotionError
-from excite.information.matrix import MotionMeasures, noise_per_row, noise_text
+from excite.information.matrix import MotionMeasures, noise_per_row
 from excite.information.nearly_unidentifiable import (
     hardly_excited_note,
     nearly_unidentifiable,
@@ -56,7 +56,7 @@ from excite.trajectories import Trajectory
 from excite.trajectories.family import Family
 from regressors.arguments import checked
 from regressors.models.model import RegressorModel
-from regressors.numerical import numerical_work, one_thread
+from regressors.numerical import numerical_work, one_thread, or_none
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.vectorised import evaluation, interpreted_note
 from regressors.samples import Array
@@ -262,18 +262,15 @@ def certify(
     ends = trajectory.samples(np.array([0.0, trajectory.duration])).q
     transfers = approach_and_return(robot, task, target.robot.joint_names, ends, formulation.transfer_limits)
     hardly = nearly_unidentifiable(target, samples, noise)
-    notes = (*formulation.notes, *(transfers.notes if transfers is not None else ()))
     used = {use.quantity: use.use for use in sorted(uses, key=lambda use: use.use)}  # the largest of each
-    if note := slow_motion_note(target, samples, used, task.trajectory.period):
-        notes = (*notes, note)
-    if note := hardly_excited_note(target, samples, task.objective.noise):
-        notes = (note, *notes)
-    if hardly:
-        what_noise = noise_text(task.objective.noise, target.model)
-        dropped = task.objective.nearly_unidentifiable == "drop"
-        notes = (nearly_unidentifiable_note(hardly, target, what_noise, dropped=dropped), *notes)
-    if note := starts.note(interrupted=interrupted):
-        notes = (*notes, note)
+    notes = (
+        nearly_unidentifiable_note(hardly, target, task.objective),
+        hardly_excited_note(target, samples, task.objective.noise),
+        *formulation.notes,
+        *(transfers.notes if transfers is not None else ()),
+        slow_motion_note(target, samples, used, task.trajectory.period),
+        starts.note(interrupted=interrupted),
+    )
     return Design(
         robot=robot,
         task=task,
@@ -289,7 +286,7 @@ def certify(
         further_starts=starts.further,
         best_start=result.index,
         provenance=provenance,
-        notes=notes,
+        notes=tuple(filter(None, notes)),
         interrupted=interrupted,
         approach_and_return=transfers,
         formulated=(target, (*formulation.nonlinear, *formulation.stated)),

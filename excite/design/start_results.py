@@ -16,6 +16,7 @@ import numpy as np
 
 from excite.storage.manifest import read_hashed, write_hashed
 from regressors.errors import InputError
+from regressors.numerical import or_none
 from regressors.samples import Array
 
 RUNNING = "running; this is the best point so far"
@@ -102,11 +103,6 @@ def write_start(folder: Path, result: StartResult, origin: Origin | None = None)
     if origin is not None:
         content["origin"] = origin
     write_hashed(start_file(folder, result.index), content)
-
-
-def or_none(value: float) -> float | None:
-    """A number as JSON can hold it."""
-    return value if np.isfinite(value) else None
 
 
 def or_infinite(value: float | None) -> float:

@@ -28,6 +28,7 @@ from excite.tasks.stored_files import DESIGN, RESULT, EarlierInformation
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel
+from regressors.numerical import column_lengths
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -147,7 +148,7 @@ def earlier_estimate(target: IdentificationTarget, task: Task) -> Array:
     known = np.isfinite(deviations_of(R))
     values = np.full(target.base.rank, np.nan)
     if known.any():
-        size = np.where((norm := np.linalg.norm(R, axis=0)) > 0.0, norm, 1.0)
+        size = column_lengths(R)
         values[known] = (np.linalg.lstsq(R / size, y, rcond=_ROUNDING)[0] / size)[known]
     return values
 
@@ -192,8 +193,7 @@ def _without_rounding(A: Array) -> Array:
 
 def deviations_of(R: Array) -> Array:
     """Standard deviations ``sqrt(diag((R'R)^-1))``; infinite where R does not determine one, shape (b,)."""  # R (k, b)
-    size = np.linalg.norm(R, axis=0)
-    size = np.where(size > 0.0, size, 1.0)
+    size = column_lengths(R)
     _, s, Vt = np.linalg.svd(np.linalg.qr(R / size, mode="r"))
     seen = np.count_nonzero(s > _ROUNDING * s.max(initial=0.0))
     half = Vt[:seen].T / s[:seen]

@@ -18,6 +18,7 @@ from regressors.errors import InputError
 from regressors.models.model import Combination, RegressorModel
 from regressors.models.nominal import MotorSide, motor_sides
 from regressors.models.partial import PartialMotion
+from regressors.numerical import column_lengths
 from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array, Index, Samples
 
@@ -96,10 +97,6 @@ class Information:
     def trajectory(self, x: Array) -> Trajectory:
         """Motion of every joint, from that of the moving coordinates."""
         return joint_trajectory(self._family, x, self._motion)
-
-    def joint_coefficients(self, x: Array) -> Array:
-        """The x of the motion of every joint; for a linear family ``N x + q0``, shape (n, size)."""
-        return self.trajectory(x).x
 
     def evaluate(self, x: Array) -> Evaluation:
         """M of the motion x of the moving coordinates."""
@@ -338,14 +335,13 @@ class MotionMeasures:
 def _criteria(target: IdentificationTarget, W: Array, plain: Array, weighted: Array, count: int) -> dict[str, float]:
     """All metrics, defined in `CONVENTIONS`, of W and of its singular values, plain and noise-weighted."""
     base, R = target.base, np.asarray(np.linalg.qr(W, mode="r"))
-    sizes = np.linalg.norm(R, axis=0)
     length = np.array([LENGTH ** _LENGTH_POWER.get(unit, 0) for unit in base.units])
     log_det, trace_inverse = _log_det(plain), _trace_inverse(plain)
     return {
         "condition_number": _cond(plain),
         "condition_number_pivoted": _cond(_singular_values(R @ target.transforms["pivoted"])),
         "condition_number_orthonormal": _cond(_singular_values(R @ target.transforms["orthonormal"])),
-        "condition_number_column_normalised": _cond(_singular_values(R / np.where(sizes > 0, sizes, 1.0))),
+        "condition_number_column_normalised": _cond(_singular_values(R / column_lengths(R))),
         "condition_number_length_scaled": _cond(_singular_values(R * length)),
         "condition_number_noise_weighted": _cond(weighted),
         "condition_number_frobenius": float(np.linalg.norm(plain)) * float(np.sqrt(trace_inverse)),

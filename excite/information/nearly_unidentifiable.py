@@ -18,9 +18,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.information.matrix import noise_per_row
+from excite.information.matrix import noise_per_row, noise_text
 from excite.information.prior import base_sizes
 from excite.information.target import FACTOR, IdentificationTarget, inverse_half
+from excite.tasks.objective import Objective
 from regressors.errors import percent
 from regressors.models.base import Base
 from regressors.models.differential import DifferentialModel
@@ -133,9 +134,12 @@ def _words(column: Column, robot: Robot) -> str:
 
 
 def nearly_unidentifiable_note(
-    found: tuple[NearlyUnidentifiable, ...], target: IdentificationTarget, noise: str, *, dropped: bool = False
-) -> str:
-    """What the user must know first: which parameters are hardly seen, why, and what to do."""
+    found: tuple[NearlyUnidentifiable, ...], target: IdentificationTarget, objective: Objective
+) -> str | None:
+    """What the user must know first: which parameters are hardly seen, why, and what to do; None if there are none."""
+    if not found:
+        return None
+    noise, dropped = noise_text(objective.noise, target.model), objective.nearly_unidentifiable == "drop"
     listed = "; ".join(parameter.text for parameter in found[:_NAMED])
     more = f"; and {', '.join(p.name for p in found[_NAMED:])}" if len(found) > _NAMED else ""
     cause = rounded_angles(target.robot)

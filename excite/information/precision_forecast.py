@@ -45,6 +45,7 @@ from excite.information.target import IdentificationTarget, inverse_half, least_
 from excite.storage.codec import INLINE, Beside, named
 from excite.tasks.precision_target import PrecisionTarget
 from regressors.errors import InputError
+from regressors.numerical import column_lengths, or_none
 from regressors.robot.columns import OFFSET
 from regressors.samples import Array, Samples
 
@@ -165,8 +166,7 @@ class RunInformation:
             return cls(target, precision, inverse_half(W), rows, seconds, in_hand, _offsets(target, W, G))
         usual, typical = usual_speeds(target.robot, [samples]), typical_speed(target.robot, [samples])
         least = least_speeds(target, samples, np.minimum(usual, typical)).ravel()  # a slower drive by its own speed
-        length = np.linalg.norm(W, axis=0)
-        A, fast = (rows / np.where(length > 0, length, 1.0) for rows in (W, W[least >= 2.0 * SLOW]))
+        A, fast = (rows / column_lengths(W) for rows in (W, W[least >= 2.0 * SLOW]))
         if np.linalg.matrix_rank(fast.T @ fast, hermitian=True) < np.linalg.matrix_rank(A.T @ A, hermitian=True):
             raise InputError(_TOO_SLOW)
         near, far = (H @ H.T for H in (inverse_half(W[least >= share]) for share in (SLOW, 2.0 * SLOW)))
@@ -247,9 +247,7 @@ class RunInformation:
         """Of the fewest runs that meet the target, or of as many as a robot time leaves room for, at least one."""
         runs = min(self.fewest_runs(), max(1, math.floor(max_time / self.seconds)))
         each = zip(self.names, self.units, self.half_widths(runs), self.allowed, strict=True)
-        parameters = tuple(
-            ParameterPrecision(name, unit, float(h), float(a) if np.isfinite(a) else None) for name, unit, h, a in each
-        )
+        parameters = tuple(ParameterPrecision(name, unit, float(h), or_none(a)) for name, unit, h, a in each)
         return PrecisionForecast(runs, self.seconds, self.precision.level, self.precision.probability, parameters)
 
     def _factor(self, runs: int) -> float:

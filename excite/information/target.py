@@ -37,7 +37,7 @@ from regressors.models.base import (
 )
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, drive_names, of_drives, of_joints, of_loops
-from regressors.numerical import ROUNDING, numerical_work, one_thread
+from regressors.numerical import DESCRIPTION_CAUSE, ROUNDING, column_lengths, numerical_work, one_thread
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import drives_with_friction, friction_rows, moving_drive_numbers
 from regressors.robot.robot import Robot
@@ -96,10 +96,7 @@ class IdentificationTarget:
     transforms: dict[str, Array]
 
 
-@numerical_work(
-    "the search for base parameters",
-    "lengths, masses or inertias of very different sizes are the likely cause: check the description of the robot",
-)
+@numerical_work("the search for base parameters", DESCRIPTION_CAUSE)
 def left_to_right_base(robot: Robot, task: Task) -> tuple[PartialMotion, Base]:
     """Moving coordinates and left-to-right base of a task, without the other conventions."""
     moving, motion, whole = _moving(robot, task, 0.0)
@@ -226,9 +223,7 @@ class Identifiability:
     def __init__(self, model: RegressorModel) -> None:
         self.model = model
         self._states = random_states(model.robot, MOST_STATES)
-        whole = triangular_factor(model.instants(self._states))
-        sizes = np.linalg.norm(whole, axis=0)
-        self._scale = np.where(sizes > 0, sizes, 1.0)
+        self._scale = column_lengths(triangular_factor(model.instants(self._states)))
 
     def rows(self, motion: PartialMotion, equations: tuple[str, ...] | None = None) -> Array:
         """Basis of the row space of a partial motion, columns scaled by their norm for motions of all joints."""
@@ -276,8 +271,7 @@ _NEGLIGIBLE = 1e-6  # of a coefficient of what is explained
 
 def inverse_half(W: Array) -> Array:
     """H with ``(W'W)^-1 = H H'``, shape (b, b), of columns of any size."""  # W (k, b)
-    length = np.linalg.norm(W, axis=0)
-    length = np.where(length > 0, length, 1.0)
+    length = column_lengths(W)
     return np.asarray(np.linalg.pinv(np.linalg.qr(W / length, mode="r"), rcond=1e-15) / length[:, None])
 
 

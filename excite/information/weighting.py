@@ -26,6 +26,7 @@ from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.base import few_states, random_states
+from regressors.numerical import or_none
 from regressors.samples import Array, Index, Samples
 
 _SCALES = {"value": "values", "prior": "prior deviations", "precision": "allowed half-widths"}
@@ -180,10 +181,6 @@ def known_with(target: IdentificationTarget, task: Task, samples: Samples) -> tu
     W = weighting_of(target, task).rows(target.model.assemble(samples)[:, target.base.index])
     after = deviations_of(np.vstack([W, known]))
     return tuple(
-        PriorAndPosterior(name, _or_none(value), _or_none(deviation), float(s))
+        PriorAndPosterior(name, or_none(value), or_none(deviation), float(s))
         for name, value, deviation, s in zip(target.base.names, values, before, after, strict=True)
     )
-
-
-def _or_none(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -39,12 +39,6 @@ class CuttingPlanes:
         """Within the limits."""
         return self.conditions.states
 
-    def run(
-        self, criterion: BoundedCriterion, rounds: int, rng: np.random.Generator, tell: Tell = lambda _: None
-    ) -> tuple[DualCertificate, float]:
-        """The best dual point of all rounds, and its largest ratio over all states that were looked at."""
-        return list(self.improving(criterion, rounds, rng, tell))[-1]
-
     def improving(
         self, criterion: BoundedCriterion, rounds: int, rng: np.random.Generator, tell: Tell = lambda _: None
     ) -> Iterator[tuple[DualCertificate, float]]:

@@ -12,7 +12,15 @@ from excite.identification.preparation import drives_of_torques
 from excite.identification.procedure import LogLike
 from excite.payload.known_gains import KnownGains, stated_gains
 from excite.payload.load_estimate import LoadEstimate, estimate_load
-from excite.payload.load_rows import LogChoice, bare_task, check_pair, loaded_parts, paired_equations, without_load
+from excite.payload.load_rows import (
+    LIKELY_CAUSE,
+    LogChoice,
+    bare_task,
+    check_pair,
+    loaded_parts,
+    paired_equations,
+    without_load,
+)
 from excite.storage.records import Shown
 from excite.tasks.installation import Installation
 from excite.tasks.robot_of_task import robot_and_task
@@ -72,10 +80,7 @@ class CalibratedGains(Shown):
 
 
 @checked
-@numerical_work(
-    "the calibration of gains",
-    "rows that hardly move, or numbers of very different sizes are the likely cause: check the units of the logs",
-)
+@numerical_work("the calibration of gains", LIKELY_CAUSE)
 def calibrate_gains(
     robot: Robot | str,
     loaded: LogLike | Sequence[LogLike],

@@ -21,6 +21,7 @@ from excite.payload.held_body import RATED, Frame, frame_numbers
 from excite.payload.known_gains import KnownGains, read_gains, stated_gains
 from excite.payload.load_estimate import LoadEquations, LoadEstimate, estimate_load
 from excite.payload.load_rows import (
+    LIKELY_CAUSE,
     LogChoice,
     bare_task,
     calibrated_gains,
@@ -56,10 +57,7 @@ _Gains = KnownGains | float | None  # those that are given, or the deviation of 
 
 
 @checked
-@numerical_work(
-    "the identification of the payload",
-    "rows that hardly move, or numbers of very different sizes are the likely cause: check the units of the logs",
-)
+@numerical_work("the identification of the payload", LIKELY_CAUSE)
 def identify_payload(
     robot: Robot | str,
     loaded: LogLike | Sequence[LogLike],

@@ -22,6 +22,7 @@ from excite.identification.noise import NoiseGroup, autocorrelation, autoregress
 from excite.identification.observations import Observations
 from regressors.errors import InputError
 from regressors.models.load import LOAD_PARAMETERS
+from regressors.numerical import column_lengths
 from regressors.robot.inertia import PARAMETERS_PER_LINK
 from regressors.samples import Array, Index
 
@@ -142,7 +143,7 @@ class _Problem:
 
     def _step(self) -> Array:
         A, b = self._system()
-        scale = _lengths(A)
+        scale = column_lengths(A)
         step = np.zeros(self.size)
         step[self.free] = np.linalg.lstsq(A / scale, b, rcond=_SINGULAR)[0] / scale
         return step
@@ -150,7 +151,7 @@ class _Problem:
     def estimate(self) -> LoadEstimate:
         e = self.equations
         A, _ = self._system()
-        scale = _lengths(A)
+        scale = column_lengths(A)
         _, sigma, V = np.linalg.svd(np.linalg.qr(A / scale, mode="r"), full_matrices=False)
         shown = sigma > _SINGULAR * sigma[0]
         self._check_shown(V[~shown])
@@ -192,12 +193,6 @@ class _Problem:
         names = [LOAD_PARAMETERS[int(self.free[k] - self.places[0])] for k in places if np.abs(null[:, k]).max() > 1e-6]
         if names:
             raise InputError(not_shown(names))
-
-
-def _lengths(A: Array) -> Array:
-    """Length of each column, 1 of those that are zero."""
-    length = np.linalg.norm(A, axis=0)
-    return np.asarray(np.where(length > 0, length, 1.0))
 
 
 def not_shown(names: list[str]) -> str:

@@ -28,6 +28,9 @@ from regressors.models.base import Base
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
+LIKELY_CAUSE = (
+    "rows that hardly move, or numbers of very different sizes are the likely cause: check the units of the logs"
+)
 CHANGED = 0.2
 """Standard deviation of the change of each friction parameter from one log to the next, relative to the parameter."""
 _KINDS = ("coulomb", "viscous", "root", "stribeck", "asymmetry")

@@ -24,7 +24,7 @@ from excite.tasks.trajectory_choice import TrajectoryChoice
 from regressors.arguments import checked
 from regressors.errors import InputError, UnknownName
 from regressors.quantities import Tips, check
-from regressors.robot.robot import Robot
+from regressors.robot.robot import Robot, finite_ranges
 from regressors.robot.symbolic.kinematics import link_motions, sparse
 from regressors.samples import Array
 
@@ -174,7 +174,7 @@ def _pose(robot: Robot, given: Sequence[float] | None) -> tuple[Array, tuple[str
     elif robot.home is not None:
         pose, notes = np.array(robot.home), ("the motion is about the robot's home; give `pose` for the present one",)
     else:
-        low, high = np.where(np.isfinite(lower), lower, -np.pi), np.where(np.isfinite(upper), upper, np.pi)
+        low, high = finite_ranges(robot)
         pose = (low + high) / 2
         notes = ("no pose is known, so the motion is about the middle of the joints' ranges; give the present `pose`",)
     outside = np.flatnonzero((pose < lower) | (pose > upper))

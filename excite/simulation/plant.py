@@ -32,6 +32,7 @@ from regressors.robot.friction.load_and_temperature import (
     torques_at_drives,
 )
 from regressors.robot.inertia import PARAMETERS_PER_LINK
+from regressors.robot.plausibility import described_bodies
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.kinematics import bodies, sparse
 from regressors.robot.symbolic.vectorised import VectorisedFunction
@@ -106,13 +107,7 @@ def solved(M: ca.SX, rest: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 def plant_of(robot: Robot, friction: FrictionCurves | None = None) -> tuple[Plant, tuple[str, ...]]:
     """Plant with a robot's own parameters, and notes on assumptions about unknown ones."""
-    unknown = [body.name for body in robot.bodies if body.theta is None]
-    if unknown:
-        raise InputError(
-            f"robot {robot.name!r}: the inertia of link {', '.join(unknown)} is unknown, so its motion cannot be "
-            "simulated; state mass, first_moment and inertia in the robot's file"
-        )
-    theta = np.concatenate([np.asarray(body.theta) for body in robot.bodies])
+    theta = described_bodies(robot, "so its motion cannot be simulated").ravel()
     notes: list[str] = []
     drives = () if robot.transmission is None else tuple(d for d in robot.transmission.drives if not d.rests)
     inertias = [(drive.name, drive.rotor_inertia) for drive in drives if drive.rotor_inertia is not None]

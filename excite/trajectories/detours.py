@@ -65,8 +65,7 @@ def _free(nonlinear: Sequence[NonlinearConstraint], range_: Array) -> Free:
     def free(a: Array, b: Array) -> bool:
         count = 2 + int(np.ceil(np.abs((b - a) / range_).max() / _SPACING))
         q = a + np.linspace(0.0, 1.0, count)[:, None] * (b - a)
-        zero = np.zeros_like(q)
-        samples = Samples(np.arange(float(count)), q, zero, zero, zero)
+        samples = Samples.at_rest(q)
         for limit in nonlinear:
             values, reserve = limit.values(samples), _RESERVE * limit.scale
             if np.any(values > limit.upper - reserve) or np.any(values < limit.lower + reserve):

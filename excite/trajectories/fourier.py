@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 
 from constraints.certificate import Extrema, trigonometric_extrema
-from constraints.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
+from constraints.enclosure import chebyshev_extrema, chebyshev_nodes, node_factor
 from excite.trajectories.family import Family, check_size
 from excite.trajectories.linear import LinearFamily
 from excite.trajectories.polynomial import chebyshev_terms
@@ -207,8 +207,7 @@ class FourierQuintic(WavesAndQuintic, LinearFamily):
 
     def extrema(self, x: Array, derivative: int) -> Extrema:
         """Extrema from the roots of the derivative of the polynomial that equals the motion to rounding."""
-        points = chebyshev_points(self.degree + 1, self.duration)
-        return chebyshev_extrema(self.basis(points, derivative) @ x.T, self.duration)
+        return chebyshev_extrema(lambda time: self.basis(time, derivative) @ x.T, self.degree, self.duration)
 
     def _split(self, coefficients: Array) -> list[Array]:
         return np.split(coefficients, [self.harmonics, 2 * self.harmonics], axis=1)

@@ -12,7 +12,7 @@ import numpy.polynomial.chebyshev as chebyshev
 import scipy
 
 from constraints.certificate import Extrema
-from constraints.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
+from constraints.enclosure import chebyshev_extrema, chebyshev_nodes, node_factor
 from excite.trajectories.family import check_size
 from excite.trajectories.linear import LinearFamily
 from regressors.samples import Array
@@ -84,8 +84,7 @@ class Polynomial(LinearFamily):
 
     def extrema(self, x: Array, derivative: int) -> Extrema:
         """Extrema from the roots of the derivative, see `constraints.enclosure.chebyshev_extrema`."""
-        points = chebyshev_points(self.degree + 1, self.duration)
-        return chebyshev_extrema(self.basis(points, derivative) @ x.T, self.duration)
+        return chebyshev_extrema(lambda time: self.basis(time, derivative) @ x.T, self.degree, self.duration)
 
 
 def chebyshev_terms(time: Array, duration: float, degree: int, derivative: int) -> Array:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from constraints.certificate import Extrema
-from constraints.enclosure import chebyshev_extrema, chebyshev_nodes, chebyshev_points
+from constraints.enclosure import chebyshev_extrema, chebyshev_nodes
 from excite.trajectories.family import check_size
 from excite.trajectories.fourier import WavesAndQuintic
 from excite.trajectories.nonlinear import NonlinearFamily
@@ -144,9 +144,12 @@ class Sines(WavesAndQuintic, NonlinearFamily):
     def combined_extrema(self, x: Array, matrix: Array, offset: Array, derivative: int) -> Extrema:
         """Extrema from the roots of the derivative of the polynomial that equals the motion to rounding."""
         first, held = self._carrying(x)
-        points = chebyshev_points(self.degree + 1, self.duration)
-        values = self.coordinate_motion(x, points, derivative) @ (matrix @ first).T
-        return chebyshev_extrema(values + (matrix @ held + offset if derivative == 0 else 0.0), self.duration)
+        constant = matrix @ held + offset if derivative == 0 else 0.0
+
+        def functions(time: Array) -> Array:
+            return np.asarray(self.coordinate_motion(x, time, derivative) @ (matrix @ first).T + constant)
+
+        return chebyshev_extrema(functions, self.degree, self.duration)
 
     def to_dict(self, x: Array) -> dict[str, object]:
         """Family, period, amplitudes, frequencies and phases of the sines."""

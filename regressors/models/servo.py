@@ -23,6 +23,7 @@ from regressors.models.differential import inertial_torque
 from regressors.models.drives import sign
 from regressors.models.model import RegressorModel
 from regressors.robot.columns import Column
+from regressors.robot.plausibility import described_bodies
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -34,17 +35,7 @@ _COLUMNS = (  # symbol, unit, that of a prismatic joint, and kind
     ("b", "rad", "m", "servo offset"),
 )
 UNKNOWNS = len(_COLUMNS)
-
-
-def described_bodies(robot: Robot) -> Array:
-    """Parameters of all bodies as described, shape (b, 10)."""
-    unknown = [body.name for body in robot.bodies if body.theta is None]
-    if unknown:
-        raise InputError(
-            f"robot {robot.name!r}: the inertia of link {', '.join(unknown)} is unknown, and known masses set the "
-            "scale of a servo's stiffness; state mass, first_moment and inertia in the robot's file"
-        )
-    return np.array([body.theta for body in robot.bodies])
+SCALED = "and known masses set the scale of a servo's stiffness"
 
 
 @checked
@@ -72,7 +63,7 @@ class ServoModel(RegressorModel):
         if robot.transmission is not None and not np.array_equal(robot.transmission.coupling, np.eye(robot.n)):
             raise InputError(f"robot {robot.name!r}: its drives are coupled; the model servo has one drive to a joint")
         self.robot, self.sign_width = robot, sign_width
-        self._theta = described_bodies(robot)
+        self._theta = described_bodies(robot, SCALED)
         linear = [joint.kind == "prismatic" for joint in robot.joints]
         self.row_labels = tuple((j.name, "m" if one else "rad") for j, one in zip(robot.joints, linear, strict=True))
         self.columns = tuple(

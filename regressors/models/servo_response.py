@@ -23,8 +23,9 @@ import casadi as ca
 import numpy as np
 
 from regressors.models.differential import inertial_torque
-from regressors.models.servo import described_bodies
-from regressors.robot.robot import Robot
+from regressors.models.servo import SCALED
+from regressors.robot.plausibility import described_bodies
+from regressors.robot.robot import Robot, finite_ranges
 from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array, Index
 
@@ -268,7 +269,7 @@ def arm_torques(robot: Robot) -> Callable[[Array, Array, Array], tuple[Array, Ar
 
     The torque without that of the joint's own inertia, ``tau_j - M_jj ddq_j``, and that inertia, each (N, n).
     """
-    theta = described_bodies(robot)
+    theta = described_bodies(robot, SCALED)
     q, dq, ddq = (ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq"))
     tau = inertial_torque(robot, theta, q, dq, ddq)
     own = ca.diag(ca.jacobian(tau, ddq))
@@ -295,10 +296,8 @@ def scale_shown_by(robot: Robot) -> list[tuple[float, float, str]]:
     what the known masses ask of it: gravity in any motion, inertia in fast motion, each where it is no small share of
     the torque limit; where none is stated, of the largest of all joints. Poses are random, seeded.
     """
-    limits, angle = robot.limits, 2.0 * np.pi
-    bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
-    lower, upper = np.where(bounded, limits.lower, -0.5 * angle), np.where(bounded, limits.upper, 0.5 * angle)
-    q = np.random.default_rng(0).uniform(lower, upper, (_POSES, robot.n))
+    limits = robot.limits
+    q = np.random.default_rng(0).uniform(*finite_ranges(robot), (_POSES, robot.n))
     load, inertia = (np.abs(each).max(axis=0).round(9) for each in arm_torques(robot)(q, 0.0 * q, 0.0 * q))
     fast = inertia * np.where(np.isfinite(limits.acceleration), limits.acceleration, _FAST)
     least = _LITTLE * np.where(np.isfinite(limits.torque), limits.torque, max(load.max(), fast.max()))

@@ -16,6 +16,21 @@ _ROUNDING = 1e-3  # of the largest moment: descriptions print three digits or mo
 _FEWEST_ALIKE = 3
 
 
+def undescribed(robot: Robot) -> list[str]:
+    """Names of the bodies whose inertial parameters are unknown."""
+    return [body.name for body in robot.bodies if body.theta is None]
+
+
+def described_bodies(robot: Robot, why: str) -> Array:
+    """Parameters of all bodies as described, shape (b, 10); raise `InputError` with the reason where one is unknown."""
+    if unknown := undescribed(robot):
+        raise InputError(
+            f"robot {robot.name!r}: the inertia of link {', '.join(unknown)} is unknown, {why}; state mass, "
+            "first_moment and inertia in the robot's file"
+        )
+    return np.array([body.theta for body in robot.bodies])
+
+
 def implausible_inertias(robot: Robot) -> dict[str, str]:
     """Reason why the inertial parameters of a body cannot be relied on, by the body's name.
 
@@ -24,7 +39,7 @@ def implausible_inertias(robot: Robot) -> dict[str, str]:
     limb share mass and moments, and zero if no body of the robot has mass.
     """
     known = [body for body in robot.bodies if body.theta is not None]
-    reasons = {body.name: "no mass is stated" for body in robot.bodies if body.theta is None}
+    reasons = dict.fromkeys(undescribed(robot), "no mass is stated")
     if known and not any(np.any(body.theta) for body in known):
         return reasons | {body.name: "the mass is zero" for body in known}
     reasons |= {body.name: reason for body in known if (reason := _impossible(body)) is not None}

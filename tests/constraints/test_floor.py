@@ -16,7 +16,7 @@ from constraints.clearance import CLEARANCE, assumed_radius, mounting_surface, s
 from constraints.collision_limits import Clearance, SelfCollisions
 from constraints.enclosure import enclose
 from constraints.geometry import HalfSpace, Obstacle, Part, World
-from constraints.shapes import lowest_point
+from constraints.shapes import carried_links, lowest_point
 from constraints.world_file import urdf_lowest, world_of
 from excite.design.design_json import load_design
 from excite.design.formulation import formulate
@@ -274,7 +274,7 @@ def test_the_lowest_point_of_a_shape(shape: str, tmp_path: Path) -> None:
     path = tmp_path / "post.urdf"
     path.write_text(URDF.format(shape), encoding="utf-8")
     expected = 0.2 + SHAPES[shape](np.cos(0.4), np.sin(0.4))
-    found = lowest_point(path, excite.load_robot(str(path)), None, np.array([0.0, 0.0, 1.0]))
+    found = lowest_point(path, carried_links(path, excite.load_robot(str(path))), np.array([0.0, 0.0, 1.0]))
     assert found == pytest.approx(expected, abs=1e-12)
 
 

@@ -15,7 +15,7 @@ from hypothesis import given, settings, strategies as st
 from public_arms import ARMS, Arm
 
 from constraints.geometry import Box, HalfSpace, Obstacle, Part, enclosing_capsule, enclosing_cylinder
-from constraints.shapes import MeshError, collada_triangles, mesh_corners, urdf_meshes, urdf_shape
+from constraints.shapes import MeshError, carried_links, collada_triangles, mesh_corners, urdf_meshes, urdf_shape
 from constraints.world_file import read_world, world_of
 from excite.cli.main import cli
 from excite.design.task_file import read_task_file, task_from_options
@@ -183,7 +183,7 @@ def test_meshes_that_are_none_are_refused(tmp_path: Path, name: str, content: by
 def test_shapes_of_a_urdf_are_inside_the_capsules(arm: Arm) -> None:
     """Corners that Pinocchio and Coal find for every collision geometry, all joints at zero."""
     robot = read_urdf(arm.path, base=arm.base, tip=arm.tip)
-    parts, left_out = urdf_shape(arm.path, robot, arm.base)
+    parts, left_out = urdf_shape(arm.path, carried_links(arm.path, robot, arm.base))
     assert left_out == ()
     model = pin.buildModelFromUrdf(str(arm.path))
     folders = [str(arm.path.parents[4])]
@@ -229,7 +229,8 @@ def test_capsules_are_printed_as_the_beginning_of_a_world_file(tmp_path: Path) -
     printed = CliRunner().invoke(cli, arguments)
     assert printed.exit_code == 0
     parts = read_world(written(tmp_path, printed.output)).parts
-    exact, _ = urdf_shape(arm.path, read_urdf(arm.path, base=arm.base, tip=arm.tip), arm.base)
+    robot = read_urdf(arm.path, base=arm.base, tip=arm.tip)
+    exact, _ = urdf_shape(arm.path, carried_links(arm.path, robot, arm.base))
     assert [part.link for part in parts] == [part.link for part in exact]
     for ours, theirs in zip(parts, exact, strict=True):
         ends = np.array([theirs.capsule.start, theirs.capsule.end])

@@ -9,7 +9,7 @@ import pytest
 from refused import refusal
 
 from constraints.balance import read_support
-from constraints.shapes import MeshError, mesh_corners, urdf_meshes, urdf_shape
+from constraints.shapes import MeshError, carried_links, mesh_corners, urdf_meshes, urdf_shape
 from constraints.world_file import read_world
 from excite.design.design_json import read_precision_target
 from excite.design.sweeps.run_sweep import read_sweep_file
@@ -52,7 +52,7 @@ READERS = {
     "campaign": read_sweep_file,
     "gains": read_gains,
     "precision": read_precision_target,
-    "capsules": lambda path: urdf_shape(path, built_in("irp6")),
+    "capsules": lambda path: urdf_shape(path, carried_links(path, built_in("irp6"))),
     "meshes": lambda path: urdf_meshes(path, built_in("irp6")),
 }
 

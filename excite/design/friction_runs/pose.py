@@ -25,7 +25,7 @@ from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
 from regressors.models.partial import PartialMotion, of_joints
 from regressors.robot.columns import Terms
-from regressors.robot.robot import Robot, Structure
+from regressors.robot.robot import Robot, Structure, finite_ranges
 from regressors.samples import Array, Samples
 
 NONE, CANCELS, SUBTRACTED, STATED = "none", "cancels", "subtracted", "stated"
@@ -46,8 +46,7 @@ def gravity_of(robot: Robot) -> Callable[[Array, Array], Array]:
     unknown = np.isnan(theta)
 
     def along(line: Array, q: Array) -> Array:
-        still = np.zeros_like(q)
-        rows = model.instants(Samples(np.zeros(len(q)), q, still, still, still))
+        rows = model.instants(Samples.at_rest(q))
         W = np.einsum("j,ijp->ip", line, rows.reshape(len(q), line.size, -1))
         if np.abs(W[:, unknown]).max(initial=0.0) > 1e-9:
             return np.full(len(q), np.nan)
@@ -256,21 +255,16 @@ def _on_line(pose: Array, line: Array, limits: Sequence[LinearConstraint]) -> Pl
     return Place(pose, -_FREE if low == -np.inf else float(low), _FREE if high == np.inf else float(high), SUBTRACTED)
 
 
-def _ranges(robot: Robot) -> tuple[Array, Array]:
-    lower = np.where(np.isfinite(robot.limits.lower), robot.limits.lower, -_FREE)
-    return lower, np.where(np.isfinite(robot.limits.upper), robot.limits.upper, _FREE)
-
-
 def _ordinary(robot: Robot) -> list[Array]:
     """Home, zero, the middle of all ranges."""
-    lower, upper = _ranges(robot)
+    lower, upper = finite_ranges(robot)
     home = [] if robot.home is None else [robot.home]
     return [*home, np.clip(np.zeros(robot.n), lower, upper), 0.5 * (lower + upper)]
 
 
 def _unusual(robot: Robot, seed: int) -> Iterator[Array]:
     """The first ordinary pose with one joint elsewhere, then poses drawn from the ranges."""
-    lower, upper = _ranges(robot)
+    lower, upper = finite_ranges(robot)
     for joint in range(robot.n):
         for value in np.linspace(lower[joint], upper[joint], _VALUES + 2)[1:-1]:
             pose = _ordinary(robot)[0].copy()
@@ -348,8 +342,7 @@ class CollisionChecks:
 
     def _room(self, pose: Array, line: Array, middle: Array) -> Array:
         """Margins of all distances in poses of a line, with a last column of infinity, shape (N, k)."""
-        still = np.zeros((middle.size, line.size))
-        samples = Samples(middle, pose + np.outer(middle, line), still, still, still)
+        samples = Samples.at_rest(pose + np.outer(middle, line))
         kept = [limit.values(samples) - limit.lower - _MARGIN * limit.scale for limit in self.limits]
         return np.hstack([*kept, np.full((middle.size, 1), np.inf)])
 

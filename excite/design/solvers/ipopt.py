@@ -26,12 +26,6 @@ class _Objective(ca.Callback):  # type: ignore[misc]
         self.size = problem.rest.size
         self.construct("objective", {})
 
-    def get_n_in(self) -> int:
-        return 1
-
-    def get_n_out(self) -> int:
-        return 1
-
     def get_sparsity_in(self, _: int) -> ca.Sparsity:
         return ca.Sparsity.dense(self.size, 1)
 
@@ -58,9 +52,6 @@ class _Gradient(ca.Callback):  # type: ignore[misc]
 
     def get_n_in(self) -> int:
         return 2
-
-    def get_n_out(self) -> int:
-        return 1
 
     def get_name_in(self, i: int) -> str:
         return self.inputs[i]

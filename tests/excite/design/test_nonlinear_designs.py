@@ -27,7 +27,6 @@ from excite.design.task_file import task_from_options
 from excite.registry import instance
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task
-from excite.trajectories import Trajectory
 from regressors.errors import InputError
 from regressors.models.nominal import standard_values
 from regressors.models.partial import of_joints
@@ -146,7 +145,7 @@ def test_starts_keep_all_limits(name: str) -> None:
             assert problem.violation(x) <= 1e-9
             assert problem.nonlinear_hold(x)
             assert np.abs(x - problem.rest).max() > 0.01
-            motion = Trajectory(problem.family, problem.information.joint_coefficients(x))
+            motion = problem.information.trajectory(x)
             third = problem.family.extrema(motion.x, 3)
             jerk = np.maximum(np.abs(third.low), np.abs(third.high))
             for limit in made.nonlinear:

@@ -16,7 +16,6 @@ from excite.information.weighting import minimised_text
 from excite.registry import CRITERIA, instance
 from excite.tasks.criteria import ConditionNumber, MaxDeviation, condition_number
 from excite.tasks.task import Task
-from excite.trajectories import Trajectory
 from excite.views.search_plot import convergence_figure
 from regressors.models.base import base_parameters
 from regressors.readers.library import built_in
@@ -91,7 +90,7 @@ def test_other_conventions_of_the_criterion(convention: str, joints: tuple[str, 
     """``M_c = T' M T``: the value against the regressor itself, the gradient against finite differences."""
     made = formulate(built_in("irp6"), Task("irp6", joints=joints, base=convention, rotor=joints is None))
     problem, x = made.problem, random_motion(made.problem, np.random.default_rng(5))
-    trajectory = Trajectory(problem.family, problem.information.joint_coefficients(x))
+    trajectory = problem.information.trajectory(x)
     times = made.target.model.times(made.task.trajectory.period, made.task.output.rate)
     W = made.target.model.assemble(trajectory.samples(times))
     if convention == "orthonormal":

@@ -139,9 +139,9 @@ def stacked(model: RegressorModel, trajectory: Trajectory, count: int) -> Array:
 def test_information_is_that_of_the_stacked_regressor(made: Formulation) -> None:
     """With soft signs, whose integrals are Simpson's in both; only the order of summation differs."""
     count = 40
-    chain, family, model = information(made, 0.05, count)
+    chain, _, model = information(made, 0.05, count)
     x = motion(made.problem)
-    W = stacked(model, Trajectory(family, chain.joint_coefficients(x)), count)[:, made.target.base.index]
+    W = stacked(model, chain.trajectory(x), count)[:, made.target.base.index]
     M = W.T @ W / (W.shape[0] / len(model.row_labels))
     sizes = np.sqrt(np.diag(M))
     np.testing.assert_allclose(chain.evaluate(x).M / np.outer(sizes, sizes), M / np.outer(sizes, sizes), atol=1e-8)
@@ -180,7 +180,7 @@ def test_optimiser_sees_nearly_what_results_report(made: Formulation) -> None:
     index, coulomb, period = made.target.base.index, coulomb_of(made), made.task.trajectory.period
     exact, soft = seen(made, 0.0), seen(made, width_of(made.problem))
     x = motion(made.problem, 0)
-    trajectory = Trajectory(made.problem.family, made.problem.information.joint_coefficients(x))
+    trajectory = made.problem.information.trajectory(x)
     samples = trajectory.samples(exact.times(period, made.task.output.rate))
     V, W = (model.assemble(samples)[:, index] for model in (soft, exact))
     np.testing.assert_array_equal(V[:, ~coulomb], W[:, ~coulomb])

@@ -22,7 +22,6 @@ from excite.registry import instance
 from excite.tasks.friction_file import read_prior
 from excite.tasks.objective import Belief
 from excite.tasks.task import Task
-from excite.trajectories import Trajectory
 from regressors.errors import InputError, UnknownName
 from regressors.models.nominal import parameter_values, standard_values, stated_deviations
 from regressors.readers.library import load_robot
@@ -59,7 +58,7 @@ def motion(made: Formulation, seed: int = 0) -> Array:
 
 def written(made: Formulation, x: Array) -> Samples:
     """The motion at the instants at which it is judged."""
-    trajectory = Trajectory(made.problem.family, made.problem.information.joint_coefficients(x))
+    trajectory = made.problem.information.trajectory(x)
     return trajectory.samples(made.target.model.times(made.task.trajectory.period, made.task.output.rate))
 
 

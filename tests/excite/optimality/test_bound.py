@@ -96,7 +96,7 @@ def test_a_bound_of_seven_axes_is_proven_of_the_first_ones() -> None:
     planes = design_bound.cutting_planes(formulate(made.robot, made.task), made)
     few = planes.of_few(2, 1)
     condition = BOUNDED["condition"]
-    certificate, largest = few.run(condition, 2, np.random.default_rng(0))
+    *_, (certificate, largest) = few.improving(condition, 2, np.random.default_rng(0))
     factor = proven_factor(certificate, largest, 0, lambda _: None)
     assert factor is not None
     assert 2.0 < condition.proven(certificate, factor) < made.condition_number
