@@ -16,10 +16,10 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 86_488,
-    "lines of code": 53_411,
+    "lines": 86_293,
+    "lines of code": 53_216,
     "files": 396,
-    "classes": 709,
+    "classes": 708,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 17,
     "imports inside functions": 64,
