@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 import excite
 from excite.cli.main import NOT_HELD
-from excite.cli.options import FigureChoice, check_not_typed, typed_options
+from excite.cli.options import FigureChoice, check_not_typed, robot_file_of, typed_options
 from excite.cli.progress import interrupted_status, one_interrupt, progress_of_repetitions, stoppable
 from excite.cli.streams import in_options, remark, say, tell
 from excite.cli.summary import Drawn, print_verdict, print_view, show
@@ -117,14 +117,14 @@ def identify_servos_and_write(robot: str, logs: Sequence[Path], out: Path, given
     check_not_typed((*typed, *_OF_TORQUES), "is not for servos: their model has no such setting")
     with result_folder(out), one_interrupt():
         check_not_taken(out, SERVOS, "servos", replace=given["force"])
-        names = ("base_link", "tip", "snap_angles", "xacro", "mapping", "drop")
-        read = {name: given[name] for name in names if given[name] is not None}
+        described = robot_file_of(given)
+        read = {name: given[name] for name in ("mapping", "drop") if given[name] is not None}
         installation = Installation(**typed_options(Installation))
         arm: Robot | str = robot
         if given["result"] is None:
-            read["installation"] = installation
+            read |= {**described, "installation": installation}
         else:
-            arm = installation.applied(_identified_arm(given["result"], robot, read))
+            arm = installation.applied(_identified_arm(given["result"], robot, described))
         result = identify_servos(arm, list(logs), progress=tell, **read)
         files = result.save(out, replace=given["force"])
     steps = [f"excite verify {out} OTHER, with a log that was not used here"]
@@ -132,9 +132,8 @@ def identify_servos_and_write(robot: str, logs: Sequence[Path], out: Path, given
     sys.exit(NOT_HELD if result.doubts else 0)
 
 
-def _identified_arm(folder: Path, robot: str, read: dict[str, Any]) -> Robot:
-    """The robot with the bodies that a result stands for, read in the place of its description."""
-    files = {name: read.pop(name) for name in ("base_link", "tip", "snap_angles", "xacro") if name in read}
+def _identified_arm(folder: Path, robot: str, files: dict[str, Any]) -> Robot:
+    """The robot with the bodies that a result stands for, in the place of its description."""
     described = excite.load_robot(robot, files.pop("base_link", None), **files)
     model = model_of_result(excite.load_result(folder))
     if model.robot.joint_names != described.joint_names:
