@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 86_293,
-    "lines of code": 53_216,
+    "lines": 86_288,
+    "lines of code": 53_211,
     "files": 396,
     "classes": 708,
     "public names": 95,
