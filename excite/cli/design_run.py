@@ -58,7 +58,8 @@ from regressors.errors import InputError
 from regressors.readers.library import has_tree
 from regressors.robot.robot import Robot
 
-_SearchUntil = Callable[[Callable[[], None]], Design]  # of what is called when only saving remains
+_AtEnd = Callable[[], None]  # called when only saving remains
+_SearchUntil = Callable[[_AtEnd], Design]
 
 
 _BASE_TOO = "--base-link names the first link of a chain; --base still takes it too"
@@ -69,20 +70,11 @@ _NEXT = (
 _NEXT_RUNS = "play trajectory.csv {} (rehearse it slowly first), and identify from that log"
 
 
-def design_from_options(
-    robot: str,
-    out: Path,
-    task_file: Path | None,
-    parts: tuple[str, ...],
-    base: tuple[str, ...],
-    figures: FigureChoice,
-    force: bool,
-    fresh: bool,
-    **_: Any,
-) -> None:
+def design_from_options(robot: str, out: Path, **given: Any) -> None:
     """Find the motion for the options of a command, write its files and show it; end with the exit status."""
-    task = _task(robot, task_file, parts)
-    notes = () if split_base(base)[1] is None else (_BASE_TOO,)
+    task = _task(robot, given["task_file"], given["parts"])
+    notes = () if split_base(given["base"])[1] is None else (_BASE_TOO,)
+    figures, force, fresh = given["figures"], given["force"], given["fresh"]
     tell("setting up the problem")
     described = installed_robot(task)
     with result_folder(out):
@@ -147,14 +139,9 @@ def _status(design: Design) -> int:
 
 
 def _solved(
-    robot: Robot,
-    formulation: Formulation,
-    kept: KeptStarts,
-    at_end: Callable[[], None] = lambda: None,
-    *,
-    in_silence: bool = False,
+    robot: Robot, formulation: Formulation, kept: KeptStarts, at_end: _AtEnd = lambda: None, *, in_silence: bool = False
 ) -> Design:
-    """The design that the starts of a problem come to; ``at_end`` is called when only saving remains."""
+    """The design that the starts of a problem come to."""
     ready = ready_workers(formulation) if starts_left(kept) else nullcontext()
     shown = nullcontext() if in_silence else progress_of_starts(kept)
     with ready, shown as progress:
@@ -206,7 +193,7 @@ def _precision_search(
         tell(f"looking for the best motion of {formulation.task.trajectory.period:g} s")
         return _solved(robot, formulation, kept, in_silence=not verbosity().verbose)
 
-    def begin(at_end: Callable[[], None]) -> Design:
+    def begin(at_end: _AtEnd) -> Design:
         design = search_for_precision(robot, task, prepared, solved, lambda text: remark(f"excite: {in_options(text)}"))
         at_end()
         write_starts(design, out)

@@ -92,11 +92,8 @@ def _lines(findings: list[Finding]) -> Iterator[str]:
     for each in sorted(findings, key=lambda each: each["holds"] is not False):
         if verbosity().verbose or not (each["kind"] == "needed" and each["holds"]):
             remedy = f"; {each['remedy']}" if each["remedy"] else ""
-            yield _line(
-                {True: "ok", False: "NO", None: "--"}[each["holds"]],
-                each["kind"],
-                f"{each['part']}: {each['found']}{remedy}",
-            )
+            mark = {True: "ok", False: "NO", None: "--"}[each["holds"]]
+            yield _line(mark, each["kind"], f"{each['part']}: {each['found']}{remedy}")
     if joined and not verbosity().verbose:
         yield _line("ok", "needed", ", ".join(f"{name} {version}" for name, version in joined.items()))
 

@@ -18,9 +18,10 @@ from excite.cli.streams import in_options, tell
 from excite.cli.summary import show
 from excite.export.exported import Exported
 from excite.logs.guess.log_guess import LogGuess, check_mapping_free, write_mapping_file
+from excite.logs.log import counted
 from excite.registry import MODEL_FORMATS, MOTION_FORMATS, built_in
 from excite.tasks.further_settings import EnsembleSettings
-from excite.views.view import View, ViewTable, number, texts
+from excite.views.view import View, ViewTable, texts
 from regressors.errors import printable
 
 _DESIGN, _RESULT, _SERVOS = "design.json", "result.json", "servos.json"
@@ -186,7 +187,7 @@ def _content(guess: LogGuess, written: Path | None) -> dict[str, Any]:
 
 def _view(guess: LogGuess) -> View:
     source, questions = guess.contents.source, len(guess.questions)
-    open_ones = f"{source}: {number(questions, 'question')} to answer before it can be used"
+    open_ones = f"{source}: {counted(questions, 'question')} to answer before it can be used"
     streams = [f"{one.stream}: {_rate(one)}" for one in guess.summaries]
     return View(
         title=source,

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
 import excite
 from excite.cli.main import NOT_HELD
-from excite.cli.options import FigureChoice, check_not_typed, typed_options
+from excite.cli.options import FigureChoice, check_not_typed, robot_file_of, typed_options
 from excite.cli.progress import interrupted_status, one_interrupt, progress_of_repetitions, stoppable
 from excite.cli.streams import in_options, remark, say, tell
 from excite.cli.summary import Drawn, print_verdict, print_view, show
@@ -35,7 +36,7 @@ from excite.logs.mapping import read_mapping
 from excite.registry import CHOSEN, is_addressed, is_own
 from excite.storage.records import check_replaceable, json_of
 from excite.storage.result_folder import check_not_taken, figure_names, result_folder
-from excite.study.repetitions import Repetitions, repetitions
+from excite.study.repetitions import Repetitions, experiment_of, repeat_experiment
 from excite.tasks.further_settings import Tolerances
 from excite.tasks.installation import Installation
 from excite.tasks.model_choice import ModelChoice
@@ -63,6 +64,7 @@ _OF_TORQUES = (
     "executor", "workers",
 )  # fmt: skip
 _NOT_REPEATED = ("estimator", "standstill", "signals")
+_Judged = Verification | ServoVerification
 
 
 def identify_and_write(robot: str, logs: Sequence[Path], out: Path, **given: Any) -> None:
@@ -115,14 +117,14 @@ def identify_servos_and_write(robot: str, logs: Sequence[Path], out: Path, given
     check_not_typed((*typed, *_OF_TORQUES), "is not for servos: their model has no such setting")
     with result_folder(out), one_interrupt():
         check_not_taken(out, SERVOS, "servos", replace=given["force"])
-        names = ("base_link", "tip", "snap_angles", "xacro", "mapping", "drop")
-        read = {name: given[name] for name in names if given[name] is not None}
+        described = robot_file_of(given)
+        read = {name: given[name] for name in ("mapping", "drop") if given[name] is not None}
         installation = Installation(**typed_options(Installation))
         arm: Robot | str = robot
         if given["result"] is None:
-            read["installation"] = installation
+            read |= {**described, "installation": installation}
         else:
-            arm = installation.applied(_identified_arm(given["result"], robot, read))
+            arm = installation.applied(_identified_arm(given["result"], robot, described))
         result = identify_servos(arm, list(logs), progress=tell, **read)
         files = result.save(out, replace=given["force"])
     steps = [f"excite verify {out} OTHER, with a log that was not used here"]
@@ -130,9 +132,8 @@ def identify_servos_and_write(robot: str, logs: Sequence[Path], out: Path, given
     sys.exit(NOT_HELD if result.doubts else 0)
 
 
-def _identified_arm(folder: Path, robot: str, read: dict[str, Any]) -> Robot:
-    """The robot with the bodies that a result stands for, read in the place of its description."""
-    files = {name: read.pop(name) for name in ("base_link", "tip", "snap_angles", "xacro") if name in read}
+def _identified_arm(folder: Path, robot: str, files: dict[str, Any]) -> Robot:
+    """The robot with the bodies that a result stands for, in the place of its description."""
     described = excite.load_robot(robot, files.pop("base_link", None), **files)
     model = model_of_result(excite.load_result(folder))
     if model.robot.joint_names != described.joint_names:
@@ -203,7 +204,8 @@ def repeat_and_write(result: Identification, out: Path, given: Mapping[str, Any]
     waits = is_addressed("executor", given["executor"])  # for Dask, while which a signal is heeded at once
     try:
         with one_interrupt(), shown if waits else stoppable(shown, "stopping after the repetitions at work") as report:
-            repeated_runs = repetitions(result, count, given["seed"], report, **where, kept=out / SO_FAR)
+            experiment = experiment_of(result, count)
+            repeated_runs = repeat_experiment(experiment, count, given["seed"], report, **where, kept=out / SO_FAR)
             result = replace(result, kept=result.facts, repetitions=summary_of(repeated_runs))
             amend_result_file(out, result)
     except KeyboardInterrupt:
@@ -233,61 +235,37 @@ def summary_of(repeated: Repetitions) -> RepetitionSummary:
     return RepetitionSummary(repeated.count, repeated.seed, tuple(RepeatedParameter(*row) for row in rows))
 
 
-def verify_and_write(
-    folder: Path,
-    logs: Sequence[Path],
-    out: Path | None,
-    torque: float,
-    motion: float,
-    parts: tuple[str, ...],
-    figures: FigureChoice,
-    **options: Any,
-) -> None:
-    """Judge a result on logs, and write each verdict."""
+def verify_and_write(folder: Path, logs: Sequence[Path], out: Path | None, figures: FigureChoice, **given: Any) -> None:
+    """Judge a result on logs, or servos, and write each verdict."""
+    kind, target = KIND, out or folder
+    views: tuple[Callable[..., View], Callable[..., View]] = verification_view, verifications_view
     if (folder / SERVOS).exists():
-        verify_servos_and_write(folder, logs, out, figures, options)
-    tolerances = Tolerances(torque, motion)
-    result = excite.load_result(folder, parts)
-    target, stems = out or result.folder or folder, _stems(logs)
-    with result_folder(target):
-        for stem in stems:
-            check_replaceable(target, KIND, stem)
-        judged = []
-        for log in logs:
-            tell(f"judging {folder} on {log}")
-            judged.append(excite.verify(result, log, tolerances=tolerances, **options))
-        views = list(map(verification_view, judged, stems))
-        step = "'excite verify ... --verbose' shows what limits each joint"
-        _show_judged(judged, views, verifications_view(judged), target, figures, step)
-
-
-def verify_servos_and_write(
-    folder: Path, logs: Sequence[Path], out: Path | None, figures: FigureChoice, options: Mapping[str, Any]
-) -> NoReturn:
-    """Judge servos on logs, and write each verdict."""
-    of_torques = ("torque", "motion", "horizon", "rows", "signals", "temperature", "part")
-    check_not_typed(of_torques, "is not for servos: they are judged by their motion")
-    target, stems = out or folder, _stems(logs)
-    chosen = {name: options[name] for name in ("mapping", "drop", "training_too")}
-    with result_folder(target):
-        for stem in stems:
-            check_replaceable(target, SERVO_KIND, stem)
-        judged = []
-        for log in logs:
-            tell(f"judging {folder} on {log}")
-            judged.append(verify_servos(folder, log, **chosen))
-        views = list(map(servo_verification_view, judged, stems))
+        of_torques = ("torque", "motion", "horizon", "rows", "signals", "temperature", "part")
+        check_not_typed(of_torques, "is not for servos: they are judged by their motion")
+        kind, views = SERVO_KIND, (servo_verification_view, servo_verifications_view)
+        chosen = {name: given[name] for name in ("mapping", "drop", "training_too")}
+        judge: Callable[..., _Judged] = partial(verify_servos, folder, **chosen)
         step = "identify from more logs, of the kinds of motion that matter"
-        _show_judged(judged, views, servo_verifications_view(judged), target, figures, step)
+    else:
+        tolerances = Tolerances(given.pop("torque"), given.pop("motion"))
+        result = excite.load_result(folder, given.pop("parts"))
+        target = out or result.folder or folder
+        judge = partial(excite.verify, result, tolerances=tolerances, **given)
+        step = "'excite verify ... --verbose' shows what limits each joint"
+    (of_one, of_all), stems = views, _stems(logs)
+    with result_folder(target):
+        for stem in stems:
+            check_replaceable(target, kind, stem)
+        judged = []
+        for log in logs:
+            tell(f"judging {folder} on {log}")
+            judged.append(judge(log))
+        each = list(map(of_one, judged, stems))
+        _show_judged(judged, each, of_all(judged) if len(each) > 1 else each[0], target, figures, step)
 
 
 def _show_judged(
-    judged: Sequence[Verification | ServoVerification],
-    views: Sequence[View],
-    view: View,
-    target: Path,
-    figures: FigureChoice,
-    step: str,
+    judged: Sequence[_Judged], views: Sequence[View], view: View, target: Path, figures: FigureChoice, step: str
 ) -> NoReturn:
     """Save each verdict under the name of its view, and print the one on all."""
     files = [file for each, own in zip(judged, views, strict=True) for file in each.save(target, name=own.filed)]

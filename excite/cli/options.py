@@ -239,9 +239,6 @@ class FigureChoice:
     formats: tuple[str, ...]
     width: str
 
-    def __bool__(self) -> bool:
-        return bool(self.formats)
-
     def write(self, result: Any, folder: Path) -> list[Path]:
         """Draw a result, or what its view has, into its folder, where figures are asked for."""
         if not self.formats:

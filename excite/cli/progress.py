@@ -14,8 +14,8 @@ import click
 
 from excite.cli.streams import SECONDS, can_move, remark, something_is_shown, tell, verbosity
 from excite.design.interruption import Interruption, answered_signals, current_interruption, deferred_interruption
+from excite.storage.work_prediction import Steps
 
-_Steps = Callable[[int, int], None]  # of what is done, and of the total
 _BETWEEN = 2.0  # seconds between two lines of a simulation
 _SILENCE = 2.0  # before the first line on repetitions [s]
 _PAUSE = 5.0  # between two lines of it [s]
@@ -37,7 +37,7 @@ def bar(text: str, *, verb: str = "designing", remaining: bool = False, **first:
 
 
 @contextmanager
-def progress_of_repetitions(total: int) -> Iterator[_Steps]:
+def progress_of_repetitions(total: int) -> Iterator[Steps]:
     """Report finished repetitions, in lines not more often than every few seconds where there is no terminal."""
     if verbosity().quiet or not can_move(sys.stderr):
         yield _lines_of_repetitions()
@@ -46,7 +46,7 @@ def progress_of_repetitions(total: int) -> Iterator[_Steps]:
             yield lambda done, _: update(completed=done)
 
 
-def _lines_of_repetitions() -> _Steps:
+def _lines_of_repetitions() -> Steps:
     began = time.monotonic()
     due = began + _SILENCE
 
@@ -63,7 +63,7 @@ def _lines_of_repetitions() -> _Steps:
 
 
 @contextmanager
-def progress_of_samples(verb: str = "simulated") -> Iterator[_Steps]:
+def progress_of_samples(verb: str = "simulated") -> Iterator[Steps]:
     """Report the share of a simulation, or of other work, that is done, if it takes longer."""
     start = shown = time.monotonic()
     terminal, quiet = can_move(sys.stderr), verbosity().quiet
@@ -100,7 +100,7 @@ def one_interrupt() -> Iterator[Interruption]:
 
 
 @contextmanager
-def stoppable(progress: AbstractContextManager[_Steps], message: str) -> Iterator[_Steps]:
+def stoppable(progress: AbstractContextManager[Steps], message: str) -> Iterator[Steps]:
     """Show progress, and defer a signal in the block to a step: compiled computations must not be interrupted."""
 
     def say() -> None:  # not through streams, which may be in the middle of a write

@@ -67,7 +67,8 @@ def show_robot(robot: str, out: Path | None, given: Mapping[str, Any]) -> None:
 
 
 def _content(whole: Robot, moving: tuple[str, ...], base: Base) -> dict[str, Any]:
-    servos = _servos(whole)
+    lists = {name: list(getattr(base, name)) for name in ("expressions", "units", "by_rounding")}
+    told = _servos(whole).items()
     return {
         "name": whole.name,
         "sha256": whole.sha256(),
@@ -77,17 +78,8 @@ def _content(whole: Robot, moving: tuple[str, ...], base: Base) -> dict[str, Any
             for note in whole.notes
         ],
         "moving_joints": list(moving),
-        "base": {
-            "rank": base.rank,
-            "gap": finite(base.gap),
-            "columns": list(base.names),
-            "expressions": list(base.expressions),
-            "units": list(base.units),
-            "by_rounding": list(base.by_rounding),
-        },
-        "servos": {
-            name: {"gravity": load, "own_inertia": own, "told_by": words} for name, (load, own, words) in servos.items()
-        },
+        "base": {"rank": base.rank, "gap": finite(base.gap), "columns": list(base.names), **lists},
+        "servos": {name: {"gravity": load, "own_inertia": own, "told_by": text} for name, (load, own, text) in told},
     }
 
 

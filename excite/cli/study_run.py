@@ -38,20 +38,12 @@ from excite.views.view import view_of
 from regressors.quantities import number_of
 
 
-def study_and_write(
-    robot: str,
-    logs: Sequence[Path],
-    out: Path,
-    designs: Sequence[Path],
-    parts: tuple[str, ...],
-    figures: FigureChoice,
-    force: bool,
-    **given: Any,
-) -> None:
+def study_and_write(robot: str, logs: Sequence[Path], out: Path, figures: FigureChoice, **given: Any) -> None:
     """Follow the estimates of logs and designs over time, and write them."""
     if not given["repeats"]:
         check_not_typed(("executor", "workers"), "is for repetitions: give their number, --repeats N")
     simulation = {name: given.pop(name) for name in ("rate", "encoder", "torque_noise", "seed")}
+    designs, parts, force = (given.pop(name) for name in ("designs", "parts", "force"))
     with result_folder(out):
         check_free(out, figure_names([FIGURE], figures.formats), replace=force)
         study = excite.study_over_time(
@@ -183,24 +175,15 @@ def _next(step: excite.NextMotion, out: Path | None) -> str:
 
 
 def _content(step: excite.NextMotion, out: Path | None) -> dict[str, Any]:
-    forecast = step.forecast
-    return {
-        "robot": step.robot,
-        "enough": step.enough,
-        "planned": list(step.planned),
-        "parameters": [
-            {name: finite(value) if isinstance(value, float) else value for name, value in vars(parameter).items()}
-            | {"enough": parameter.enough}
-            for parameter in step.parameters
-        ],
-        "next": None
-        if step.design is None or forecast is None
-        else {
-            "out": None if out is None else str(out),
-            "period": step.design.trajectory.duration,
-            **{name: value for name, value in json_of(forecast).items() if name != "parameters"},
-        },
-    }
+    forecast, following, parameters = step.forecast, None, []
+    for one in step.parameters:
+        known = {name: finite(value) if isinstance(value, float) else value for name, value in vars(one).items()}
+        parameters.append({**known, "enough": one.enough})
+    if step.design is not None and forecast is not None:
+        own = {name: value for name, value in json_of(forecast).items() if name != "parameters"}
+        following = {"out": None if out is None else str(out), "period": step.design.trajectory.duration, **own}
+    content = {"robot": step.robot, "enough": step.enough, "planned": list(step.planned)}
+    return {**content, "parameters": parameters, "next": following}
 
 
 def simulate_and_write(source: Path, out: Path, **given: Any) -> None:

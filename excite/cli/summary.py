@@ -27,7 +27,8 @@ from rich.table import Table
 from rich.text import Text
 
 from excite.cli.streams import has_colours, in_options, something_is_shown, verbosity
-from excite.views.view import Column, Format, View, ViewTable, number
+from excite.logs.log import counted
+from excite.views.view import Column, Format, View, ViewTable
 from regressors.errors import listed_names, one_line, percent
 
 _LINES, _COLUMNS = 24, 100
@@ -130,7 +131,7 @@ def _notes_that_fit(remarks: Sequence[str], all_in: str | None, lines: int, widt
         shown.append(note)
     if len(shown) < len(notes):
         where = f"in {all_in}, or with --verbose" if all_in else "with --verbose"
-        shown.append([f"{number(len(notes) - len(shown), 'more note')}: {where}"])
+        shown.append([f"{counted(len(notes) - len(shown), 'more note')}: {where}"])
     return shown
 
 
@@ -141,10 +142,10 @@ def _written(files: Sequence[Path]) -> list[str]:
     kinds = Counter(map(_kind, files))
     many = {kind for kind, count in kinds.items() if count > _ALIKE or (kind == _FIGURE and len(files) > 2)}
     named = [path for path in files if _kind(path) not in many]
-    counted = [number(kinds[kind], kind) for kind in kinds if kind in many]
+    together = [counted(kinds[kind], kind) for kind in kinds if kind in many]
     if len({path.parent for path in files}) == 1 and len(files) > 1:
-        return [f"written to {files[0].parent}: {', '.join([*(path.name for path in named), *counted])}"]
-    return [f"written: {', '.join([*map(str, named), *counted])}"]
+        return [f"written to {files[0].parent}: {', '.join([*(path.name for path in named), *together])}"]
+    return [f"written: {', '.join([*map(str, named), *together])}"]
 
 
 def _kind(path: Path) -> str:

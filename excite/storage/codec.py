@@ -21,6 +21,7 @@ more:
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
@@ -61,9 +62,12 @@ def content_of(record: object) -> tuple[dict[str, Any], Arrays]:
 
 def record_of(kind: type[Record], content: Mapping[str, Any], arrays: Mapping[str, Any]) -> Record:
     """The record that a content and its arrays hold; entries that the record does not have are not looked at."""
+    whole: dict[str, Any] = {}
     try:
-        whole = {name: each for name, each in content.items() if _names(each) <= arrays.keys()}
-        return _converter().structure(_with_arrays(whole, arrays), kind)
+        for name, each in content.items():
+            with suppress(KeyError):  # of an array that is not there
+                whole[name] = _with_arrays(each, arrays)
+        return _converter().structure(whole, kind)
     except cattrs.BaseValidationError as error:
         raise InputError(_first(error)) from error
 
@@ -78,15 +82,6 @@ def _without_arrays(value: Any, place: str, arrays: Arrays) -> Any:
     if isinstance(value, list | tuple):
         return [_without_arrays(each, f"{place}.{k}", arrays) for k, each in enumerate(value)]
     return value
-
-
-def _names(value: Any) -> set[str]:
-    """Names of the arrays that an entry refers to."""
-    if isinstance(value, dict) and value.keys() != {_ARRAY}:
-        value = list(value.values())
-    if isinstance(value, list):
-        return set().union(*map(_names, value))
-    return {str(value[_ARRAY])} if isinstance(value, dict) else set()
 
 
 def _with_arrays(value: Any, arrays: Mapping[str, Any]) -> Any:
@@ -213,7 +208,8 @@ def _writer(kind: type, converter: cattrs.Converter) -> Callable[[Any], dict[str
         for name in inline:
             content |= content.pop(name)
         if listed:
-            content = {name: _list(each) if isinstance(each, np.ndarray) else each for name, each in content.items()}
+            lists = {name: each.tolist() for name, each in content.items() if isinstance(each, np.ndarray)}
+            content |= converter.unstructure(lists)
         follow = {name: converter.unstructure(follows(record)) for name, follows in beside.items()}
         return _nested({**follow, **content})
 
@@ -239,13 +235,6 @@ def _flat(content: Mapping[str, Any], entries: Iterable[str]) -> dict[str, Any]:
         if part and isinstance(content.get(part), Mapping) and name in content[part]:
             flat[entry] = content[part][name]
     return flat
-
-
-def _list(array: Any) -> Any:
-    """Numbers of an array in lists, with words for those that are not finite."""
-    if array.ndim:
-        return [_list(each) for each in array]
-    return array.item() if np.isfinite(array) else str(float(array))
 
 
 def _array(value: Any) -> Any:

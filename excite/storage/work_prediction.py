@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
+
+Steps = Callable[[int, int], None]  # takes what is done of a piece of work, and the total
 
 
 def in_time(seconds: float) -> str:

@@ -23,12 +23,12 @@ moments too, and the centre of mass moves by 0.7 r of the body's root mean squar
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import clarabel
 import numpy as np
 import scipy
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from excite.errors import ConicSolverError
@@ -39,6 +39,7 @@ from excite.identification.estimators.possible_set import (
     nearest,
     possible_set,
 )
+from excite.storage.work_prediction import Steps
 from regressors.errors import InputError
 from regressors.robot.inertia import from_pseudo_inertia
 from regressors.samples import Array, Index
@@ -62,7 +63,7 @@ def draws(
     start: Array,
     count: int,
     seed: int,
-    progress: Callable[[int, int], None] = lambda _, __: None,
+    progress: Steps = lambda _, __: None,
 ) -> Array:
     """Coordinates of every chain after the warm-up, shape (rounds, chains, d), at least as many as asked for."""
     # start (d,)
@@ -110,12 +111,7 @@ _MOST = 2000  # reflections in one drift
 
 
 def next_points(
-    coordinates: PosteriorCoordinates,
-    possible: PossibleSet,
-    z: Array,
-    rng: np.random.Generator,
-    shape: Array,
-    length: float = STEP,
+    coordinates: PosteriorCoordinates, possible: PossibleSet, z: Array, rng: Generator, shape: Array, length: float
 ) -> tuple[Array, NDArray[np.bool_]]:
     """One path of every chain: its new points, shape (n, d), and whether it moved there, shape (n,)."""
     # z (n, d); shape (d, d)

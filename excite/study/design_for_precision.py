@@ -131,11 +131,9 @@ def search_for_precision(
         return solve(formulation, prepare(formulation, f"{period:g}s-{name}"))
 
     search = PeriodSearch(task, lambda at_period: formulate(robot, at_period), solved, report)
-    best = search.run().design
-    run, forecast = best.run_information, best.precision
-    assert run is not None
-    assert forecast is not None
-    most, obstacles = task.objective.max_time, None
+    trial, most, obstacles = search.run(), task.objective.max_time, None
+    best, run = trial.design, trial.run
+    forecast = run.forecast(most)
     if not search.interrupted:
         try:
             obstacles = out_of_reach(best, run, forecast, report)
@@ -147,7 +145,7 @@ def search_for_precision(
         max_time=most,
         period=best.task.trajectory.period,
         forecast=forecast,
-        trials=tuple(tried_period(trial, max(most, forecast.robot_seconds)) for trial in search.trials),
+        trials=tuple(tried_period(each, max(most, forecast.robot_seconds)) for each in search.trials),
         front=pareto_front(search.trials, most),
         out_of_reach=obstacles,
     )

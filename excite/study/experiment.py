@@ -23,7 +23,7 @@ from excite.study.moments import (
     has_gpu,
     has_jax_form,
 )
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.models.base import Base, triangular_factor
 from regressors.models.model import RegressorModel
 from regressors.samples import Array, Samples
@@ -105,8 +105,7 @@ class Experiment:
             raise InputError(f"experiment: motion of {n} joints for a robot of {self.model.robot.n}")
         if np.shape(self.beta) != (self.base.rank,) or not np.all(np.isfinite(self.beta)):
             raise InputError(f"experiment: expected {self.base.rank} finite parameters, given {np.asarray(self.beta)}")
-        if self.estimator not in ESTIMATORS:
-            raise UnknownName("estimator", self.estimator, ESTIMATORS)
+        check_names("estimator", [self.estimator], ESTIMATORS)
         if self.noise.moves and self.method is None:
             raise InputError("experiment: positions with noise or counts need a method that differentiates them")
         if self.every < 1:

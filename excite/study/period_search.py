@@ -86,14 +86,14 @@ class PeriodSearch:
         """Search at the best period as the task says, then shorten it as far as as many runs are enough."""
         best = best_trial(self.trials, self.task.objective.max_time)
         self.report(f"searching on at {best.period:g} s")
-        self._keep(self._solved(self.task, best.period, "last", best))
+        self._search(self.task, best.period, "last", best)
         best = best_trial(self.trials, self.task.objective.max_time)
         runs, lower = best.runs, 0.5 * best.period
         for _ in range(_SHORTER):
             period = self._shorter(best, lower)
             if runs * best.seconds > self.task.objective.max_time or period is None:
                 return
-            trial = self._keep(self._solved(_single(self.task), period, f"shorter-{best.period:g}", best))
+            trial = self._search(_single(self.task), period, f"shorter-{best.period:g}", best)
             if trial is not None and trial.runs <= runs:
                 best = trial
             else:
@@ -110,8 +110,8 @@ class PeriodSearch:
         """Search at one period, from random motions and from the best motion of a neighbour; None if it has none."""
         near = min(self.trials, key=lambda trial: abs(math.log(trial.period / period)), default=None)
         brief = self.task.changed(starts=None, rounds=_ROUNDS, budget=None)  # a few rounds after random motions
-        random = self._keep(self._solved(brief, period, "random", None))
-        warm = None if near is None else self._keep(self._solved(_single(self.task), period, "warm", near))
+        random = self._search(brief, period, "random", None)
+        warm = None if near is None else self._search(_single(self.task), period, "warm", near)
         trials = [trial for trial in (random, warm) if trial is not None]
         if not trials:
             return None
@@ -119,28 +119,20 @@ class PeriodSearch:
         self.report(f"{period:g} s: {runs_text(trial.runs, trial.seconds)}")
         return trial
 
-    def _solved(self, task: Task, period: float, name: str, begin: PeriodTrial | None) -> Design | None:
+    def _search(self, task: Task, period: float, name: str, begin: PeriodTrial | None) -> PeriodTrial | None:
+        """The trial of a period after a search there, or a better one that is known; None where it has no motion."""
         try:
             formulation = self.formulate(task_at(task, period, begin))
         except InputError as error:
             self._refuse(period, error)
             return None
         try:
-            return self.solve(formulation, name)
+            design = self.solve(formulation, name)
         except NoFeasibleMotionError as error:
             self._refuse(period, error)
             return None
-
-    def _refuse(self, period: float, error: InputError | NoFeasibleMotionError) -> None:
-        self.refusals.append(error)
-        self.report(f"{period:g} s: no motion: {error}")
-
-    def _keep(self, design: Design | None) -> PeriodTrial | None:
-        """Take a design as the trial of its period, unless a better one is there."""
-        if design is None:
-            return None
-        period, richness = design.task.trajectory.period, design.task.trajectory.richness[1]
-        trial = PeriodTrial(period, richness, design)
+        period = design.task.trajectory.period
+        trial = PeriodTrial(period, design.task.trajectory.richness[1], design)
         self.seconds += float(str(design.provenance["cpu_seconds"]))
         same = [each for each in self.trials if each.period == period and each.run.use(1) <= trial.run.use(1)]
         if not same:
@@ -149,6 +141,10 @@ class PeriodSearch:
         if design.interrupted:
             raise KeyboardInterrupt
         return same[0] if same else trial
+
+    def _refuse(self, period: float, error: InputError | NoFeasibleMotionError) -> None:
+        self.refusals.append(error)
+        self.report(f"{period:g} s: no motion: {error}")
 
 
 def _single(task: Task) -> Task:

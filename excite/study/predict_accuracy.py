@@ -20,6 +20,7 @@ from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate
 from excite.storage.records import Shown, check_replaceable, write_record
 from excite.storage.result_folder import result_folder
+from excite.storage.work_prediction import Steps
 from excite.study.rehearsal import (
     FREE,
     Rehearsal,
@@ -110,7 +111,7 @@ def predict_accuracy(
     rehearsal = Rehearsal(simulation, result, _found(recipe, result.choices))
     seed = settings.seed
 
-    def told(what: str) -> Callable[[int, int], None]:
+    def told(what: str) -> Steps:
         def tell(done: int, total: int) -> None:  # a few times
             if done == total or done % max(1, total // _STEPS) == 0:
                 progress(f"{what}: {done} of {total} samples")
@@ -153,9 +154,7 @@ def _found(recipe: Recipe, choices: tuple[Choice, ...]) -> frozenset[str]:
     return frozenset(found)
 
 
-def _parameters(
-    rehearsal: Rehearsal, torques: Array, motion: Array, progress: Callable[[int, int], None]
-) -> tuple[ParameterAccuracy, ...]:
+def _parameters(rehearsal: Rehearsal, torques: Array, motion: Array, progress: Steps) -> tuple[ParameterAccuracy, ...]:
     """What the errors by noise of the torques and of the motion, each of shape (k, p), make of each parameter."""
     result, exact = rehearsal.result, rehearsal.exact
     values = exact.solution.values[: exact.count]

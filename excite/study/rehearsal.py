@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -25,6 +24,7 @@ from excite.logs.signals.periods import mean_rate
 from excite.simulation.sensors import first_order_noise, joint_log
 from excite.simulation.settings import SimulationSettings, one_each
 from excite.simulation.simulation import Simulation
+from excite.storage.work_prediction import Steps
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.nominal import standard_values
@@ -92,9 +92,7 @@ def exact_settings(settings: SimulationSettings) -> SimulationSettings:
     return replace(quiet, encoder=None, position_noise=none, velocity_noise=none, position_step=none)
 
 
-def motion_errors(
-    rehearsal: Rehearsal, count: int, seed: int, progress: Callable[[int, int], None] = lambda *_: None
-) -> Array:
+def motion_errors(rehearsal: Rehearsal, count: int, seed: int, progress: Steps = lambda *_: None) -> Array:
     """Errors of the estimate from measured motions and exact torques, shape (count, p).
 
     Each measured motion passes the filter and the derivatives of the identification and gives its own regressor W, so
@@ -171,10 +169,7 @@ FREE = ("weighted", "least-squares", "recursive", "huber")  # linear in the meas
 
 
 def bounded_estimates(
-    result: Identification,
-    linear: LinearEquations,
-    values: Array,
-    progress: Callable[[int, int], None] = lambda *_: None,
+    result: Identification, linear: LinearEquations, values: Array, progress: Steps = lambda *_: None
 ) -> Array:
     """What an estimator makes of measurements whose weighted least-squares estimates are given, shape (k, p).
 
@@ -212,7 +207,7 @@ def torque_errors(
     count: int,
     seed: int,
     found: frozenset[str] = frozenset(),
-    progress: Callable[[int, int], None] = lambda *_: None,
+    progress: Steps = lambda *_: None,
 ) -> Array:
     """Errors ``(W' V W)^-1 W' V F n`` of an estimate, shape (count, p).
 

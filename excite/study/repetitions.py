@@ -7,7 +7,7 @@ import json
 import logging
 import time
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -31,7 +31,7 @@ from excite.logs.signals.filters import decimation
 from excite.logs.signals.method import delayed, resample
 from excite.logs.signals.periods import mean_rate
 from excite.storage.atomic import replacing
-from excite.storage.work_prediction import announce
+from excite.storage.work_prediction import Steps, announce
 from excite.study.experiment import Chain, Experiment, Noise
 from excite.study.moments import BLOCK, entries_of_equations, has_gpu
 from regressors.errors import InputError
@@ -42,17 +42,8 @@ from regressors.quantities import check
 from regressors.samples import Array
 
 
-def repetitions(
-    result: Identification,
-    count: int,
-    seed: int,
-    progress: Callable[[int, int], None] | None = None,
-    *,
-    executor: str | UnitExecutor = "process",
-    workers: int | None = None,
-    kept: str | Path | None = None,
-) -> Repetitions:
-    """Repeat the experiment of the first log with the estimate as the truth.
+def experiment_of(result: Identification, count: int) -> Experiment:
+    """The experiment of the first log with the estimate as the truth, to be repeated so many times.
 
     The true motion is the filtered motion of the log; the noise of positions is what was filtered out of them, the
     noise of torques the residual of the estimate at every instant, both taken as white. Friction has the sign of the
@@ -65,7 +56,7 @@ def repetitions(
     result.robot.check_open("the repetition of an identification")
     uniform = resample(part.log).log  # what the method chooses for the log, it keeps
     chosen = 1 if recipe.low_pass is None else decimation(mean_rate(part.samples.time), recipe.low_pass)
-    experiment = Experiment(
+    return Experiment(
         model=model,
         base=result.target.base,
         samples=part.samples,
@@ -76,7 +67,6 @@ def repetitions(
         every=recipe.every or chosen,
         estimator=str(recipe.estimator),
     )
-    return repeat_experiment(experiment, count, seed, progress=progress, executor=executor, workers=workers, kept=kept)
 
 
 def effort_noise(result: Identification) -> Array:
@@ -193,8 +183,8 @@ def repeat_experiment(
     experiment: Experiment,
     count: int,
     seed: int,
+    progress: Steps | None = None,
     *,
-    progress: Callable[[int, int], None] | None = None,
     executor: str | UnitExecutor = "process",
     workers: int | None = None,
     kept: str | Path | None = None,
@@ -219,11 +209,7 @@ def repeat_experiment(
 
 
 def _repeated(
-    executor: UnitExecutor,
-    common: SeededExperiment,
-    count: int,
-    kept: KeptRepetitions,
-    progress: Callable[[int, int], None],
+    executor: UnitExecutor, common: SeededExperiment, count: int, kept: KeptRepetitions, progress: Steps
 ) -> tuple[dict[int, Repetition], bool]:
     """Repetitions by number, those that are kept and those that are computed until Ctrl-C; and whether that came."""
     found, interrupted = kept.read(count), False

@@ -31,7 +31,7 @@ from excite.study.chains import (
 )
 from excite.study.posterior_samples import LEVEL, PosteriorSamples
 from regressors.arguments import checked
-from regressors.errors import InputError, shortened
+from regressors.errors import InputError
 from regressors.models.nominal import standard_values
 from regressors.numerical import numerical_work
 from regressors.quantities import check
@@ -123,11 +123,7 @@ def sample_posterior(
 
 def chosen_result(given: Identification | str | Path) -> Identification:
     """The result itself, or the one in a folder."""
-    if isinstance(given, str | Path):
-        return load_result(given)
-    if not isinstance(given, Identification):
-        raise InputError(f"expected a result of `identify` or its folder, given {shortened(repr(given))}")
-    return given
+    return load_result(given) if isinstance(given, str | Path) else given
 
 
 def posterior_of(

@@ -30,7 +30,7 @@ from excite.information.precision_forecast import (
 from excite.logs.log import Log, counted
 from excite.simulation.servo_motion import followed
 from excite.tasks.precision_target import PrecisionTarget
-from regressors.errors import InputError, UnknownName, listed_names
+from regressors.errors import InputError, check_names, listed_names
 from regressors.models.servo_response import QUANTITIES, RATIOS, SYMBOLS, scale_shown_by
 from regressors.robot.robot import Robot
 from regressors.samples import Array
@@ -78,17 +78,11 @@ def _check(asked: PrecisionTarget) -> None:
             "precision: of servos, give a `share`, `parameters` by their symbols, or both, at the level of "
             f"{CONFIDENCE:g}; they have no groups, scales or torques"
         )
-    for name in asked.parameters:
-        if name not in SYMBOLS:
-            raise UnknownName("quantity of a servo", name, SYMBOLS)
+    check_names("quantity of a servo", asked.parameters, SYMBOLS)
 
 
-_CONSTANT, _REACTION, _FRICTION, _DELAY = (
-    0.04,
-    0.026,
-    0.05,
-    0.02,
-)  # of usual servos: D/K [s], root of J/K [s], Fc/L, [s]
+# of usual servos: D/K [s], root of J/K [s], Fc/L, [s]
+_CONSTANT, _REACTION, _FRICTION, _DELAY = 0.04, 0.026, 0.05, 0.02
 _FAST = 5.0  # speed without load where none is stated [rad/s or m/s]
 _STRONG = 3.0  # times what the arm needs, where no torque is stated
 
@@ -164,13 +158,11 @@ def _not_counted(result: ServoResult) -> Iterator[str]:
     unknown, names = np.isinf(result.half_width), np.array(result.robot.joint_names)
     still = unknown.all(axis=1)
     unscaled, far = unknown[:, 0] & ~still, unknown[:, SYMBOLS.index("L")] & ~unknown[:, 0]
-    for joints, text in (
-        (names[still], "too little motion to promise a precision"),
-        (
-            names[unscaled],
-            "too little load by known masses, so that ratios to the stiffness count in the place of torques",
-        ),
-        (names[far], "the torque limit is not reached, and no precision of it is promised"),
-    ):
-        if joints.size:
-            yield f"{listed_names(joints.tolist())}: {text}"
+    told = {
+        "too little motion to promise a precision": still,
+        "too little load by known masses, so that ratios to the stiffness count in the place of torques": unscaled,
+        "the torque limit is not reached, and no precision of it is promised": far,
+    }
+    for text, joints in told.items():
+        if joints.any():
+            yield f"{listed_names(names[joints].tolist())}: {text}"

@@ -52,21 +52,16 @@ class TimeStudy(Saved):
     @property
     def ends(self) -> list[dict[str, Any]]:
         """Of each motion the parameters at its end, and from when on they are determined [s]."""
-        return [
-            {
-                "name": course.name,
-                "condition_number": float(course.condition_number[-1]),
-                "parameters": {
-                    name: {
-                        "value": float(course.values[-1, k]),
-                        "half_width_99": float(course.half_width[-1, k]),
-                        "time_below": float(time),
-                    }
-                    for k, (name, time) in enumerate(zip(course.names, course.time_below(self.below), strict=True))
-                },
+        ends = []
+        for course in self.courses:
+            numbers = (course.values[-1], course.half_width[-1], course.time_below(self.below))
+            parameters = {
+                name: {"value": value, "half_width_99": half, "time_below": time}
+                for name, value, half, time in zip(course.names, *(x.tolist() for x in numbers), strict=True)
             }
-            for course in self.courses
-        ]
+            condition = float(course.condition_number[-1])
+            ends.append({"name": course.name, "condition_number": condition, "parameters": parameters})
+        return ends
 
     def _written(self, place: Path, *, replace: bool) -> list[Path]:
         check_free(place, replace=replace)

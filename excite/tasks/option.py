@@ -19,7 +19,7 @@ from excite.registry import check_part
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.stored_files import UnopenedFile
 from regressors.arguments import Unfit, fit, rule_of
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, UnknownName, check_names
 from regressors.quantities import QUANTITIES, check, number_of
 
 Kind = Literal[
@@ -28,10 +28,8 @@ Kind = Literal[
     "folders", "precision", "size", "distance", "impacts", "percent", "frame", "sides", "several",
 ]  # fmt: skip
 
-NUMERIC = frozenset(
-    ("integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "count", "margin", "size",
-     "distance", "percent", "sides")
-)  # fmt: skip
+_PLAIN = ("integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses")
+NUMERIC = frozenset((*_PLAIN, "count", "margin", "size", "distance", "percent", "sides"))
 _QUANTITIES: Mapping[Kind, str] = {"ranges": "position", "box": "tool_box", "sides": "tool_box", "pose": "home"}
 
 
@@ -100,9 +98,7 @@ MOUNTS: dict[str, tuple[float, float, float]] = {  # roll, pitch and yaw of the 
 AUTO, NONE, ALL = "auto", "none", "all"
 MARGINS = (AUTO, NONE)
 COUNTS = (AUTO,)
-_NUMBERS = frozenset(
-    ("integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "mount", "payload", "parameters")
-)
+_NUMBERS = frozenset((*_PLAIN, "mount", "payload", "parameters"))
 
 
 def strict(part: Any) -> None:
@@ -134,12 +130,7 @@ def check_choices(part: object) -> None:
 
 
 def _number(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, Real):
-        raise Unfit
-    try:
-        return float(value)
-    except OverflowError as error:
-        raise Unfit from error
+    return float(_real(value))
 
 
 def _flag(value: object) -> bool:
@@ -251,9 +242,7 @@ def _precision(value: object) -> PrecisionTarget:
     if isinstance(value, PrecisionTarget):
         return value
     if isinstance(value, Mapping):
-        unknown = [str(name) for name in value if name not in PrecisionTarget.__dataclass_fields__]
-        if unknown:
-            raise UnknownName("entry of `precision`", unknown[0], tuple(PrecisionTarget.__dataclass_fields__))
+        check_names("entry of `precision`", map(str, value), PrecisionTarget.__dataclass_fields__)
         return PrecisionTarget(**value)
     if not isinstance(value, str):
         return PrecisionTarget(_number(value))
@@ -268,7 +257,7 @@ def share_of(text: str) -> float:
     return number_of(text.removesuffix("%").rstrip()) / 100.0 if text.endswith("%") else number_of(text)
 
 
-_as_it_is = rule_of(object)[0]
+_as_it_is, _real = (rule_of(hint)[0] for hint in (object, float))
 _KINDS: dict[Kind, tuple[Callable[[Any], Any], str]] = {  # conversion, and what is expected
     "flag": (_flag, "true or false"),
     "integer": rule_of(int),

@@ -8,7 +8,7 @@ from typing import Any
 
 from excite.tasks.stored_files import TaskMotion
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 
 GROUPS = ("gravity", "inertia", "friction")
 
@@ -94,9 +94,8 @@ class PrecisionTarget:
     probability: float = 0.95
 
     def __post_init__(self) -> None:
-        for name in self.groups:
-            if name not in (known := _groups()):
-                raise UnknownName("group of parameters", name, known)
+        if self.groups:
+            check_names("group of parameters", self.groups, _groups())
         shares = {"share": self.share, **self.parameters, **self.groups, **self.scales}
         for name, value in shares.items():
             if value is not None and not 0.0 < value < float("inf"):

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import scipy
@@ -20,23 +20,14 @@ from excite.errors import BrokenLimitError
 from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
+from excite.trajectories.sequence import Motion
 from regressors.errors import InputError
 from regressors.models.partial import of_joints
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
 
 _CLOSED = 1e-6  # rad or m
-
-
-class Reference(Protocol):
-    """A motion that can be evaluated at any instant, such as `excite.trajectories.Trajectory`."""
-
-    @property
-    def duration(self) -> float:
-        """Duration from start to end [s]."""
-
-    def samples(self, time: Array) -> Samples:
-        """Motion at given instants between 0 and the duration [s]."""
+Reference = Motion  # which a controller follows
 
 
 @dataclass(frozen=True, eq=False)

@@ -107,10 +107,9 @@ class Task:
     ) -> None:
         if tip is not None and not isinstance(tip, str):
             tip = tuple(tip) if len(tip) > 1 else next(iter(tip), None)
-        ends = {"base_link": base_link, "tip": tip}
-        whole: dict[str, Any] = {"robot": robot, **ends, "snap_angles": snap_angles}
-        whole |= {"xacro": xacro, **_parts(options, {name: kind() for name, kind in PARTS.items()})}
-        for name, value in whole.items():
+        own = {"robot": robot, "base_link": base_link, "tip": tip, "snap_angles": snap_angles, "xacro": xacro}
+        parts = _parts(options, {name: kind() for name, kind in PARTS.items()})
+        for name, value in {**own, **parts}.items():
             object.__setattr__(self, name, value)
         tool = self.limits.tool_box is not None or self.limits.tool_speed is not None
         if self.installation.locked_drives is not None and (tool or self.model.channel == "wrench"):

@@ -16,7 +16,7 @@ APPROACH, EXCITE, RETURN = SEGMENTS = ("approach", "excite", "return")
 
 
 class Motion(Protocol):
-    """A motion of every joint of the robot that can be evaluated at any instant."""
+    """A motion that can be evaluated at any instant, such as `excite.trajectories.Trajectory`."""
 
     @property
     def duration(self) -> float:

@@ -10,6 +10,7 @@ from typing import Any
 from excite.design.campaign import Campaign, Step
 from excite.design.design import Design
 from excite.design.sweeps.sweep_table import DESIGNED, KIND, TABLE, SweepRow, SweepTable
+from excite.logs.log import counted
 from excite.registry import name_of
 from excite.views.view import Column, Drawing, Format, View, ViewTable, headed, texts
 from regressors.models.partial import drive_names
@@ -94,7 +95,7 @@ def campaign_view(campaign: Campaign, designs: Sequence[Design] = ()) -> View:
     made = [[each for each in designs if _is_of(each, campaign, step)] for step in campaign.steps]
     count, joints = len(campaign.steps), ", ".join(campaign.joints)
     most = max(len(step.drives) for step in campaign.steps)
-    motions = f"{count} motion{'s' * (count != 1)} of at most {most} drive{'s' * (most != 1)}"
+    motions = f"{counted(count, 'motion')} of at most {counted(most, 'drive')}"
     return View(
         kind="campaign",
         title=f"campaign for {campaign.robot}",

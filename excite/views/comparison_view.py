@@ -86,16 +86,13 @@ def _friction(judgements: Sequence[Judgement]) -> list[str]:
 
 def _ranking(judged: Sequence[tuple[Judgement, float]]) -> ViewTable:
     columns = headed("*design:text, *cond(W):4, *criterion:4, *lasts [s], *tightest limit used:%, *limits:text")
-    rows = tuple(
-        (
-            j.name, j.criteria["condition_number"], goal, j.duration, None if j.tightest is None else j.tightest.use,
-            _held(j, "hold", "BROKEN"),
-        )
-        for j, goal in judged
-    )  # fmt: skip
+    rows = []
+    for j, goal in judged:
+        used = None if j.tightest is None else j.tightest.use
+        rows.append((j.name, j.criteria["condition_number"], goal, j.duration, used, _held(j, "hold", "BROKEN")))
     broken = {(k, 5): "bad" for k, (j, _) in enumerate(judged) if not j.feasible}
     title = "Designs by the criterion of the first one"
-    return ViewTable("ranking", title, columns, rows, marked=broken, most=len(rows))
+    return ViewTable("ranking", title, columns, tuple(rows), marked=broken, most=len(rows))
 
 
 def _facts(judgements: Sequence[Judgement]) -> ViewTable:

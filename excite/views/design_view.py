@@ -12,11 +12,12 @@ from excite.design.stated_limits import collisions_unchecked, kept_headline, kep
 from excite.information.matrix import CONVENTIONS
 from excite.information.precision_forecast import ParameterPrecision, PrecisionForecast, PrecisionSearch
 from excite.information.weighting import minimised_text
+from excite.logs.log import counted
 from excite.optimality.design_bound import stored_bound
 from excite.registry import name_of
 from excite.study.period_search import runs_text
 from excite.views.comparison_view import bound_view
-from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, number, texts
+from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, texts
 from regressors.errors import listed_names, percent
 from regressors.models.mirrored_limbs import mirrored_bodies
 
@@ -128,7 +129,7 @@ def _asked(design: Design) -> Iterator[str]:
         f"{design.robot.name}: {name_of(task.model.model)} model, {', '.join(moving)} move{'s' * (len(moving) == 1)}, "
         f"{design.base.rank} base parameters{tied}; {task.trajectory.period:g} s, "
         f"{design.trajectory.family.described}; minimised: {minimised}{value}; "
-        f"{number(design.number_of_starts, 'start')}, {design.provenance['cpu_seconds']:.1f} s CPU{worth}"
+        f"{counted(design.number_of_starts, 'start')}, {design.provenance['cpu_seconds']:.1f} s CPU{worth}"
     )
 
 
@@ -136,7 +137,7 @@ def _kept(design: Design, content: Mapping[str, Any]) -> str:
     """Which limits are exceeded, or what was checked and what was not; whether the search was stopped."""
     kept = kept_text(design.unchecked, (use.quantity for use in design.limits)).partition("; ")[2]
     if design.broken:
-        kept = f"the motion exceeds {number(len(design.broken), 'limit')}: {', '.join(design.broken)}"
+        kept = f"the motion exceeds {counted(len(design.broken), 'limit')}: {', '.join(design.broken)}"
     return f"{kept}; the search was interrupted" if content["interrupted"] else kept
 
 
@@ -201,19 +202,15 @@ def _limits(name: str, title: str, uses: Sequence[Mapping[str, Any]]) -> ViewTab
         *headed("margin, at [s], holds:kept"),
     )
     ranked = sorted(uses, key=lambda use: (use["holds"], -or_infinite(use["use"])))
-    # far inside a limit on one side, as of a distance, the part that is used says nothing
-    rows = tuple(
-        (
-            u["label"], u["extreme"], u["bound"], u["unit"],
-            used if (used := or_infinite(u["use"])) >= 0 or not u["holds"] else None, u["margin"], u["time"],
-            u["holds"],
-        )
-        for u in ranked
-    )  # fmt: skip
+    rows = []
+    for u in ranked:
+        # far inside a limit on one side, as of a distance, the part that is used says nothing
+        used = use if (use := or_infinite(u["use"])) >= 0 or not u["holds"] else None
+        rows.append((u["label"], u["extreme"], u["bound"], u["unit"], used, u["margin"], u["time"], u["holds"]))
     note = "Extremes are over every instant, not over samples: exact, or proven bounds."
     broken = {(k, 4): "bad" for k, use in enumerate(ranked) if not use["holds"]}
     how: dict[str, Any] = {"note": note} if name == "limits" else {"folded": True}
-    return ViewTable(name, title, columns, rows, marked=broken, most=_NEAR, **how)
+    return ViewTable(name, title, columns, tuple(rows), marked=broken, most=_NEAR, **how)
 
 
 def _tried(search: PrecisionSearch | None) -> tuple[ViewTable, ...]:
@@ -244,19 +241,17 @@ def _predictions(design: Design, content: Mapping[str, Any]) -> ViewTable:
         *(texts("at the motor") if behind else ()),
         *headed("combination:unit"),
     )
-    rows = tuple(
-        (
-            p["name"], p["standard_deviation"], *(known.get(p["name"], (None, None)) if known else ()), p["unit"],
-            *((_at_the_motor(p.get("motor_side")),) if behind else ()), p["expression"],
-        )
-        for p in predicted["parameters"]
-    )  # fmt: skip
+    rows = []
+    for p in predicted["parameters"]:
+        prior = known.get(p["name"], (None, None)) if known else ()
+        motor = (_at_the_motor(p.get("motor_side")),) if behind else ()
+        rows.append((p["name"], p["standard_deviation"], *prior, p["unit"], *motor, p["expression"]))
     noise = sorted(set(predicted["noise"]))
     sizes = f"{noise[0]:g}" + (f" to {noise[-1]:g}" if len(noise) > 1 else "")
     sizes += f" {' or '.join(dict.fromkeys(unit for _, unit in predicted['equations']))}"
     assumed = " (assumed)" if design.task.objective.noise is None else ""
     note = f"Of one run, for noise of {sizes}{assumed} in each row, independent from instant to instant."
-    return ViewTable("predicted", "Parameters and their predicted accuracy", columns, rows, note=note)
+    return ViewTable("predicted", "Parameters and their predicted accuracy", columns, tuple(rows), note=note)
 
 
 def _at_the_motor(side: Mapping[str, Any] | None) -> str:
@@ -267,7 +262,7 @@ def _at_the_motor(side: Mapping[str, Any] | None) -> str:
 def _half_widths(forecast: PrecisionForecast) -> ViewTable:
     """Predicted and allowed half-width of every parameter, where a precision is asked for."""
     title = (
-        f"Half-widths of {100 * forecast.level:g} % intervals after {number(forecast.runs, 'run')}, "
+        f"Half-widths of {100 * forecast.level:g} % intervals after {counted(forecast.runs, 'run')}, "
         f"with probability {100 * forecast.probability:g} %"
     )
     rows = tuple(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from excite.logs.log import counted
 from excite.payload.calibrate_gains import CalibratedGains
 from excite.payload.payload_motion import PayloadMotion
 from excite.payload.payload_result import PayloadResult
@@ -16,7 +17,7 @@ from excite.study.predict_accuracy import AccuracyPrediction
 from excite.study.time_study import FIGURE, KIND, TimeCourse, TimeStudy
 from excite.tasks.precision_target import PrecisionTarget
 from excite.views.design_view import design_view
-from excite.views.view import Column, Drawing, View, ViewTable, headed, number, texts
+from excite.views.view import Column, Drawing, View, ViewTable, headed, texts
 from regressors.errors import listed_names, percent
 
 
@@ -183,13 +184,10 @@ def payload_view(payload: PayloadResult) -> View:
 
 def _numbers(payload: PayloadResult) -> ViewTable:
     columns = (*texts(f"payload, by its {payload.source}", brief=True), *headed("*value:4, *unit:unit, *from:4, *to:4"))
-    rows = tuple(
-        (name, factor * value, unit, factor * low, factor * high)
-        for (name, factor, unit), value, (low, high) in zip(
-            _ROWS, payload.body.listed.tolist(), payload.intervals.tolist(), strict=True
-        )
-    )
-    return ViewTable("payload", "Payload with its 99 % intervals", columns, rows, most=len(rows))
+    values, intervals, rows = payload.body.listed.tolist(), payload.intervals.tolist(), []
+    for (name, factor, unit), value, (low, high) in zip(_ROWS, values, intervals, strict=True):
+        rows.append((name, factor * value, unit, factor * low, factor * high))
+    return ViewTable("payload", "Payload with its 99 % intervals", columns, tuple(rows), most=len(rows))
 
 
 def gains_view(calibrated: CalibratedGains) -> View:
@@ -254,6 +252,6 @@ def _runs(step: NextMotion) -> tuple[str, ...]:
     forecast = step.forecast
     if forecast is None or step.design is None:
         return ()
-    runs = number(forecast.runs, "run")
+    runs = counted(forecast.runs, "run")
     expected = "expected to be enough" if forecast.met else "which are not enough yet"
     return (f"next motion: {step.design.trajectory.duration:g} s, {runs}, {forecast.robot_seconds:g} s; {expected}",)

@@ -185,16 +185,13 @@ def _coordinates(coordinates: tuple[CoordinatePlan, ...]) -> ViewTable:
         "*unit:unit, drives that turn:text, pose of the joints:text, windows, *lasts [s], *limits:text, "
         "file:text"
     )
-    rows = tuple(
-        (
-            c.label, _GRAVITY_OF_PLAN.get(c.gravity, c.gravity), c.stroke, c.unit, c.top_speed, f"{c.unit}/s",
-            c.largest_gravity, "N" if c.unit == "m" else "Nm", ", ".join(c.turns),
-            " ".join(f"{value + 0.0:.4g}" for value in c.pose.values()), len(c.windows), c.runs.duration, _held(c),
-            c.file,
-        )
-        for c in coordinates
-    )  # fmt: skip
-    return ViewTable("coordinates", "Coordinates", columns, rows)
+    rows = []
+    for c in coordinates:
+        gravity, unit = _GRAVITY_OF_PLAN.get(c.gravity, c.gravity), "N" if c.unit == "m" else "Nm"
+        moves = (c.label, gravity, c.stroke, c.unit, c.top_speed, f"{c.unit}/s", c.largest_gravity, unit)
+        pose = " ".join(f"{value + 0.0:.4g}" for value in c.pose.values())
+        rows.append((*moves, ", ".join(c.turns), pose, len(c.windows), c.runs.duration, _held(c), c.file))
+    return ViewTable("coordinates", "Coordinates", columns, tuple(rows))
 
 
 def _held(c: CoordinatePlan) -> str:
@@ -314,12 +311,11 @@ def _units(unit: str) -> dict[str, str]:
 
 def _drives(drives: tuple[Characteristic, ...]) -> ViewTable:
     columns = headed("*drive:text, *equation:text, *points, *Coulomb:text, *viscous:text, *scatter")
-    rows = tuple(
-        (d.drive, equation, len(d.points), _value(d, "coulomb"), _value(d, "viscous"), scatter)
-        for d in drives
-        for equation, scatter in [("table", None) if d.fit is None else (d.fit.form.name, d.fit.scatter)]
-    )
-    return ViewTable("drives", "Curves", columns, rows)
+    rows = []
+    for d in drives:
+        equation, scatter = ("table", None) if d.fit is None else (d.fit.form.name, d.fit.scatter)
+        rows.append((d.drive, equation, len(d.points), _value(d, "coulomb"), _value(d, "viscous"), scatter))
+    return ViewTable("drives", "Curves", columns, tuple(rows))
 
 
 def _value(d: Characteristic, parameter: str) -> str:

@@ -141,13 +141,12 @@ def _least_certain(result: Identification) -> tuple[ViewTable, ...]:
     estimate, values = result.estimate, _values(result)
     sized = np.where(np.isfinite(estimate.relative_deviation), estimate.relative_deviation, -1.0)
     columns = headed("*least certain:text, *value:4, *99 %:text, *unit:unit, *std. dev.:text")
-    rows = tuple(
-        (estimate.names[k], values[k], f"+- {estimate.half_width[k]:.2g}", estimate.units[k], size)
-        for k in np.argsort(-sized, kind="stable")[:_SHOWN]
-        if sized[k] >= 0.0
-        for size in [percent(sized[k]) if sized[k] <= 1 else "over 100 %"]
-    )
-    return (ViewTable("least-certain", "Parameters that are least certain", columns, rows),) if rows else ()
+    rows = []
+    for k in np.argsort(-sized, kind="stable")[:_SHOWN]:
+        if sized[k] >= 0.0:
+            size = percent(sized[k]) if sized[k] <= 1 else "over 100 %"
+            rows.append((estimate.names[k], values[k], f"+- {estimate.half_width[k]:.2g}", estimate.units[k], size))
+    return (ViewTable("least-certain", "Parameters that are least certain", columns, tuple(rows)),) if rows else ()
 
 
 def _logs(result: Identification) -> ViewTable:

@@ -18,6 +18,7 @@ from excite.design.sweeps.sweep_table import SweepRow, SweepTable
 from excite.information.matrix import CONVENTIONS
 from excite.information.precision_forecast import ParameterPrecision, PrecisionForecast, PrecisionSearch
 from excite.information.weighting import minimised_text
+from excite.logs.log import counted
 from excite.registry import name_of
 from excite.views.panels import Panel, alike, bar_panel, ends, head, legend_below
 from excite.views.style import (
@@ -40,7 +41,6 @@ from excite.views.style import (
     significant,
     size_of,
 )
-from excite.views.view import number
 from regressors.errors import InputError
 from regressors.robot.columns import COULOMB
 
@@ -62,7 +62,7 @@ _MEASURES = {  # by the base
 def convergence_figure(design: Design) -> Figure:
     """Draw the objective at every accepted iterate and the best so far, for all starts."""
     unfinished = sum(start.status == RUNNING for start in design.starts)
-    title = f"{design.robot.name}: search from {number(design.number_of_starts, 'start')}"
+    title = f"{design.robot.name}: search from {counted(design.number_of_starts, 'start')}"
     figure = figure_of(9.5, 5.4, f"{title} ({unfinished} unfinished)" if unfinished else title, text=1.2)
     ax = figure.subplots()
     best = next(start for start in design.starts if start.index == design.best_start)
@@ -156,7 +156,7 @@ def precision_figure(design: Design) -> Figure:
     if search is None or forecast is None:
         raise InputError("no precision was sought for this design; `design_for_precision` seeks one")
     asked = sorted((p for p in forecast.parameters if p.allowed is not None), key=lambda p: -p.use)
-    runs = f"{number(forecast.runs, 'run')} of {forecast.seconds:.4g} s"
+    runs = f"{counted(forecast.runs, 'run')} of {forecast.seconds:.4g} s"
     title = f"{design.robot.name}: {runs}, {forecast.robot_seconds:.4g} s of robot time"
     height = max(4.8, 1.6 + 0.2 * min(len(asked), _MOST_PARAMETERS))
     if columns_that_fit(2, _LEAST) == 2:

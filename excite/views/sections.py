@@ -152,11 +152,9 @@ def commands_of(result: Identification) -> tuple[list[str], list[str]]:
 def _model(task: Mapping[str, Any]) -> list[str]:
     """Options of the model, where no design gives them."""
     tips = task.get("tip") or ()
-    given = [
-        ("--base-link", task.get("base_link")),
-        *(("--tip", tip) for tip in ([tips] if isinstance(tips, str) else tips)),
-    ]
-    words = [word for flag, value in (*given, ("--model", task.get("model"))) if value for word in (flag, str(value))]
+    ends = [("--tip", tip) for tip in ([tips] if isinstance(tips, str) else tips)]
+    given = [("--base-link", task.get("base_link")), *ends, ("--model", task.get("model"))]
+    words = [word for flag, value in given if value for word in (flag, str(value))]
     words += ["--joints", ",".join(map(str, task["joints"]))] if task.get("joints") else []
     return [*words, *("--no-" + name for name in ("friction", "rotor") if task.get(name) is False)]
 

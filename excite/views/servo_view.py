@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import PurePath
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.identification.servo_result import MotionFit, ServoResult, unit_of
 from excite.verification.verify_servos import ServoVerification
 from excite.views.view import Column, Drawing, View, ViewTable, headed, texts
 from regressors.errors import listed_names
 from regressors.models.servo_response import QUANTITIES, RATIOS, SYMBOLS, ServoQuantity
+from regressors.samples import Array
 
 _MOTION = Drawing("Predicted and measured motion", "motion", "verification_plots.servo_motion_figure")
 _QUANTITIES, _MOTIONS = "Servos with their 99 % intervals", "Predicted motion, and what the bare command predicts"
@@ -52,38 +55,26 @@ def _shown(result: ServoResult) -> ViewTable:
         Column("L/D [rad/s or m/s]" if linear else "L/D [rad/s]"),
     )
     speeds = np.where(result.known[:, [SYMBOLS.index(s) for s in "DL"]].all(axis=1), result.speed_limit, np.nan)
-    rows = tuple(
-        (joint.name, *(value if known else None for value, known in zip(values, shown, strict=True)))
-        for joint, values, shown in zip(
-            result.robot.joints,
-            np.column_stack([result.values, speeds]).tolist(),
-            np.column_stack([result.known, np.isfinite(speeds)]),
-            strict=True,
-        )
-    )
+    values, known = np.column_stack([result.values, speeds]), np.column_stack([result.known, np.isfinite(speeds)])
     named = ", ".join(f"{q.symbol} {q.name}" for q in QUANTITIES)
     note = f"{named}, L/D speed limit; - is not shown"
-    return ViewTable("servos", "What the logs show of each servo", columns, rows, note=note)
+    return ViewTable("servos", "What the logs show of each servo", columns, _rows(result, values, known), note=note)
 
 
 def _ratios(result: ServoResult) -> ViewTable:
     """Ratios that the logs show, for which no mass has to be known."""
     linear, quantities = _linear(result), [QUANTITIES[k] for k in RATIOS]
     units = [" or ".join(dict.fromkeys(q.over_stiffness[: 2 if linear else 1])) for q in quantities]
-    columns = (
-        *texts("joint", brief=True),
-        *(
-            Column(f"{q.symbol}/K [{unit}]", brief=q.symbol in _BRIEF)
-            for q, unit in zip(quantities, units, strict=True)
-        ),
-    )
-    rows = tuple(
-        (joint.name, *(value if known else None for value, known in zip(values, shown, strict=True)))
-        for joint, values, shown in zip(
-            result.robot.joints, result.ratios[0].tolist(), result.known_ratios, strict=True
-        )
-    )
-    return ViewTable("ratios", "Ratios to the stiffness, which no mass sets", columns, rows, note="- is not shown")
+    named = zip(quantities, units, strict=True)
+    columns = [Column(f"{q.symbol}/K [{unit}]", brief=q.symbol in _BRIEF) for q, unit in named]
+    rows, title = _rows(result, result.ratios[0], result.known_ratios), "Ratios to the stiffness, which no mass sets"
+    return ViewTable("ratios", title, (*texts("joint", brief=True), *columns), rows, note="- is not shown")
+
+
+def _rows(result: ServoResult, values: Array, known: NDArray[np.bool_]) -> tuple[tuple[Any, ...], ...]:
+    """Name of each joint with its values, None for those that the logs do not show."""
+    shown = np.where(known, values, np.array(None)).tolist()
+    return tuple((joint.name, *row) for joint, row in zip(result.robot.joints, shown, strict=True))
 
 
 def _linear(result: ServoResult) -> bool:
@@ -123,8 +114,6 @@ def _judged(fit: MotionFit) -> str:
 
 def servo_verifications_view(judged: Sequence[ServoVerification]) -> View:
     """View of the verifications of servos on several logs, of which those that do not hold are first."""
-    if len(judged) == 1:
-        return servo_verification_view(judged[0])
     negative = sum(not each.holds for each in judged)
     worse = f"Do not rely on the servos: they do not hold on {negative} of {len(judged)} logs."
     better = f"The servos predict each of {len(judged)} logs: you can rely on them for motions of these kinds."

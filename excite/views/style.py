@@ -29,6 +29,7 @@ from matplotlib.text import Annotation, Text
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from excite.registry import FIGURE_WIDTHS
+from excite.views.view import raised
 from regressors.errors import InputError, printable
 from regressors.quantities import shown
 
@@ -188,8 +189,7 @@ def _thin(artist: Artist | None, share: float) -> None:
 
 def typeset(text: str) -> str:
     """A unit or an expression with raised exponents and true minus signs, such as ``kg m²`` for ``kg m^2``."""
-    raised = re.sub(r"\^([23])", lambda found: "²³"[int(found[1]) - 2], text)
-    return plain(re.sub(r"(?<![\w.])-", "\N{MINUS SIGN}", raised))
+    return plain(re.sub(r"(?<![\w.])-", "\N{MINUS SIGN}", raised(text)))
 
 
 def significant(value: float, digits: int) -> str:

@@ -48,28 +48,21 @@ def verification_view(verification: Verification, name: str = "") -> View:
 
 def verifications_view(judged: Sequence[Verification]) -> View:
     """View of the verifications of one result, of which those that do not hold are first."""
-    if len(judged) == 1:
-        return verification_view(judged[0])
     negative = sum(not each.holds for each in judged)
     worse = f"Do not rely on the result: it does not hold on {negative} of {len(judged)} logs."
     better = f"The result predicts each of {len(judged)} logs: you can rely on it for motions of these kinds."
     columns = headed("*log:text, *verdict:text, *error of torques:%, *largest of a motion:%")
-    rows = tuple(
-        (
-            each.log.file,
-            "holds" if each.holds else "DOES NOT HOLD",
-            each.relative_error,
-            max((m.relative for m in each.motions or () if math.isfinite(m.relative)), default=None),
-        )
-        for each in sorted(judged, key=lambda each: each.holds)
-    )
+    rows = []
+    for v in sorted(judged, key=lambda each: each.holds):
+        largest = max((m.relative for m in v.motions or () if math.isfinite(m.relative)), default=None)
+        rows.append((v.log.file, "holds" if v.holds else "DOES NOT HOLD", v.relative_error, largest))
     return View(
         kind="verification",
         title=f"verification on {len(judged)} logs",
         verdict=worse if negative else better,
         holds=not negative,
         remarks=tuple(f"{v.log.file}: {text}" for v in judged for text in (*v.verdict.against, *v.verdict.remarks)),
-        tables=(ViewTable("logs", "Verdict on each log", columns, rows),),
+        tables=(ViewTable("logs", "Verdict on each log", columns, tuple(rows)),),
     )
 
 

@@ -157,11 +157,6 @@ def table_of(result: Any, name: str) -> dict[str, list[Any]]:
     return tables[name].by_heading
 
 
-def number(count: int, what: str) -> str:
-    """So many things, such as ``2 starts``."""
-    return f"{count} {what}{'s' * (count != 1)}"
-
-
 def raised(text: str) -> str:
     """A unit or a sum with raised exponents, such as ``kg m²``."""
     return text.replace("^2", "²").replace("^3", "³")
@@ -189,19 +184,17 @@ def asked(task: Mapping[str, Any], always: Collection[str]) -> tuple[tuple[str, 
     limits = {f"{name}_limit": value for name, value in (task.get("limits") or {}).items()}
     given = {**{name: value for name, value in task.items() if name not in ("limits", *_BESIDE)}, **limits}
     options = [each for part in PARTS.values() for each, _ in options_of(part)]
-    usual = {each.name: None if each.default is MISSING else each.default for each in options}
+    usual = {"snap_angles": True, **{each.name: None if each.default is MISSING else each.default for each in options}}
     texts = {
         name.replace("_", " "): text_of(value)
         for name, value in given.items()
-        if name in always or not _is_default(name, value, usual.get(name))
+        if name in always or not _is_default(value, usual.get(name))
     }
     cut = f"{{:.{_LONG - 1}}}\N{HORIZONTAL ELLIPSIS}".format
     return tuple((name, text if len(text) <= _LONG else cut(text)) for name, text in texts.items())
 
 
-def _is_default(name: str, value: Any, usual: Any) -> bool:
-    if name == "snap_angles":
-        return bool(value)
+def _is_default(value: Any, usual: Any) -> bool:
     return value is None or value == usual or (isinstance(value, list) and tuple(value) == usual)
 
 

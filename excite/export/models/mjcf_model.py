@@ -127,22 +127,14 @@ _PASSIVE, _BRISTLE = "_stribeck", 1e-3  # deflection of LuGre's bristles that ho
 
 def _passive(servos: ServoRobot) -> list[str]:
     """Actuators of the friction ``Fs exp(-(dq / v)^2)``, without a control."""
-    return [
-        start(
-            "dcmotor",
-            {
-                "name": f"{name}{_PASSIVE}",
-                "joint": name,
-                "input": "none",
-                "motorconst": "1e-9",  # one that is positive is wanted
-                "resistance": "1",
-                "lugre": numbers([Fs / _BRISTLE, 0.0, 1e-3 * Fs, Fs, STRIBECK_SPEED]),
-            },
-            empty=True,
-        )
-        for name, Fs in zip(servos.robot.joint_names, servos.result.of("Fs"), strict=True)
-        if Fs
-    ]
+    lines = []
+    for name, Fs in zip(servos.robot.joint_names, servos.result.of("Fs"), strict=True):
+        if Fs:
+            lugre = numbers([Fs / _BRISTLE, 0.0, 1e-3 * Fs, Fs, STRIBECK_SPEED])
+            motor = {"motorconst": "1e-9", "resistance": "1", "lugre": lugre}  # a positive constant is wanted
+            values = {"name": f"{name}{_PASSIVE}", "joint": name, "input": "none", **motor}
+            lines.append(start("dcmotor", values, empty=True))
+    return lines
 
 
 def _servo(servos: ServoRobot, k: int, step: float, name: str) -> dict[str, str]:

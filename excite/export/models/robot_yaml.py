@@ -133,16 +133,9 @@ def _transmission(transmission: Transmission | None) -> dict[str, Any]:
 
 
 def _drive(drive: Drive, offset: float, limits: dict[str, Any]) -> dict[str, Any]:
-    return _filled(
-        {
-            "name": drive.name,
-            "ratio": _ratio(drive.ratio),
-            "rotor_inertia": drive.rotor_inertia,
-            "friction": _filled({"coulomb": drive.coulomb, "viscous": drive.viscous}),
-            "offset": offset,
-            "limits": limits,
-        }
-    )
+    friction = _filled({"coulomb": drive.coulomb, "viscous": drive.viscous})
+    motor = {"ratio": _ratio(drive.ratio), "rotor_inertia": drive.rotor_inertia, "friction": friction}
+    return _filled({"name": drive.name, **motor, "offset": offset, "limits": limits})
 
 
 def _ratio(gear: GearFunction) -> Any:

@@ -255,14 +255,12 @@ def share_inertia(
     for own, name in enumerate(link.name for link in model.described.links):
         if name not in model.composites:
             continue
-        parts = [
-            (link, tree.links[link], pose @ T)  # (10,); (4, 4)
-            for k, (carrier, pose) in enumerate(model.carriers[: len(joints)])
-            if carrier == own
-            for link, T in carried(tree, joints[k].child, names)
-            if link != joints[own].child
-        ]
-        others = [(link, theta, T) for link, theta, T in parts if theta is not None and np.any(theta)]
+        others = []
+        for k, (carrier, pose) in enumerate(model.carriers[: len(joints)]):
+            for link, T in carried(tree, joints[k].child, names) if carrier == own else ():
+                theta = tree.links[link]
+                if link != joints[own].child and theta is not None and np.any(theta):
+                    others.append((link, theta, pose @ T))  # (10,); (4, 4)
         mine, factor = own_part(model.composites[name], [(theta, T) for _, theta, T in others])
         write(joints[own].child, mine, 1.0)
         for other, theta, _ in others if factor != 1.0 else ():

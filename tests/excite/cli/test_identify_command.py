@@ -16,10 +16,10 @@ from commands import Here, files_below
 from played import LOAD
 from recordings import write_sidecar
 
+from excite.cli import identify_run
 from excite.errors import LostWorkersError
 from excite.identification.result_json import load_result
 from excite.storage.manifest import read_manifest
-from excite.study import repetitions as repetition
 from excite.views import figures
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
@@ -243,7 +243,7 @@ def test_lost_workers_of_the_repetitions_keep_the_result(here: Here, monkeypatch
         where.update(how)
         raise LostWorkersError("the Dask scheduler went away", "repeat with fewer `workers`")
 
-    monkeypatch.setattr(repetition, "repeat_experiment", lost)
+    monkeypatch.setattr(identify_run, "repeat_experiment", lost)
     given = ("--repeat", "9", "--executor", "dask://10.0.0.1:8786", "--workers", "3")
     ended = here.run("identify", "irp6", "run.csv", *given, "--out", "out")
     assert (ended.returncode, ended.stderr) == (
@@ -257,7 +257,7 @@ def test_lost_workers_of_the_repetitions_keep_the_result(here: Here, monkeypatch
 
 @pytest.mark.slow
 def test_repetitions_that_an_interrupt_keeps_are_not_computed_again(drawing: Here) -> None:
-    here, repeat = drawing, repetition.repeat_experiment
+    here, repeat = drawing, identify_run.repeat_experiment
 
     def interrupted(e: Any, count: int, seed: int, progress: Callable[[int, int], None], **where: Any) -> Any:
         def counted(done: int, of: int) -> None:
@@ -272,7 +272,7 @@ def test_repetitions_that_an_interrupt_keeps_are_not_computed_again(drawing: Her
 
     run = ("identify", "irp6", "run.csv", "--repeat", "9")
     with here.monkeypatch.context() as patch:
-        patch.setattr(repetition, "repeat_experiment", interrupted)
+        patch.setattr(identify_run, "repeat_experiment", interrupted)
         ended = here.run(*run, "--out", "out")
     assert (ended.returncode, ended.stderr.splitlines()[-1]) == (
         130,

@@ -19,7 +19,7 @@ from excite.identification.procedure import estimate_parameters
 from excite.identification.result_json import load_result, result_content
 from excite.information.target import target_of
 from excite.logs.log import Log
-from excite.study.repetitions import repetitions
+from excite.study.repetitions import experiment_of
 from excite.tasks.friction_file import friction_of, friction_text
 from excite.tasks.task import Task
 from excite.verification.verify import verify
@@ -128,7 +128,7 @@ def test_identifications_with_known_friction_have_no_offsets_and_are_not_repeate
     assert "offset columns are left out: friction is known" in result.estimate.notes
     assert not any(name.startswith("F") for name in result.names)
     with pytest.raises(InputError, match="repetitions cannot repeat friction that is subtracted"):
-        repetitions(result, 10, 0)
+        experiment_of(result, 10)
 
 
 EXACTLY = replace(EXACT, sign_width=0.0)

@@ -33,7 +33,7 @@ from excite.simulation import simulate
 from excite.simulation.settings import SimulationSettings
 from excite.storage import work_prediction as long_work
 from excite.storage.work_prediction import LONG, announce, in_time
-from excite.study.repetitions import repetition_seconds, repetitions
+from excite.study.repetitions import experiment_of, repeat_experiment, repetition_seconds
 from excite.study.study_over_time import study_over_time, study_seconds
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.task import Task
@@ -173,7 +173,7 @@ WORKS: dict[str, Callable[[], object]] = {
     "the identification": _identified,
     "the verification on LOG": lambda: excite.verify(_identified(), log(2)),
     "the campaign": lambda: plan_campaign("irp6"),
-    "the repetitions": lambda: repetitions(_identified(), 2, 0),
+    "the repetitions": lambda: repeat_experiment(experiment_of(_identified(), 2), 2, 0),
     "the study": lambda: study_over_time("irp6", [log()], points=5),
     "the search": lambda: excite.design_payload_motion("ur10e", 0.3),
 }
@@ -267,7 +267,7 @@ def test_the_time_of_an_identification_and_its_repetitions() -> None:
     for chosen in (False, True):
         measured = _cpu(lambda: excite.identify("irp6", again, choose=chosen))  # noqa: B023
         assert 0.25 < identification_seconds([long], chosen=chosen) / measured < 4.0
-    one, more = (_cpu(lambda: repetitions(plain, count, 0)) for count in (2, 102))  # noqa: B023
+    one, more = (_cpu(lambda: repeat_experiment(experiment_of(plain, count), count, 0)) for count in (2, 102))  # noqa: B023
     model = plain.target.model
     experiment = SimpleNamespace(model=model, samples=plain.prepared[0].samples, low_pass=None)
     assert 0.25 < repetition_seconds(experiment, 100) / (more - one) < 4.0

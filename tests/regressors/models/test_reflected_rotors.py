@@ -13,7 +13,7 @@ from slow_dynamics import random_chain, three_axes
 import excite
 from excite.information.target import target_of
 from excite.registry import MODELS
-from excite.study.repetitions import repetitions
+from excite.study.repetitions import experiment_of, repeat_experiment
 from excite.tasks.task import Task
 from regressors.models.base import base_parameters, random_states
 from regressors.models.differential import DifferentialModel, SpringModel
@@ -209,4 +209,4 @@ def test_by_name_from_the_design_to_the_verdict(tmp_path: Path) -> None:
     assert np.all(np.abs(result.coefficients[-3:]) < 5 * result.estimate.deviation[-3:] + 1.0)
     assert excite.verify(result, logs[1]).holds
     weighted = excite.identify("irp6", logs[0], design=stored, estimator="weighted")
-    assert repetitions(weighted, 10, seed=0).estimates.shape == (10, len(weighted.names))
+    assert repeat_experiment(experiment_of(weighted, 10), 10, seed=0).estimates.shape == (10, len(weighted.names))
