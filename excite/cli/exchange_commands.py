@@ -100,7 +100,7 @@ answers, with the questions as comments: correct it before you use it.""",
 @robot_file_options("--base")
 @file_option("--write-mapping", metavar="MAP.yaml", help="Mapping to write, for --mapping.")
 @click.option("--force", is_flag=True, help="Replace a mapping that is already there.")
-@runs("exchange_run:show_recording")
+@runs("logs_run:show_recording")
 def logs() -> None:
     """Show what FILE holds, what was recognised, and what it does not say; write the mapping that reads it.
 

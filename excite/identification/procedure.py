@@ -42,9 +42,9 @@ from excite.information.nearly_unidentifiable import left_out_by_rounding
 from excite.information.target import IdentificationTarget, friction_of_moving, left_out_notes, target_of
 from excite.logs.frame import FrameLike, is_frame
 from excite.logs.log import Log
+from excite.logs.log_checks import with_every_joint
 from excite.logs.log_reading import read_log, with_sidecar
 from excite.logs.mapping import LogMapping, read_mapping
-from excite.logs.passive_joints import with_every_joint
 from excite.storage.result_folder import read_settled_files
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory

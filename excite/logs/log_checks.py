@@ -1,4 +1,4 @@
-"""Plausibility checks of the channels of a log against the robot they belong to.
+"""A log against the robot that it belongs to: whether its channels are plausible, and joints of closed loops it lacks.
 
 Each check yields pairs: whether the log is refused, and a sentence, which else becomes a note.
 """
@@ -6,16 +6,19 @@ Each check yields pairs: whether the log is refused, and a sentence, which else 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from excite.logs.event import LONGEST, gaps, plateaus
 from excite.logs.excitation import mean_speed, moves, span_ends
 from excite.logs.log import Log, integrate_rates
-from regressors.errors import InputError
+from regressors.errors import InputError, listed_names
 from regressors.readers.library import built_in, built_in_names
 from regressors.robot.moving_base import BASE_JOINTS
 from regressors.robot.robot import Robot
+from regressors.robot.symbolic.loops import Loops, loops_of
+from regressors.samples import Array, Samples
 
 Findings = Iterator[tuple[bool, str]]
 _DEGREES = 180 / np.pi
@@ -192,3 +195,57 @@ def _torques(case: _Case) -> Findings:
             if count := sum(b - a for a, b in plateaus(tau, extreme, case.moving)):
                 held = f"is held at {extreme:.4g} in {count} rows, so it may be saturated"
                 yield False, f"{case.log.joints[k]}.effort {held}"
+
+
+def with_every_joint(log: Log, robot: Robot) -> Log:
+    """The log with the dependent joints that it lacks, from the independent ones; passive joints have no torque."""
+    loops, names = loops_of(robot), robot.joint_names
+    absent = [name for name in names if name not in log.joints]
+    driven = [names[k] for k in sorted({*loops.independent, *loops.driven})]
+    if missing := [name for name in driven if name in absent]:
+        raise InputError(
+            f"{log.source}: no position of {listed_names(missing)}; give those of {listed_names(driven)}, from which "
+            "the loops determine all others, or of all joints; or state in the description of the robot which joints "
+            "have no drive (`passive`)"
+        )
+    acting = [name for name in robot.passive if name in log.joints and _acts(log, name)]
+    if acting:
+        raise InputError(
+            f"{log.source}: torques of {listed_names(acting)} are not zero, but no drive acts on passive joints; leave "
+            "these columns out, or take these joints from `passive` in the description of the robot"
+        )
+    if not absent:
+        return log
+    known = log.of([name for name in names if name not in absent])
+    place = [names.index(name) for name in known.joints]
+    q, dq = _solved(log, loops)
+    q[:, place] = known.q
+    effort = None if known.effort is None else np.zeros(q.shape)
+    if effort is not None:
+        effort[:, place] = known.effort
+    note = f"{', '.join(absent)}: not in the log, solved from {', '.join(loops.names)}"
+    return replace(
+        log,
+        joints=names,
+        q=q,
+        dq=None if known.dq is None else dq,
+        effort=effort,
+        temperature=None if known.temperature is None else np.tile(known.temperature.mean(axis=1), (robot.n, 1)).T,
+        command=None,
+        left_out=(*log.left_out, note),
+    )
+
+
+def _acts(log: Log, name: str) -> bool:
+    return log.effort is not None and bool(np.any(log.effort[:, log.joints.index(name)]))
+
+
+def _solved(log: Log, loops: Loops) -> tuple[Array, Array]:
+    """Positions and velocities of all joints, as the independent ones move."""
+    recorded = log.of(loops.names)
+    q, left = loops.reached(recorded.q)
+    loops.check(log.time, q, left, log.source)
+    dq, still = np.zeros(q.shape), np.zeros(q.shape)
+    if recorded.dq is not None:
+        dq[:, list(loops.independent)] = recorded.dq
+    return q, loops.rates(Samples(log.time, q, dq, still, still)).dq
