@@ -147,9 +147,7 @@ ADDRESSED: Mapping[str, Mapping[str, str]] = {
 ADDRESS_FORMS = {"executor": ("dask://HOST:PORT", "dask-file:PATH", "dask-local[:N]")}
 
 MODELS, TRAJECTORIES, CRITERIA = (tuple(BUILT_IN[kind]) for kind in ("model", "trajectory", "criterion"))
-SOLVERS, EXECUTORS, SIGNALS, ESTIMATORS = (
-    tuple(BUILT_IN[kind]) for kind in ("solver", "executor", "signals", "estimator")
-)
+EXECUTORS, SIGNALS, ESTIMATORS = (tuple(BUILT_IN[kind]) for kind in ("executor", "signals", "estimator"))
 MOTION_FORMATS, MODEL_FORMATS = (tuple(BUILT_IN[kind]) for kind in ("motion format", "model format"))
 WINDOWS = ("short", "long")
 NEARLY = ("drop-rounding", "keep", "drop")

@@ -134,7 +134,7 @@ def main() -> None:
         "cpu_seconds_of_repetitions": sum(run["cpu_seconds"] for run in (*coverage, *noisy)),
         "cpu_seconds": time.process_time() - cpu,
     }
-    write_figure_files({"load_table1": figure(content)}, HERE / "results")
+    write_figure_files(lambda: {"load_table1": figure(content)}, HERE / "results")
     record.save("load_table1", before, content, text(content), LIMITATIONS, folder=HERE)
 
 

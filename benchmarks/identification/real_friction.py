@@ -64,7 +64,7 @@ def main(folder: Path) -> None:
         "identified": {name: vars(curve) for name, curve in others.items()},
         "verification": rows,
     }
-    write_figure_files({"real_friction": friction_figure("UR10e", [fits["chosen"]])}, real.HERE / "results")
+    write_figure_files(lambda: {"real_friction": friction_figure("UR10e", [fits["chosen"]])}, real.HERE / "results")
     record.save("real_friction", load_before, content, text(fits, others, rows), LIMITATIONS, folder=real.HERE)
 
 
