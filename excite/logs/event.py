@@ -169,12 +169,12 @@ def missing_rows(log: Log) -> tuple[Event, ...]:
     return tuple(events)
 
 
-def external_forces(log: Log) -> Iterator[Event]:
-    """Stretches in which something else pushed the robot."""
-    for begin, end in log.external_forces:
+def events_in(log: Log, kind: str, spans: Spans, text: str) -> Iterator[Event]:
+    """An event in each span that has rows of a log."""
+    for begin, end in spans:
         about = log.row_numbers[within(log.time, ((begin, end),))]
         if about.size:
-            yield Event(FORCE, begin, end, (int(about[0]), int(about[-1])), "torques that no parameters explain")
+            yield Event(kind, begin, end, (int(about[0]), int(about[-1])), text)
 
 
 Spans = tuple[tuple[float, float], ...]  # first and last instant of each [s]
