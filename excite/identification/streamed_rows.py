@@ -30,11 +30,7 @@ class RowSource:
 
     def at(self, instants: Index) -> RowSource:
         """Equations of some of the instants."""
-        return RowSource((instants.size, *self.shape[1:]), partial(_part_at, self, instants))
-
-
-def _part_at(source: RowSource, instants: Index, which: slice | Index) -> Array:
-    return source.part(instants[which])
+        return RowSource((instants.size, *self.shape[1:]), lambda which: self.part(instants[which]))
 
 
 def held_rows(rows: Array) -> RowSource:
