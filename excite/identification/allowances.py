@@ -313,7 +313,7 @@ def friction_columns(measured: Context, friction: FrictionCurves) -> tuple[tuple
     """Known friction of each moving drive with a curve, in the rows of the equations."""  # result (m, k)
     target, recipe = measured.target, measured.recipe
     names = curves_of_moving(target, friction)
-    return names, nuisance_columns(measured, lambda part: friction_torques(target, part, friction, recipe)[1])
+    return names, nuisance_columns(measured, lambda part: friction_torques(target, part, friction, recipe))
 
 
 def curves_of_moving(target: IdentificationTarget, friction: FrictionCurves) -> tuple[str, ...]:
@@ -324,12 +324,11 @@ def curves_of_moving(target: IdentificationTarget, friction: FrictionCurves) -> 
 
 def friction_torques(
     target: IdentificationTarget, part: PreparedLog, friction: FrictionCurves, recipe: Recipe
-) -> tuple[tuple[str, ...], Array]:
-    """Joint torques of the known friction of each moving drive with a curve."""  # result (k, N, n)
-    names = curves_of_moving(target, friction)
-    carried = carried_torques(part, target.robot, recipe)
+) -> Array:
+    """Joint torques of the known friction of each moving drive with a curve, shape (k, N, n)."""
+    carried, names = carried_torques(part, target.robot, recipe), curves_of_moving(target, friction)
     torques = np.array([part.measured - carried(friction.of((name,))) for name in names])
-    return names, torques.reshape(-1, *part.measured.shape)
+    return torques.reshape(-1, *part.measured.shape)
 
 
 def scaled_curves(friction: FrictionCurves, factors: Mapping[str, float]) -> FrictionCurves:
