@@ -43,6 +43,7 @@ from excite.identification.estimator import (
     Estimate,
     Estimator,
     allowing_for,
+    largest_share,
     noted,
     of_seen,
     solve_triangular_system,
@@ -209,14 +210,12 @@ def allowing_for_curves(
         )
     changes, correlation = curve_errors(estimate, observations, measured, friction.of(moving))
     wider = allowing_for(estimate, changes, covariance=correlation)
-    known = np.isfinite(estimate.deviation) & (estimate.deviation > 0)
-    ratio = np.divide(wider.deviation, estimate.deviation, out=np.ones(known.size), where=known)
-    worst = int(np.argmax(ratio))
+    worst, ratio = largest_share(estimate, wider.deviation)
     note = "the intervals include the uncertainty of the friction curves"
-    if ratio[worst] < _LITTLE:
+    if ratio < _LITTLE:
         note += ", which changes them little"
     else:
-        note += f": up to {ratio[worst]:.3g} times the deviation from the logs alone, of {estimate.names[worst]}"
+        note += f": up to {ratio:.3g} times the deviation from the logs alone, of {estimate.names[worst]}"
     return noted(wider, f"{note}; those of {', '.join(exact)} are taken as exact" if exact else note)
 
 
