@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 86_403,
-    "lines of code": 53_303,
+    "lines": 86_382,
+    "lines of code": 53_282,
     "files": 396,
     "classes": 709,
     "public names": 95,
