@@ -43,6 +43,7 @@ from excite.identification.estimator import (
     Estimate,
     Estimator,
     allowing_for,
+    largest_share,
     noted,
     of_seen,
     solve_triangular_system,
@@ -209,14 +210,12 @@ def allowing_for_curves(
         )
     changes, correlation = curve_errors(estimate, observations, measured, friction.of(moving))
     wider = allowing_for(estimate, changes, covariance=correlation)
-    known = np.isfinite(estimate.deviation) & (estimate.deviation > 0)
-    ratio = np.divide(wider.deviation, estimate.deviation, out=np.ones(known.size), where=known)
-    worst = int(np.argmax(ratio))
+    worst, ratio = largest_share(estimate, wider.deviation)
     note = "the intervals include the uncertainty of the friction curves"
-    if ratio[worst] < _LITTLE:
+    if ratio < _LITTLE:
         note += ", which changes them little"
     else:
-        note += f": up to {ratio[worst]:.3g} times the deviation from the logs alone, of {estimate.names[worst]}"
+        note += f": up to {ratio:.3g} times the deviation from the logs alone, of {estimate.names[worst]}"
     return noted(wider, f"{note}; those of {', '.join(exact)} are taken as exact" if exact else note)
 
 
@@ -313,7 +312,7 @@ def friction_columns(measured: Context, friction: FrictionCurves) -> tuple[tuple
     """Known friction of each moving drive with a curve, in the rows of the equations."""  # result (m, k)
     target, recipe = measured.target, measured.recipe
     names = curves_of_moving(target, friction)
-    return names, nuisance_columns(measured, lambda part: friction_torques(target, part, friction, recipe)[1])
+    return names, nuisance_columns(measured, lambda part: friction_torques(target, part, friction, recipe))
 
 
 def curves_of_moving(target: IdentificationTarget, friction: FrictionCurves) -> tuple[str, ...]:
@@ -324,12 +323,11 @@ def curves_of_moving(target: IdentificationTarget, friction: FrictionCurves) -> 
 
 def friction_torques(
     target: IdentificationTarget, part: PreparedLog, friction: FrictionCurves, recipe: Recipe
-) -> tuple[tuple[str, ...], Array]:
-    """Joint torques of the known friction of each moving drive with a curve."""  # result (k, N, n)
-    names = curves_of_moving(target, friction)
-    carried = carried_torques(part, target.robot, recipe)
+) -> Array:
+    """Joint torques of the known friction of each moving drive with a curve, shape (k, N, n)."""
+    carried, names = carried_torques(part, target.robot, recipe), curves_of_moving(target, friction)
     torques = np.array([part.measured - carried(friction.of((name,))) for name in names])
-    return names, torques.reshape(-1, *part.measured.shape)
+    return torques.reshape(-1, *part.measured.shape)
 
 
 def scaled_curves(friction: FrictionCurves, factors: Mapping[str, float]) -> FrictionCurves:

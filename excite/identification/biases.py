@@ -70,6 +70,7 @@ from excite.logs.excitation import runs
 from excite.logs.signals.method import Method, resample
 from regressors.errors import ExciteError, InputError, percent
 from regressors.models.base import triangular_factor
+from regressors.numerical import column_lengths
 from regressors.robot.columns import COULOMB, OFFSET
 from regressors.robot.friction.load_and_temperature import friction_rows
 from regressors.samples import Array, Samples
@@ -428,16 +429,14 @@ def allowing_for_nuisances(estimate: Estimate, observations: Observations, conte
     if beside is None:
         return estimate
     wider = allowing_for(estimate, np.eye(len(estimate.names)), covariance=beside.moments())
-    known = np.isfinite(estimate.deviation) & (estimate.deviation > 0)
-    ratio = np.divide(wider.deviation, estimate.deviation, out=np.ones(known.size), where=known)
-    worst = int(np.argmax(ratio))
-    if ratio[worst] < _WIDER:
+    worst, ratio = largest_share(estimate, wider.deviation)
+    if ratio < _WIDER:
         return wider
     of_wrench = context.target.model.channel == "wrench"
     share, what = (BIAS_SHARE, "forces and torques") if of_wrench else (OFFSET_SHARE, "torques")
     note = (
         f"an offset of {percent(share, 1)} of the measured {what} (standard deviation) may hide in these logs, which "
-        f"the intervals include: that of {estimate.names[worst]} is {ratio[worst]:.2g} times as wide"
+        f"the intervals include: that of {estimate.names[worst]} is {ratio:.2g} times as wide"
     )
     return noted(wider, note)
 
@@ -480,8 +479,7 @@ def _unexplained(observations: Observations, G: Array, divisor: Array) -> tuple[
     k, p = G.shape[1], observations.W.shape[1]
     both = GroupFactors.of(observations, front=G).stacked(divisor)
     R = triangular_factor(np.hstack([both[:, k : k + p], both[:, :k]]))  # of the weighted [W G]
-    size = np.linalg.norm(R[:, p:], axis=0)
-    size = np.where(size > 0, size, 1.0)
+    size = column_lengths(R[:, p:])
     _, s, V = np.linalg.svd(R[p:, p:] / size, full_matrices=False)
     kept = s > _SHOWN
     shown = s[kept, None] * V[kept] * size

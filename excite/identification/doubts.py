@@ -223,10 +223,8 @@ def _missing(result: Identification, target: IdentificationTarget, parts: list[L
     equations = target.model.torque_equations()
     if equations is None:
         return UNEXPLAINED
-    residual, speed = (
-        np.concatenate([p.measured - p.predicted for p in parts]),
-        np.concatenate([p.speed for p in parts]),
-    )
+    residual = np.concatenate([p.measured - p.predicted for p in parts])
+    speed = np.concatenate([p.speed for p in parts])
     along = [(part.samples.time, equations.speeds(part.samples.ddq)) for part in result.prepared]
     acceleration = [interpolated(p.time, *one) for p, one in zip(parts, along, strict=True)]
     terms = missing_terms(residual, speed, np.concatenate(acceleration))

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -145,22 +144,15 @@ def measured_rows(
         torque = friction.torque(direction)
     if model.window is not None:
         return held_rows(np.ascontiguousarray(model.assemble(samples)[:, index]).reshape(-1, r, index.size))
-    return RowSource((samples.time.size, r, index.size), partial(_part, target, samples, friction, torque))
 
+    def part(which: slice | Index) -> Array:
+        """Rows of some instants, with friction torques per unit parameter where the directions differ."""
+        W = model.selected(samples.rows(which), index).reshape(-1, r, index.size)
+        if friction is not None and torque is not None and friction.columns:
+            put_friction(W, friction.columns, torque[which], friction.rows)
+        return W
 
-def _part(
-    target: IdentificationTarget,
-    samples: Samples,
-    friction: DirectedFriction | None,
-    torque: Array | None,
-    which: slice | Index,
-) -> Array:
-    """Rows of some instants of a motion, with friction torques per unit parameter, shape (N, k), where they differ."""
-    model, index = target.model, target.base.index
-    W = model.selected(samples.rows(which), index).reshape(-1, len(model.row_labels), index.size)
-    if friction is not None and torque is not None and friction.columns:
-        put_friction(W, friction.columns, torque[which], friction.rows)
-    return W
+    return RowSource((samples.time.size, r, index.size), part)
 
 
 def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway: Sizes | None = None) -> Array:

@@ -29,6 +29,7 @@ from excite.storage.codec import INLINE, OBJECT, named
 from excite.storage.records import Saved, chosen, short
 from excite.tasks.task import Task
 from regressors.errors import InputError, percent
+from regressors.numerical import or_none
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.inertia import parameter_names
 from regressors.robot.robot import Robot
@@ -89,8 +90,8 @@ class Identification(Saved):
     beside: ClassVar[Mapping[str, Callable[[Any], Any]]] = {
         "estimator": lambda r: r.estimate.method,
         "condition_number": lambda r: {
-            "measured": _finite(r.condition_number),
-            "designed": None if r.design is None else _finite(r.design.condition_number),
+            "measured": or_none(r.condition_number),
+            "designed": None if r.design is None else or_none(r.design.condition_number),
             "convention": "cond(W), columns of the left-to-right QR base (Gautier 1991), SI, unscaled",
         },
         "reference": lambda r: None if r.reference is None else r.reference.kind,
@@ -261,7 +262,7 @@ class Identification(Saved):
         """Standard deviation of the residuals by log and equation."""
         names, rows = [name for name, _ in self.equations], self.estimate.noise.tolist()
         known = zip(self.log_names, rows, strict=True)
-        return {log: dict(zip(names, map(_finite, row), strict=True)) for log, row in known}
+        return {log: dict(zip(names, map(or_none, row), strict=True)) for log, row in known}
 
     @property
     def between_logs(self) -> dict[str, Any] | None:
@@ -274,8 +275,8 @@ class Identification(Saved):
                 "name": name,
                 "unit": each.units[j],
                 "logs": int(scatter.counts[j]),
-                "ratio": _finite(math.sqrt(scatter.ratios[j])),
-                "probability": _finite(scatter.probabilities[j]),
+                "ratio": or_none(math.sqrt(scatter.ratios[j])),
+                "probability": or_none(scatter.probabilities[j]),
                 **({"each": _each(scatter, j)} if self.each else {}),
             }
             for j, name in enumerate(each.names)
@@ -283,7 +284,7 @@ class Identification(Saved):
         return {
             "logs": list(each.logs),
             "convention": "ratio: scatter between logs over what the noise of each explains; Welch's test",
-            "rms_ratio": _finite(scatter.rms),
+            "rms_ratio": or_none(scatter.rms),
             "exceeding": list(scatter.exceeding),
             "warning": scatter_warning(scatter),
             "parameters": parameters,
@@ -319,23 +320,23 @@ def _parameter(result: Identification, k: int, reference: float) -> dict[str, An
     side, free = facts.motor_sides.get(name), estimate.unconstrained
     at_motor = side and {
         **vars(side),
-        "value": _finite(value / side.factor),
-        "standard_deviation": _finite(deviation / side.factor),
-        "interval": [_finite(x / side.factor) for x in interval],
-        "reference": _finite(reference / side.factor),
+        "value": or_none(value / side.factor),
+        "standard_deviation": or_none(deviation / side.factor),
+        "interval": [or_none(x / side.factor) for x in interval],
+        "reference": or_none(reference / side.factor),
     }
     return {
         "name": name,
         "expression": facts.expressions[k],
         "unit": estimate.units[k],
-        "value": _finite(value),
-        "standard_deviation": _finite(deviation),
-        "interval": [_finite(x) for x in interval],
-        "relative_deviation": _finite(estimate.relative_deviation[k]),
+        "value": or_none(value),
+        "standard_deviation": or_none(deviation),
+        "interval": [or_none(x) for x in interval],
+        "relative_deviation": or_none(estimate.relative_deviation[k]),
         "seen": name not in estimate.unseen,
         "fit": float(estimate.coefficients[k]),
         **({} if free is None else {"unconstrained": float(free[k])}),
-        "reference": _finite(reference),
+        "reference": or_none(reference),
         **({"motor_side": at_motor} if at_motor else {}),
     }
 
@@ -344,11 +345,7 @@ def _each(scatter: LogScatter, j: int) -> list[dict[str, Any]]:
     """The estimate of a parameter from each log alone."""
     each = scatter.each
     rows = zip(each.logs, each.values[:, j], each.deviations[:, j], strict=True)
-    return [{"log": log, "value": _finite(x), "standard_deviation": _finite(s)} for log, x, s in rows]
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+    return [{"log": log, "value": or_none(x), "standard_deviation": or_none(s)} for log, x, s in rows]
 
 
 def _as_recorded(part: PreparedLog) -> bool:

@@ -14,6 +14,7 @@ from excite.identification.recipe import ALL, AUTO, Recipe
 from excite.information.target import IdentificationTarget
 from excite.logs.cleaning import cleaned
 from excite.logs.event import (
+    FORCE,
     IMPACT,
     LEAST,
     LEFT_OUT,
@@ -22,7 +23,7 @@ from excite.logs.event import (
     Saturation,
     Spans,
     event_notes,
-    external_forces,
+    events_in,
     joined_spans,
     measured_saturation,
     missing_rows,
@@ -137,7 +138,8 @@ def _with_motion(rows: UsableRows, target: IdentificationTarget, recipe: Recipe)
     with _errors_naming(log):
         uniform, motion, steps = _motion(rows.resampled, recipe)
     cut = float(motion.samples.time[0] - uniform.time[0])
-    events = (*rows.found, *stretches_left_out(rows.smooth, cut, rows.hits), *external_forces(log))
+    pushed = events_in(log, FORCE, log.external_forces, "torques that no parameters explain")
+    events = (*rows.found, *stretches_left_out(rows.smooth, cut, rows.hits), *pushed)
     notes = [*rows.notes, *event_notes(events, 1.0 / log.rate), *rows.remarks, *steps]
     events = (*events, *rows.saturated)
     spans = (*spans_left_out(events), *_unknown_ends(uniform.time, recipe))
@@ -305,16 +307,7 @@ def saturated_stretches(
             "record a motion of lower torques (design it with `torque_margin`), or, if the recorded torques are those "
             "that acted, use every row (`rows='all'`)"
         )
-    return _events(log, spans, torques), [f"{LEFT_OUT} {rows}"]
-
-
-def _events(log: Log, spans: Spans, torques: str) -> tuple[Event, ...]:
-    events = []
-    for begin, end in spans:
-        inside = log.row_numbers[within(log.time, ((begin, end),))]
-        if inside.size:
-            events.append(Event(SATURATION, begin, end, (int(inside[0]), int(inside[-1])), torques))
-    return tuple(events)
+    return tuple(events_in(log, SATURATION, spans, torques)), [f"{LEFT_OUT} {rows}"]
 
 
 def _torques(saturated: tuple[Saturation, ...], log: Log) -> str:

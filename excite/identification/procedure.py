@@ -91,46 +91,24 @@ def read_logs(
 
 def log_of(
     given: LogLike,
-    robot: Robot | None,
+    robot: Robot,
     mapping: LogMapping | str | Path | None = None,
     drop: tuple[str, ...] = (),
     only: tuple[int, int] | None = None,
     source: str = "frame",
 ) -> Log:
     """Log with its hash, from a log, its file, a simulation, or a frame, which has no name of its own."""
-    log = _log_of(given, robot, mapping, drop, only, source)
-    return with_every_joint(log, robot) if robot is not None and robot.closures else log
-
-
-def _log_of(
-    given: LogLike,
-    robot: Robot | None,
-    mapping: LogMapping | str | Path | None,
-    drop: tuple[str, ...],
-    only: tuple[int, int] | None,
-    source: str,
-) -> Log:
     if isinstance(given, str | Path):
         path = Path(given)
-        return read_settled_files(path, lambda: _read(path, robot, mapping, drop, only))
-    if is_frame(given):
-        return Log.from_frame(given, mapping, robot=robot, drop=drop, only=only, source=source)  # type: ignore[arg-type]
-    measured = getattr(given, "measured", given)
-    if not isinstance(measured, Log):
+        log = read_settled_files(path, lambda: with_sidecar(read_log(path, None, mapping, drop, only, robot), robot))
+    elif is_frame(given):
+        log = Log.from_frame(given, mapping, robot=robot, drop=drop, only=only, source=source)  # type: ignore[arg-type]
+    elif isinstance(measured := getattr(given, "measured", given), Log):
+        log = replace(measured, sha256=measured.identity)
+    else:
         what = "a log, the name of its file, a simulation, a frame or a dict of columns"
         raise InputError(f"expected {what}; given {type(given).__name__}")
-    return replace(measured, sha256=measured.identity)
-
-
-def _read(
-    path: Path,
-    robot: Robot | None,
-    mapping: LogMapping | str | Path | None,
-    drop: tuple[str, ...],
-    only: tuple[int, int] | None,
-) -> Log:
-    log = read_log(path, None, mapping, drop, only, robot)
-    return log if robot is None else with_sidecar(log, robot)
+    return with_every_joint(log, robot) if robot.closures else log
 
 
 def measured_logs(

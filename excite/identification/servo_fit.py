@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy
@@ -48,11 +49,8 @@ class ServoFit:
     residuals: Array  # (n, w, T) simulated less measured [rad or m]
 
 
-_REPEATS, _ITERATIONS, _AGAIN = (
-    2,
-    30,
-    10,
-)  # along the motion of the fitted servos, and iterations of the first and others
+_REPEATS = 2  # along the motion of the fitted servos
+_ITERATIONS, _AGAIN = 30, 10  # of the first of these, and of the others
 _PASSES = 3  # of the motion of all joints
 
 
@@ -113,16 +111,9 @@ def _some(windows: Windows, n: int, joints: Index, few: Index | slice = slice(No
         chosen = values.reshape(n, -1, *values.shape[1:])[joints][:, few]
         return np.ascontiguousarray(chosen.reshape(-1, *values.shape[1:]))
 
-    return replace(
-        windows,
-        step=of_each(windows.step),
-        command=of_each(windows.command),
-        load=of_each(windows.load),
-        inertia=of_each(windows.inertia),
-        measured=of_each(windows.measured),
-        start=of_each(windows.start),
-        speed=of_each(windows.speed),
-    )
+    arrays = ("step", "command", "load", "inertia", "measured", "start", "speed")
+    some: dict[str, Any] = {name: of_each(getattr(windows, name)) for name in arrays}
+    return replace(windows, **some)
 
 
 # --- search ----------------------------------------------------------------------------------------------------------

@@ -147,11 +147,8 @@ class ServoResult(Saved):
         for joint, *ratios in zip(self.robot.joints, *self.ratios, strict=True):
             for k, value, half in zip(RATIOS, *(each.tolist() for each in ratios), strict=True):
                 unit = QUANTITIES[k].over_stiffness[joint.kind == "prismatic"]
-                stated[joint.name][QUANTITIES[k].name]["over_stiffness"] = {
-                    "value": value,
-                    "half_width": half,
-                    "unit": unit,
-                }
+                ratio = {"value": value, "half_width": half, "unit": unit}
+                stated[joint.name][QUANTITIES[k].name]["over_stiffness"] = ratio
         return stated
 
     def of(self, symbol: str) -> Array:

@@ -30,11 +30,7 @@ class RowSource:
 
     def at(self, instants: Index) -> RowSource:
         """Equations of some of the instants."""
-        return RowSource((instants.size, *self.shape[1:]), partial(_part_at, self, instants))
-
-
-def _part_at(source: RowSource, instants: Index, which: slice | Index) -> Array:
-    return source.part(instants[which])
+        return RowSource((instants.size, *self.shape[1:]), lambda which: self.part(instants[which]))
 
 
 def held_rows(rows: Array) -> RowSource:
@@ -141,21 +137,13 @@ def joined_rows(parts: Sequence[Rows]) -> Rows:
 def widened(rows: Rows, columns: Array) -> Rows:
     """Rows with more columns at the end, joined when they are read where they are streamed or many."""
     # rows (m, p); columns (m, k)
-    if not isinstance(rows, StreamedRows):
-        if rows.nbytes <= JOINED:
-            return np.column_stack([rows, columns])
-        rows = StreamedRows([held_rows(rows[:, None])])
-    shape = len(rows), 1, rows.shape[1] + columns.shape[1]
-    return StreamedRows([RowSource(shape, partial(_beside, rows, columns))], partial(_product_beside, rows, columns))
-
-
-def _beside(rows: StreamedRows, columns: Array, which: slice | Index) -> Array:
-    return np.column_stack([rows[which], columns[which]])[:, None]
-
-
-def _product_beside(rows: StreamedRows, columns: Array, values: Array) -> Array:
-    p = rows.shape[1]
-    return np.asarray(rows @ values[:p] + columns @ values[p:])  # the first is often known
+    if not isinstance(rows, StreamedRows) and rows.nbytes <= JOINED:
+        return np.column_stack([rows, columns])
+    own = rows if isinstance(rows, StreamedRows) else StreamedRows([held_rows(rows[:, None])])
+    p, k = own.shape[1], columns.shape[1]
+    beside = RowSource((len(own), 1, p + k), lambda which: np.column_stack([own[which], columns[which]])[:, None])
+    # the first product is often known
+    return StreamedRows([beside], lambda values: np.asarray(own @ values[:p] + columns @ values[p:]))
 
 
 _MARGIN = 8  # times the edge of the filter, 16 periods of its cutoff: its memory is then below 1e-16

@@ -134,10 +134,8 @@ class _BaseMotion:
             turned = _fused(time, turned, *(_integral(time, to_rates @ x) for x in _with_biases(omega)))
         if "specific_force" in given:
             force, place = self.values["specific_force"] @ self._axes("specific_force").T, given["specific_force"].xyz
-            R, there = (
-                self.rotation.as_matrix(),
-                scipy.spatial.transform.Rotation.from_euler("ZYX", turned).apply(place),
-            )
+            R = self.rotation.as_matrix()
+            there = scipy.spatial.transform.Rotation.from_euler("ZYX", turned).apply(place)
             own, *biases = (_integral(time, _integral(time, R @ x)) for x in _with_biases(force))
             falling = np.outer((time - time[0]) ** 2 / 2, gravity)
             p = _fused(time, p + there, own + falling, *biases) - there

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from excite.logs.excitation import moves, quantum, runs
 from excite.logs.log import Log, counted
 from excite.storage.codec import named
-from regressors.errors import InputError
+from regressors.errors import InputError, listed_names
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -48,9 +48,7 @@ class Event:
 
 def row_ranges(ranges: Sequence[tuple[int, int]]) -> str:
     """Ranges of rows in words, the last of many left out, such as ``4, 7 to 9 and 3 more``."""
-    shown = [f"{a}" if a == b else f"{a} to {b}" for a, b in ranges[:_SHOWN]]
-    more = len(ranges) - len(shown)
-    return ", ".join(shown) + (f" and {more} more" if more else "")
+    return listed_names((f"{a}" if a == b else f"{a} to {b}" for a, b in ranges), _SHOWN)
 
 
 def ranges_of(numbers: Sequence[int]) -> list[tuple[int, int]]:
@@ -169,12 +167,12 @@ def missing_rows(log: Log) -> tuple[Event, ...]:
     return tuple(events)
 
 
-def external_forces(log: Log) -> Iterator[Event]:
-    """Stretches in which something else pushed the robot."""
-    for begin, end in log.external_forces:
+def events_in(log: Log, kind: str, spans: Spans, text: str) -> Iterator[Event]:
+    """An event in each span that has rows of a log."""
+    for begin, end in spans:
         about = log.row_numbers[within(log.time, ((begin, end),))]
         if about.size:
-            yield Event(FORCE, begin, end, (int(about[0]), int(about[-1])), "torques that no parameters explain")
+            yield Event(kind, begin, end, (int(about[0]), int(about[-1])), text)
 
 
 Spans = tuple[tuple[float, float], ...]  # first and last instant of each [s]

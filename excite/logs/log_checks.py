@@ -81,8 +81,7 @@ def _instants(case: _Case) -> Findings:
         how = "check that time is in seconds, or give its unit in a mapping (unit: ms)"
         yield True, f"{case.log.rate:.3g} samples per second; {how}"
     if intervals := [gap for gap in gaps(case.log) if gap.length > LONGEST]:
-        more = f" and {len(intervals) - 3} more" if len(intervals) > 3 else ""
-        where = f"gaps of {', '.join(map(str, intervals[:3]))}{more}"
+        where = f"gaps of {listed_names(map(str, intervals), 3)}"
         yield True, f"{where}; split the log at its gaps, or use the rows between them (`rows`)"
 
 

@@ -137,11 +137,7 @@ def _recognised(
 
 
 def _in_house(
-    path: Path,
-    joints: Sequence[str] | None,
-    drop: frozenset[str],
-    only: tuple[int, int] | None,
-    passive: Sequence[str],
+    path: Path, joints: Sequence[str] | None, drop: frozenset[str], only: tuple[int, int] | None, passive: Sequence[str]
 ) -> Log:
     with text_of(path) as text:
         head = header_line(text.lines)

@@ -255,7 +255,7 @@ def choose_friction_scale(
     names = curves_of_moving(scoring.target, friction)
     if not names:
         return recipe, friction, ()
-    statistics = _beside(scoring, recipe, lambda part: friction_torques(scoring.target, part, friction, recipe)[1])
+    statistics = _beside(scoring, recipe, lambda part: friction_torques(scoring.target, part, friction, recipe))
     given = scoring.of(statistics.of_columns(range(scoring.target.base.rank)))
     fitted = scoring.of(statistics)
     factors = _factors(scoring, statistics, fitted, len(names))

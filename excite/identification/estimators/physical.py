@@ -66,12 +66,7 @@ def physical(
 
 
 def possible_fit(
-    factor: Array,
-    model: RegressorModel,
-    base: Base,
-    *,
-    pull: Pull | None = None,
-    reference: Mapping[str, float] | None = None,
+    factor: Array, model: RegressorModel, base: Base, *, pull: Pull | None, reference: Mapping[str, float] | None
 ) -> Array:
     """Base parameters of `physical`, shape (b,), from a factor F of ``[W y]' [W y] = F' F`` in the rows' weights."""
     standard = problem_of_factor(factor[:, :-1], factor[:, -1], model, base, pull, reference)

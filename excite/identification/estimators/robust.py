@@ -22,6 +22,7 @@ from excite.identification.observations import GroupFactors, Observations
 from excite.identification.preparation import PreparedLog
 from excite.trajectories import Trajectory
 from regressors.errors import InputError
+from regressors.numerical import column_lengths
 from regressors.samples import Array, Index, Samples
 
 THRESHOLD = 1.345  # 95 % efficiency for normal noise
@@ -145,8 +146,7 @@ def _projected(R: Array) -> LinearSolution:
     """Solution of ``Q'W beta = Q'y``, Q an orthonormal basis of the instruments, from the factor of ``[Z W y]``."""
     p = R.shape[1] // 2
     T = R[:p, :p]
-    sizes = np.linalg.norm(T, axis=0)
-    U, s, _ = np.linalg.svd(T / np.where(sizes > 0, sizes, 1.0))
+    U, s, _ = np.linalg.svd(T / column_lengths(T))
     basis = U[:, s > TOLERANCE * s[0]]
     return solve_triangular_system(basis.T @ R[:p, p:])
 

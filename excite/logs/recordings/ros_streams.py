@@ -132,11 +132,9 @@ def _numbers(content: Bytes, place: NumberPlace, order: str) -> Numbers:
     if place.kind == "stamp":
         fields = content[:, place.at : place.at + 8].copy()
         seconds = fields[:, :4].copy().view(f"{order}i4").astype(np.int64)
-        stamps: Numbers = 1_000_000_000 * seconds + fields[:, 4:].copy().view(f"{order}u4")
-        return stamps
+        return np.asarray(1_000_000_000 * seconds + fields[:, 4:].copy().view(f"{order}u4"))
     size = int(place.kind[-1]) * place.count
-    numbers: Numbers = content[:, place.at : place.at + size].copy().view(place.kind).astype(float)
-    return numbers
+    return np.asarray(content[:, place.at : place.at + size].copy().view(place.kind), dtype=float)
 
 
 @lru_cache(maxsize=4)
