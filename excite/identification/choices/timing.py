@@ -119,6 +119,8 @@ class DelayLikelihood:
         tried: dict[float, float] = {}
 
         def misfit(delay: float) -> float:
+            if abs(delay) > LONGEST + _BEYOND:
+                return np.inf
             if delay not in tried:
                 tried[delay] = self.misfit_of(residuals(delay))
             return tried[delay]
@@ -326,7 +328,7 @@ def _with_delays_of_each(
             start, coarse = _coarse_delays(soft, own, parts, groups, common)
             if errors.score - coarse.score > (_EACH_WORTH if own == recipe else 0.0):
                 fit, found = _fit_of_each(soft, own, parts, groups, start, smooth=len(timings) > 1)
-                if is_likelier(fit, found, groups):
+                if np.all(np.abs(fit.delays) <= LONGEST + _BEYOND / 2) and is_likelier(fit, found, groups):
                     fits[fit] = found
             if not fits and own == recipe:
                 break
@@ -357,9 +359,16 @@ def _groups(scoring: Scoring, parts: Sequence[PreparedLog]) -> dict[tuple[str, .
     if len(logs) > 1:
         groups[logs] = np.array([[[source == log] * r for source in sources] for log in logs], dtype=float)
     joints, equations = scoring.target.robot.joint_names, scoring.target.model.torque_equations()
-    if scoring.target.motion.complete and equations is not None and r == len(joints) > 1:
+    if scoring.target.motion.complete and equations is not None and r == len(joints) > 1 and _has_friction(scoring):
         groups[joints] = np.repeat(np.eye(r)[:, None], len(parts), axis=1)
     return groups
+
+
+def _has_friction(scoring: Scoring) -> bool:
+    """Whether friction is known or among the parameters; where it is not, it looks like delays of the joints."""
+    friction = scoring.target.model.coulomb_friction()
+    among = friction is not None and np.isin(friction.columns, scoring.target.base.index).any()
+    return scoring.trial.friction is not None or bool(among)
 
 
 def _coarse_delays(
