@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from played import irp6, noisy, played, three_joints
 
 from excite.identification.choices.cutoff_and_rows import choose_cutoff, cutoff_candidates, preferred_rows
 from excite.identification.choices.left_out import LeftOut, left_out, time_blocks
-from excite.identification.choices.timing import choose_delay
+from excite.identification.choices.timing import DelayLikelihood, choose_delay
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
 from excite.logs.log import Log
@@ -157,6 +158,13 @@ def test_intervals_cover() -> None:
     found, choice = choose_delay(*delayed_by(0.08, 0.1, 1), 0.008)  # beyond the longest
     assert (found, choice.interval) == (0.0, None)
     assert choose_delay(*delayed_by(0.05, 0.1, 1), 0.008)[0] == pytest.approx(0.05, abs=2e-4)
+
+
+def test_delays_far_beyond_the_longest_are_not_looked_for() -> None:
+    scored, residuals = delayed_by(0.1, 0.1, 1)
+    likelihood = DelayLikelihood.of(residuals(np.ones(2), 0.05), scored(0.05))
+    found, _ = likelihood.found(partial(residuals, np.ones(2)), 0.05, 0.005, 0.008)
+    assert 0.05 < found <= 0.06
 
 
 def test_a_row_on_the_wrong_side_of_a_reversal_moves_no_delay() -> None:
