@@ -49,7 +49,7 @@ _OF_QUANTITIES: dict[Kind, Callable[[str], Any]] = {
     "percent": lambda quantity: Number(quantity, percent=True),
 }
 _BOX = ("tool_box", "L:U for x, y and z, such as -1:1,-1:1,0: ")
-_SEVERAL = ("poses", "folders", "impacts", "several")
+_SEVERAL = ("poses", "folders", "impacts", "several", "parts")
 _TYPES: dict[Kind, Any] = {
     "ranges": Sides("position", "LOWER:UPPER per joint, such as -1:1,-2:0.5"),
     "box": Sides(*_BOX, box=True),
@@ -120,8 +120,8 @@ def _click_option(name: str, default: Any, option: Option) -> Callable[[Command]
     return click.option(
         flag_of(name, option),
         name,
-        type=str if name == "constraints" else _type(name, option),
-        multiple=option.kind in _SEVERAL or name == "constraints",
+        type=_type(name, option),
+        multiple=option.kind in _SEVERAL,
         default=_typed_default(default, option),
         required=option.required,
         metavar=option.metavar or _METAVARS.get(option.kind) or _METAVARS.get(option.unit(name)),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict, create_model
+from pydantic import AfterValidator, BaseModel, ConfigDict, create_model
 
 from constraints.balance import Balance, balance_of, read_support
 from constraints.geometry import World
@@ -16,12 +16,13 @@ from excite.tasks.friction_file import friction_content, friction_of_content, kn
 from excite.tasks.limit_choice import OF_JOINTS, LimitChoice
 from excite.tasks.model_options import options_of_model
 from excite.tasks.objective import Belief
-from excite.tasks.option import COUNTS, EXPECTED, MARGINS, MOUNTS, NONE, Kind, options_of
+from excite.tasks.option import NONE, Kind, Option, options_of, rule_of_option
 from excite.tasks.precision_target import PrecisionTarget
 from excite.tasks.stored_files import TaskMotion, TaskServos, UnopenedFile
 from excite.tasks.task import PARTS, Task
-from regressors.quantities import QUANTITIES
-from regressors.readers.documents import described, read_document, validate, within
+from regressors.arguments import Unfit
+from regressors.quantities import QUANTITIES, shown
+from regressors.readers.documents import read_document, validate, within
 from regressors.robot.friction.curves import FrictionCurves
 
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -33,91 +34,44 @@ _REMOVED = {("solver", "slsqp"): "ipopt"}  # parts that files of results may nam
 _FILES = (
     "world", "support", "friction_curves", "payload", "task_motion", "servos", "begin"
 )  # options that may be names of files  # fmt: skip
+_OF_ROBOT_FILE: dict[str, Kind] = {  # how the robot's file is read
+    "robot": "name", "base_link": "name", "tip": "names", "snap_angles": "flag", "xacro": "flag"
+}  # fmt: skip
 _ENDS = ("base_link", "tip")  # of what moves, beside the options of the parts
 
 
-def _listed(kinds: Any) -> BeforeValidator:
-    """One value stands for a list of it."""
-    return BeforeValidator(lambda value: [value] if _is(value, kinds) else value)
+def _as_written(option: Option) -> Any:
+    """Type of an option's value, which stays as it is written where Python takes it too."""
+    convert, expected = rule_of_option(option)
 
-
-def _text(value: object) -> object:
-    return str(value) if _is(value, int) else value
-
-
-def _checked(expected: str, holds: Callable[[Any], bool]) -> Any:
-    """Type of a value that is taken as it is, where it is what is expected."""
-
-    def check(value: object) -> object:
-        if holds(value):
-            return value
-        raise ValueError(f"should be {expected}, given {described(value)}")
-
-    return Annotated[Any, AfterValidator(check)]
-
-
-def _is(value: object, kinds: Any) -> bool:
-    return isinstance(value, kinds) and not isinstance(value, bool)
-
-
-def _drives(value: object) -> object:
-    """True, false, or names or numbers of drives; one of them without brackets, all and none likewise."""
-    if isinstance(value, bool):
+    def fitting(value: object) -> object:
+        try:
+            if option.kind == "file" and not isinstance(value, str | dict):
+                raise Unfit
+            convert(value)
+        except Unfit as error:
+            raise ValueError(f"should be {expected}, given {shown(value)}") from error
         return value
-    names = [_text(name) for name in value] if isinstance(value, list) else [_text(value)]
-    if all(isinstance(name, str) for name in names):
-        return names if isinstance(value, list) else names[0]
-    raise ValueError(f"should be {EXPECTED['drives']}, given {described(value)}")
+
+    return Annotated[Any, AfterValidator(fitting)]
 
 
-_NUMBER = Annotated[float, Strict()]
-_NUMBERS = Annotated[list[_NUMBER], _listed(int | float)]  # one number stands for all joints
-_PAIR = Annotated[list[_NUMBER], Field(min_length=2, max_length=2)]
-_SIDE = Annotated[list[_NUMBER | None], Field(min_length=2, max_length=2)]
-_THREE = Field(min_length=3, max_length=3)
-_NAMES = list[Annotated[str, BeforeValidator(_text)]]  # or numbers of joints
-_TYPES: Mapping[Kind, Any] = {
-    "flag": Annotated[bool, Strict()],
-    "integer": Annotated[int, Strict()],
-    "number": _NUMBER,
-    "numbers": _NUMBERS,
-    "ranges": list[_PAIR],
-    "box": Annotated[list[_SIDE], _THREE],
-    "triple": Annotated[list[_NUMBER], _THREE],
-    "pose": _NUMBERS | Literal["robot"],
-    "poses": list[_NUMBERS],
-    "names": _NAMES,
-    "name": str,
-    "text": Annotated[str, BeforeValidator(_text)],
-    # relative to the task file's folder
-    "file": _checked("the name of a file or its content", lambda value: isinstance(value, str | dict)),
-    "payload": _NUMBERS | str,
-    "mount": Annotated[list[_NUMBER], _THREE] | Literal[*MOUNTS],
-    "margin": _NUMBER | Literal[*MARGINS],
-    "count": _checked(EXPECTED["count"], lambda value: value in COUNTS or _is(value, int)),
-    "prior": Annotated[Any, AfterValidator(known_beforehand)],
-    "drives": Annotated[Any, AfterValidator(_drives)],
-    "parameters": dict[str, _NUMBER],
-    "folders": Annotated[list[str], _listed(str)],
-    "precision": _checked(EXPECTED["precision"], lambda value: _is(value, str | int | float | dict)),
-}
-
-
-def _type(name: str, kind: Kind) -> Any:
+def _type(name: str, option: Option) -> Any:
     """Type of an option's value; of numbers also their range."""
-    checked = name in QUANTITIES and kind not in ("prior", "precision")
-    return Annotated[_TYPES[kind], AfterValidator(within(name))] if checked else _TYPES[kind]
+    if option.kind == "prior":
+        return Annotated[Any, AfterValidator(known_beforehand)]
+    checked = name in QUANTITIES and option.kind != "precision"
+    return Annotated[_as_written(option), AfterValidator(within(name))] if checked else _as_written(option)
 
 
 def option_types() -> dict[str, Any]:
     """Types of the values of every option of a task file by name; limits of joints are below ``limits``."""
-    flags = dict.fromkeys(("snap_angles", "xacro"), _TYPES["flag"])
-    types: dict[str, Any] = {"robot": str, "base_link": str, "tip": str | list[str], **flags}
+    types = {name: _as_written(Option(kind, "")) for name, kind in _OF_ROBOT_FILE.items()}
     limits: dict[str, Any] = {}
     for part in PARTS.values():
         for field, option in options_of(part):
             joints = part is LimitChoice and field.name in OF_JOINTS
-            (limits if joints else types)[field.name] = _type(field.name, option.kind)
+            (limits if joints else types)[field.name] = _type(field.name, option)
     return {**types, "limits": options_schema("Limits", limits)}
 
 
@@ -152,18 +106,10 @@ def task_from_options(
         given = {name: _stored(name, value, allowed) for name, value in given.items()}
         given.setdefault("snap_angles", False)  # files that do not say it were made of the angles as printed
     given |= {name: value for name, value in own.items() if value is not None}
-    if "prior" in given:
-        given["prior"] = _prior(given["prior"])
-    if "world" in given:
-        given["world"] = _world(given)
-    if "support" in given:
-        given["support"] = _support(given["support"])
-    if isinstance(given.get("task_motion"), Mapping):
-        given["task_motion"] = TaskMotion.from_dict(given["task_motion"])
-    if isinstance(given.get("servos"), Mapping):
-        given["servos"] = TaskServos(**given["servos"])
-    if "friction_curves" in given:
-        given["friction_curves"] = _friction(given["friction_curves"])
+    for name, content in ((name, given[name]) for name in _OF_CONTENT if isinstance(given.get(name), Mapping)):
+        given[name] = _OF_CONTENT[name](content)
+    for name, file in ((name, given[name]) for name in _OF_FILE if isinstance(given.get(name), str | Path)):
+        given[name] = _OF_FILE[name](Path(file), given)
     return Task(**given)
 
 
@@ -184,32 +130,29 @@ def stored_part(kind: str, name: str, allowed: Collection[str]) -> str | OwnPart
     return OwnPart(kind, name) if ":" in name and name not in allowed else name
 
 
-def _world(options: Mapping[str, Any]) -> World | UnopenedFile:
-    """World from an object, the content of a world file, or the name of one."""
-    world = options["world"]
-    if isinstance(world, str | Path):
-        ends = (options.get(end) for end in _ENDS)
-        robot = options["robot"] if isinstance(options["robot"], str) else ""
-        return read_world(Path(world), robot, *ends, snap_angles=options.get("snap_angles", True))
-    return world if isinstance(world, World | UnopenedFile) else world_of(world)
+def _world(path: Path, options: Mapping[str, Any]) -> World:
+    ends = (options.get(end) for end in _ENDS)
+    robot = options["robot"] if isinstance(options["robot"], str) else ""
+    return read_world(path, robot, *ends, snap_angles=options.get("snap_angles", True))
 
 
-def _support(given: Any) -> Balance | UnopenedFile:
-    if isinstance(given, str | Path):
-        return read_support(given)
-    return given if isinstance(given, Balance | UnopenedFile) else balance_of(given)
+def _beliefs(prior: Mapping[str, Any]) -> tuple[Belief, ...]:
+    return tuple(Belief(name, float(known["value"]), float(known["deviation"])) for name, known in prior.items())
 
 
-def _friction(curves: Any) -> FrictionCurves | UnopenedFile:
-    if isinstance(curves, str | Path):
-        return read_friction(Path(curves))
-    return curves if isinstance(curves, FrictionCurves | UnopenedFile) else friction_of_content(curves)
-
-
-def _prior(value: Any) -> float | tuple[Belief, ...]:
-    if not isinstance(value, Mapping):
-        return value  # type: ignore[no-any-return]
-    return tuple(Belief(name, float(known["value"]), float(known["deviation"])) for name, known in value.items())
+_OF_CONTENT: Mapping[str, Callable[[Any], Any]] = {
+    "prior": _beliefs,
+    "world": world_of,
+    "support": balance_of,
+    "task_motion": TaskMotion.from_dict,
+    "servos": lambda content: TaskServos(**content),
+    "friction_curves": friction_of_content,
+}
+_OF_FILE: Mapping[str, Callable[[Path, Mapping[str, Any]], Any]] = {
+    "world": _world,
+    "support": lambda path, _: read_support(path),
+    "friction_curves": lambda path, _: read_friction(path),
+}
 
 
 def _content(given: Any) -> Any:

@@ -130,7 +130,7 @@ class LimitChoice:
         True, "flag", "Keep the links of a URDF with shapes from touching each other, where no world file is given."
     )
     constraints: tuple[Limit | str, ...] = option(
-        (), "names", "Further limits: torque, or module:Name; repeatable.", metavar="NAME", flag="constraint"
+        (), "parts", "Further limits: torque, or module:Name; repeatable.", metavar="NAME", flag="constraint"
     )
 
     def __post_init__(self) -> None:

@@ -25,7 +25,7 @@ from regressors.quantities import QUANTITIES, check, number_of
 Kind = Literal[
     "flag", "integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "names", "name", "text", "file",
     "prior", "margin", "count", "mount", "payload", "drives", "parameters",
-    "folders", "precision", "size", "distance", "impacts", "percent", "frame", "sides", "several",
+    "folders", "precision", "size", "distance", "impacts", "percent", "frame", "sides", "several", "parts",
 ]  # fmt: skip
 
 _PLAIN = ("integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses")
@@ -109,14 +109,18 @@ def strict(part: Any) -> None:
             if value is None and field.default is not None and option.kind != "margin":
                 raise InputError(f"{field.name}: expected {EXPECTED[option.kind]}, given nothing")
             continue
-        named = option.kind == "name" and option.part is None
-        plain = fit(field.name, value, (_text, EXPECTED["name"]) if named else _KINDS[option.kind])
+        plain = fit(field.name, value, rule_of_option(option))
         if (option.kind in _NUMBERS and not isinstance(plain, UnopenedFile)) or (
             option.kind in ("prior", "margin", "count") and isinstance(plain, Real)
         ):
             check(field.name, plain)
         object.__setattr__(part, field.name, plain)
     check_choices(part)
+
+
+def rule_of_option(option: Option) -> tuple[Callable[[Any], Any], str]:
+    """What converts a value of an option, or raises `Unfit`; and what it expects, in words."""
+    return (_text, EXPECTED["name"]) if option.kind == "name" and option.part is None else _KINDS[option.kind]
 
 
 def check_choices(part: object) -> None:
@@ -179,8 +183,8 @@ def _text(value: object) -> str:
     return name
 
 
-def _names(value: object) -> tuple[object, ...]:
-    return (value,) if isinstance(value, str) else tuple(_name(x) for x in _sequence(value))
+def _names(value: object, one: Callable[[object], Any] = _text) -> tuple[Any, ...]:
+    return tuple(map(one, [value] if isinstance(value, str) else _sequence(value)))
 
 
 def _drives(value: object) -> object:
@@ -189,8 +193,7 @@ def _drives(value: object) -> object:
         return value
     if isinstance(value, str) and value in (ALL, NONE):
         return value == ALL
-    names = tuple(map(_text, [value] if isinstance(value, str | Integral) else _sequence(value)))
-    if not all(names):
+    if not all(names := _names([value] if isinstance(value, Integral) else value)):
         raise Unfit
     return tuple(dict.fromkeys(names)) or False
 
@@ -271,6 +274,7 @@ _KINDS: dict[Kind, tuple[Callable[[Any], Any], str]] = {  # conversion, and what
     "pose": (lambda value: value if isinstance(value, str) else _numbers(value), "a list of numbers, one per joint"),
     "poses": (lambda value: tuple(map(_numbers, _sequence(value))), "a list of poses"),
     "names": (_names, "a list of names"),
+    "parts": (lambda value: _names(value, _name), "a list of names"),
     "name": (_name, "a name"),
     "text": (_name, "a name"),
     "file": (_as_it_is, "the name of a file, or its content"),

@@ -119,8 +119,8 @@ limits:\n  speed: 3\n => limits.speed (line 2): no such field; available: positi
 harmonics: 3\n harmonics: 4\n => task.yaml, line 2: not valid YAML
 harmonics: 3\nharmonics: 4\n => task.yaml: harmonics (line 1): is given twice, again in line 2
  => task.yaml: expected a mapping of fields, given nothing
-limits: {velocity: .inf}\n => task.yaml: limits.velocity[1] (line 1): should be a finite number, given inf
-limits: {position: [[0, 1, 2]]}\n => limits.position[1] (line 1): should have at most 2 items, given a list of 3
+limits: {velocity: .inf}\n => task.yaml: limits.velocity (line 1): must be a number from 1e-09 to 1000000 ... given inf
+limits: {position: [[0, 1, 2]]}\n => limits.position (line 1): should be a list of pairs [lower, upper], given [[0
 joints: []\n => no joint moves; choose from q1, q2, q3
 friction: perhaps\n => no drive named 'perhaps' ... 1 (z1)
 """

@@ -53,14 +53,14 @@ OPTIONS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     (BASE["identify"], "--sign-width 1e300", "expected auto or a number; must be 0 or a number from 1e-12 to 1000000"),
 )
 TASKS = {
-    "period: 1:30": "period (line 1): should be a valid number, given '1:30'",
+    "period: 1:30": "period (line 1): should be a number, given '1:30'",
     "period: 1_0": "period (line 1): '1_0' is not a number: write it without underscores",
-    'period: "1e3"': "period (line 1): should be a valid number, given '1e3'",
+    'period: "1e3"': "period (line 1): should be a number, given '1e3'",
     f"seed: {'9' * 100_000}": "seed (line 1): '99999",
     "prior: 1e-300": "prior (line 1): must be a number from 1e-09 to 1e+09, given 1e-300",
     "prior: {F1c: {value: 1e300, deviation: 1}}": "F1c: value must be a number from -1e+12 to 1e+12, given 1e+300",
     "limits: {velocity: [1, 1e99]}": "limits.velocity (line 1): must be a number from 1e-09 to 1000000 rad/s or m/s",
-    'tool_box: [["", ""], [0, 1], [0, 1]]': "tool_box[1][1] (line 1): should be a valid number, given ''",
+    'tool_box: [["", ""], [0, 1], [0, 1]]': "tool_box (line 1): should be a pair [lower, upper] for each of x",
     "world: {clearance: true, robot: []}": "clearance (line 1): must be a number from -10000 to 10000 m, given True",
 }
 WORLD = "robot: [{link: B, from: [0, 0, 0], radius: 0.1}]\n"

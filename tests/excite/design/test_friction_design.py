@@ -175,7 +175,7 @@ def test_a_task_file_names_curves_from_its_own_folder_or_holds_them(here: Here) 
 
 def test_task_files_whose_curves_cannot_be_read(here: Here) -> None:
     for value, message in (
-        ("3", "task.yaml: friction_curves (line 1): should be the name of a file or its content, given 3"),
+        ("3", "task.yaml: friction_curves (line 1): should be the name of a file, or its content, given 3"),
         ("none.yaml", "cannot read friction file none.yaml: No such file or directory"),
         ("{drives: {}}", "friction_curves: schema (line 1): is missing"),
     ):

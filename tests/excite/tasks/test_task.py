@@ -93,6 +93,7 @@ BAD = [
     ({"position": [1.0, 2.0]}, "position: expected a list of pairs [lower, upper], given [1.0, 2.0]"),
     ({"sensor_xyz": 0.1}, "sensor_xyz: expected three numbers, given 0.1"),
     ({"joints": 3}, "joints: expected a list of names, given 3"),
+    ({"joints": [["q1"]]}, "joints: expected a list of names, given [['q1']]"),
     ({"seed": None}, "seed: expected a whole number, given nothing"),
     ({"via": [[0.0], "a"]}, "via: expected a list of poses, given [[0.0], 'a']"),
     ({"criterion": "mine"}, "no criterion named 'mine'; available: condition, frobenius, sigma-min, logdet, trace"),
@@ -111,7 +112,10 @@ def test_values_of_another_type_are_refused(options: dict[str, object], message:
 BAD_FILES = [
     ("period: true\n", "period (line 1): "),
     ("period: 1_0\n", "period (line 1): '1_0' is not a number: write it without underscores"),
-    ("noise: [0.5, yes please]\n", "noise[2] (line 1): "),
+    (
+        "noise: [0.5, yes please]\n",
+        "noise (line 1): should be a number, or a list of numbers, given [0.5, 'yes",
+    ),
     ("friction: 1.5\n", "friction (line 1): "),
     ("limits: {velocity: true}\n", "limits.velocity"),
     ("limits: {speed: 1}\n", "limits.speed (line 1): "),

@@ -81,7 +81,7 @@ BAD = {
     "common: {robot: irp6}": "has no cell: state options in 'grid', or cells in 'include'",
     "grid: {seed: []}": "grid.seed (line 1): has no value",
     "grid: {seed: [0, 0]}": "grid.seed (line 1): has a value twice",
-    "grid: {seed: [0, 0.5]}": "grid.seed[2] (line 1): should be a valid integer",
+    "grid: {seed: [0, 0.5]}": "grid.seed[2] (line 1): should be a whole number, given 0.5",
     "grid:\n  sed: [0]": "grid.sed (line 2): no such field; did you mean ",
     "grid: {robot: [irp6], executor: [serial]}": "grid.executor (line 1): no such field",
     "grid: {seed: [0]}": "cell seed=0 has no robot; state one in 'common' or 'grid'",
