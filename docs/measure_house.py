@@ -16,13 +16,13 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 86_139,
-    "lines of code": 53_045,
+    "lines": 86_134,
+    "lines of code": 53_043,
     "files": 396,
     "classes": 708,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 17,
-    "imports inside functions": 64,
+    "imports inside functions": 62,
     "look-ups of built-in parts by name": 19,
     "lines of code of tests": 39_726,
     "rooms": 22,

@@ -244,7 +244,7 @@ Example:
 @click.option("--model", type=click.Choice(MODELS), help="Compare under this model.  [default: that of each design]")
 @click.option("--window", type=click.Choice(WINDOWS), help="Time windows of energy and load-integral.")
 @own_parts
-@runs("design_run:compare_designs")
+@runs("study_run:compare_designs")
 def compare() -> None:
     """Compare designs by the same metrics: every condition number, smallest singular value, log det, margins.
 

@@ -1,4 +1,4 @@
-"""Execution of ``excite design``, ``compare`` and ``sweep``: find motions, write their files, judge them."""
+"""Execution of ``excite design`` and ``sweep``: find motions and write their files."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,8 +19,7 @@ from excite.cli.main import NOT_HELD
 from excite.cli.options import FigureChoice, robot_file_of, split_base, typed_options
 from excite.cli.progress import bar, interrupted_status, one_interrupt
 from excite.cli.streams import can_move, in_options, remark, say, something_is_shown, tell, verbosity
-from excite.cli.summary import finite, show
-from excite.design.comparison import Judgement
+from excite.cli.summary import show
 from excite.design.design import Design
 from excite.design.design_folder import (
     check_no_design,
@@ -42,17 +40,14 @@ from excite.design.starts import KeptStarts, keep_starts
 from excite.design.sweeps.run_sweep import CellProgress, CellsLeft, read_sweep_file, run_sweep
 from excite.design.sweeps.sweep_table import JSON, TABLE, SweepTable, load_sweep
 from excite.design.task_file import read_task_file, task_from_options
-from excite.optimality.design_bound import stored_bound
 from excite.registry import CONVENTIONS
 from excite.storage.atomic import writing
 from excite.storage.records import json_of
 from excite.storage.result_folder import result_folder
-from excite.study.design_for_precision import search_for_precision
 from excite.tasks.limit_choice import OF_JOINTS
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.task import Task
 from excite.views.campaign_view import cells_view
-from excite.views.comparison_view import comparison_view, verdicts
 from excite.views.design_view import design_view
 from regressors.errors import InputError
 from regressors.readers.library import has_tree
@@ -175,6 +170,8 @@ def _precision_search(
     robot: Robot, task: Task, out: Path, notes: tuple[str, ...], *, force: bool, fresh: bool
 ) -> _SearchUntil:
     """A search for the shortest experiment; every search that an earlier run has finished is taken from its folder."""
+    from excite.study.design_for_precision import search_for_precision
+
     for note in notes:
         remark(f"excite: note: {in_options(note)}")
 
@@ -209,27 +206,6 @@ def _print_what_is_known(formulation: Formulation, kept: KeptStarts, notes: tupl
     for found in kept.notes:
         remark(f"excite: {found}")
     announce_search(formulation, kept)
-
-
-def compare_designs(designs: Sequence[Path], model: str | None, window: str | None, parts: tuple[str, ...]) -> None:
-    """Judge designs by the same metrics, and show them."""
-    read = []
-    for folder in designs:
-        tell(f"reading {folder}")
-        read.append(excite.load_design(folder, parts))
-    tell("comparing the designs")
-    judged = excite.compare(read, model, window)
-    known = [bound for each in read if (bound := stored_bound(each)) is not None]
-    show(
-        comparison_view(judged, known),
-        content=lambda: [{"verdict": text, **_plain(j)} for text, j in zip(verdicts(judged), judged, strict=True)],
-        next_steps=["--verbose shows every convention of the condition number, and every metric"],
-    )
-
-
-def _plain(judgement: Judgement) -> dict[str, object]:
-    criteria = {name: finite(value) for name, value in judgement.criteria.items()}
-    return {**asdict(judgement), "goal": finite(judgement.goal), "criteria": criteria}
 
 
 def run_and_write(

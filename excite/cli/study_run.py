@@ -1,4 +1,4 @@
-"""Execution of ``excite simulate``, ``study``, ``predict``, ``bound`` and ``plan``: what experiments can reach."""
+"""Execution of ``excite simulate``, ``study``, ``predict``, ``bound``, ``compare``, ``plan``: what motions reach."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from excite.cli.options import FigureChoice, check_not_typed, chosen_of, robot_f
 from excite.cli.progress import progress_of_samples
 from excite.cli.streams import in_options, remark, say, tell
 from excite.cli.summary import finite, show
+from excite.design.comparison import Judgement
 from excite.design.design_folder import check_no_design, data_files
 from excite.design.start_results import StartResult
 from excite.design.task_file import read_task_file, task_from_options
@@ -34,6 +35,7 @@ from excite.tasks.further_settings import MotionSettings
 from excite.tasks.installation import Installation
 from excite.tasks.model_choice import FURTHER_FRICTION, ModelChoice
 from excite.tasks.payload import Payload
+from excite.views.comparison_view import comparison_view, verdicts
 from excite.views.view import view_of
 from regressors.quantities import number_of
 
@@ -93,6 +95,27 @@ def bound_and_write(
 def _place(folder: Path) -> Path:
     """The folder of a design that may be named by its file."""
     return folder.parent if folder.suffix == ".json" else folder
+
+
+def compare_designs(designs: Sequence[Path], model: str | None, window: str | None, parts: tuple[str, ...]) -> None:
+    """Judge designs by the same metrics, and show them."""
+    read = []
+    for folder in designs:
+        tell(f"reading {folder}")
+        read.append(excite.load_design(folder, parts))
+    tell("comparing the designs")
+    judged = excite.compare(read, model, window)
+    known = [bound for each in read if (bound := stored_bound(each)) is not None]
+    show(
+        comparison_view(judged, known),
+        content=lambda: [{"verdict": text, **_plain(j)} for text, j in zip(verdicts(judged), judged, strict=True)],
+        next_steps=["--verbose shows every convention of the condition number, and every metric"],
+    )
+
+
+def _plain(judgement: Judgement) -> dict[str, object]:
+    criteria = {name: finite(value) for name, value in judgement.criteria.items()}
+    return {**asdict(judgement), "goal": finite(judgement.goal), "criteria": criteria}
 
 
 def plan_from_options(robot: str, **given: Any) -> None:

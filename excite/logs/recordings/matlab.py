@@ -25,6 +25,7 @@ from tempfile import TemporaryFile
 from typing import IO, Any, BinaryIO
 
 import numpy as np
+import scipy
 
 from excite.logs.recordings.array_streams import (
     DEEPEST,
@@ -125,9 +126,7 @@ def _let_scipy_read(path: Path, answer: IO[bytes]) -> None:
 
 def hand_over() -> None:
     """Write the variables of a file as NPZ to the standard output; what that process does."""
-    from scipy.io import loadmat
-
-    path, memory = sys.argv[1], int(sys.argv[2])
+    path, memory, matlab = sys.argv[1], int(sys.argv[2]), scipy.io.matlab  # imported before the cap
     warnings.simplefilter("ignore")
     with suppress(ImportError, AttributeError, OSError, ValueError):  # not on Windows, nor macOS
         import resource
@@ -137,7 +136,7 @@ def hand_over() -> None:
     found, count = ArrayFile(Path(path), _FORM.name), itertools.count(1)
     answer: dict[str, Any] = {"arrays": [], "left_out": found.left_out}
     try:
-        for name, value in loadmat(path, appendmat=False).items():
+        for name, value in matlab.loadmat(path, appendmat=False).items():
             if not name.startswith("__"):
                 _add_loaded(found, value, name, (), count)
         answer["arrays"] = [(one.name, one.group, one.shape, one.load().dtype.str) for one in found.arrays]
@@ -151,21 +150,18 @@ def hand_over() -> None:
 
 def _add_loaded(file: ArrayFile, one: Any, name: str, above: tuple[str, ...], count: Iterator[int]) -> None:
     """Add the arrays of numbers in a variable, a field or an element that SciPy loaded."""
-    from scipy.io import matlab
-    from scipy.sparse import issparse
-
     if next(count) > MOST_OBJECTS or len(above) > DEEPEST:
         raise OverflowError(_TOO_MANY)
     if one is None:  # an empty field
         return
-    if isinstance(one, matlab.MatlabOpaque):
+    if isinstance(one, scipy.io.matlab.MatlabOpaque):
         named = one.dtype.names and "s0" in one.dtype.names  # SciPy keeps the name of an object of a class inside it
         file.left_out[_text(one["s0"].item()) if named else name] = _OBJECT
-    elif isinstance(one, matlab.MatlabObject):
+    elif isinstance(one, scipy.io.matlab.MatlabObject):
         file.left_out[name] = _OBJECT
-    elif isinstance(one, matlab.MatlabFunction):
+    elif isinstance(one, scipy.io.matlab.MatlabFunction):
         file.left_out[name] = "is a function handle"
-    elif issparse(one):
+    elif scipy.sparse.issparse(one):
         file.left_out[name] = "is sparse"
     elif one.dtype.names is not None:
         for k, element in enumerate(one.ravel(order="F")):
