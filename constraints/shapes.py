@@ -15,7 +15,6 @@ import numpy as np
 from constraints.geometry import Part, enclosing_capsule, enclosing_cylinder
 from regressors.errors import InputError
 from regressors.input_files import in_bytes, read_bytes
-from regressors.memory_cap import memory_cap
 from regressors.readers.moving_part import carried
 from regressors.readers.urdf import urdf_content
 from regressors.readers.urdf_elements import XmlElement, robot_element
@@ -24,6 +23,7 @@ from regressors.robot.inertia import pose_of, rotation_from_rpy
 from regressors.robot.robot import BASE, Robot
 from regressors.robot.shapes import Capsule
 from regressors.samples import Array
+from regressors.work_prediction import memory_cap
 
 _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 

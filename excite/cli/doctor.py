@@ -24,7 +24,7 @@ from excite.cli.command import command
 from excite.cli.streams import something_is_shown, tell, verbosity
 from excite.own_packages import DISTRIBUTION
 from regressors.errors import one_line
-from regressors.memory_cap import memory_cap
+from regressors.work_prediction import memory_cap
 
 Finding = dict[str, Any]  # kind, part and found are texts; holds is None for what may be missing; remedy
 _ENABLES = {

@@ -14,7 +14,7 @@ import click
 
 from excite.cli.streams import SECONDS, can_move, remark, something_is_shown, tell, verbosity
 from excite.design.interruption import Interruption, answered_signals, current_interruption, deferred_interruption
-from excite.storage.work_prediction import Steps
+from regressors.work_prediction import Steps
 
 _BETWEEN = 2.0  # seconds between two lines of a simulation
 _SILENCE = 2.0  # before the first line on repetitions [s]

@@ -22,7 +22,7 @@ from excite.operating_system import ForkSafeThread
 from regressors.errors import one_line, printable
 
 _LEVELS = {
-    "excite.storage": logging.INFO, "excite.study": logging.INFO, "regressors.input_files": logging.DEBUG
+    "excite.work": logging.INFO, "excite.study": logging.INFO, "regressors.input_files": logging.DEBUG
 }  # fmt: skip
 _WITH_LINES = ("excite", "regressors.input_files")
 

@@ -97,7 +97,7 @@ limits.""",
 @settings_options(SimulationSettings)
 @own_parts
 @click.option("--force", is_flag=True, help="Replace logs that are already there.")
-@runs("study_run:simulate_and_write")
+@runs("simulate_run:simulate_and_write")
 def simulate() -> None:
     """Simulate the robot of the design in DIR while it plays the motion, and write its measurements to LOG.csv.
 

@@ -26,11 +26,11 @@ from excite.information.target import IdentificationTarget, model_of
 from excite.information.tracking import LinearServos
 from excite.registry import instance, part
 from excite.tasks.task import Task
-from regressors.memory_cap import FLOAT, check_memory
 from regressors.models.partial import PartialMotion
 from regressors.robot.archive import robot_from_description
 from regressors.robot.symbolic.vectorised import VectorisedFunction
 from regressors.samples import Array, Index
+from regressors.work_prediction import FLOAT, check_memory
 
 _SIGN_WIDTH = 0.02  # of the velocity limit: width of Coulomb friction's smooth sign; results use the exact sign
 _FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC = 100, 20

@@ -12,12 +12,10 @@ from typing import Any
 
 from excite.information.target import Identifiability, model_of, partial_motions
 from excite.registry import name_of
-from excite.storage.work_prediction import announce
 from excite.tasks.robot_of_task import installed_robot, moving_robot, one_model, task_of
 from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError
-from regressors.memory_cap import FLOAT, check_memory
 from regressors.models.base import base_parameters, enough_states, random_states
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, drive_names
@@ -25,6 +23,7 @@ from regressors.numerical import DESCRIPTION_CAUSE, numerical_work
 from regressors.quantities import check
 from regressors.robot.robot import Robot
 from regressors.samples import Array
+from regressors.work_prediction import FLOAT, announce, check_memory
 
 _MOST_SELECTIONS = 500
 _SHORTER = "a lower `at_once` takes less"

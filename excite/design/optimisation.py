@@ -44,7 +44,6 @@ from excite.information.weighting import known_with
 from excite.registry import part
 from excite.storage.atomic import Destination
 from excite.storage.commit import locked
-from excite.storage.work_prediction import announce
 from excite.tasks.criteria import Criterion
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.objective import Objective
@@ -60,6 +59,7 @@ from regressors.numerical import numerical_work, one_thread, or_none
 from regressors.robot.robot import Robot
 from regressors.robot.symbolic.vectorised import evaluation, interpreted_note
 from regressors.samples import Array
+from regressors.work_prediction import announce
 
 _PACKAGES = ("excite-trajectories", "casadi", "numpy", "scipy", "daqp", "ruckig")
 _TIME = 22.0  # typical processor time of a search whose rounds are not stated [s]

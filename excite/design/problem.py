@@ -177,8 +177,8 @@ class SmoothObjective:
     def points(self, xs: Sequence[Array], sharpness: Sequence[float]) -> list[ObjectivePoint]:
         """Smooth objective at several x; the same as one by one."""
         evaluations = self.information.evaluations(xs)
-        matrices = [self.matrix(self.unit**2 * at.M) for at in evaluations]
-        smooth, T = self.criterion.smooth_and_values(matrices, sharpness), self.transform
+        matrices, T = (self.matrix(self.unit**2 * at.M) for at in evaluations), self.transform
+        smooth = [self.criterion.smooth_and_value(M, p) for M, p in zip(matrices, sharpness, strict=True)]
         return [
             ObjectivePoint(value, self.unit**2 * (G if self._same_columns else T @ G @ T.T), at, criterion)
             for at, (value, G, criterion) in zip(evaluations, smooth, strict=True)

@@ -35,14 +35,12 @@ from excite.information.target import friction_of_moving, model_of
 from excite.logs.base_motion import measured_equations
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping, read_mapping
-from excite.storage.work_prediction import announce
 from excite.tasks.friction_file import read_friction
 from excite.tasks.installation import Installation
 from excite.tasks.robot_of_task import moving_robot, robot_and_task
 from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import ExciteError, InputError
-from regressors.memory_cap import FLOAT, check_memory
 from regressors.models.model import RegressorModel
 from regressors.numerical import numerical_work, one_thread
 from regressors.quantities import check
@@ -51,6 +49,7 @@ from regressors.robot.moving_base import BASE_JOINTS
 from regressors.robot.robot import Limits, Robot
 from regressors.robot.symbolic.vectorised import interpreted_note
 from regressors.samples import Samples
+from regressors.work_prediction import FLOAT, announce, check_memory
 
 _NO_BODIES = "bodies are not held physically possible: the conic solver found none for all rows together"
 _RECIPE = frozenset(field.name for field in fields(Recipe))

@@ -10,8 +10,8 @@ from excite.registry import COVARIANCES, REPEATABLE, SIGNALS, OwnPart, built_in,
 from excite.tasks.option import check_choices, essential, option
 from regressors.arguments import checked
 from regressors.errors import InputError
-from regressors.memory_cap import FLOAT, check_memory
 from regressors.quantities import check, check_options, shown, whole_number_of
+from regressors.work_prediction import FLOAT, check_memory
 
 if TYPE_CHECKING:
     from excite.identification.estimator import Estimator

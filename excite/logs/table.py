@@ -14,8 +14,8 @@ from excite.logs.layout import Layout, cells, is_number
 from excite.logs.log import Removed, counted
 from excite.logs.text import Lines, Text
 from regressors.errors import InputError, cut, shortened
-from regressors.memory_cap import FLOAT, check_memory
 from regressors.samples import Array, Index
+from regressors.work_prediction import FLOAT, check_memory
 
 _AT_ONCE = 50_000  # rows
 _COPIES, _PER_LINE = 2.0, 4.0  # numbers of each cell, and of each line

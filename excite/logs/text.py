@@ -14,10 +14,10 @@ from typing import BinaryIO, TypeAlias, overload
 
 import numpy as np
 
-from excite.storage.work_prediction import announce
 from regressors.errors import InputError
 from regressors.input_files import LOG, UnreadableFile, in_bytes, opened
 from regressors.samples import Index
+from regressors.work_prediction import announce
 
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 LONGEST_LINE = 8 * 2**20  # bytes

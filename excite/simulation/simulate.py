@@ -21,7 +21,6 @@ from excite.simulation.servo_motion import simulate_servos
 from excite.simulation.settings import AUTO, SimulationSettings, impacts_on, one_each
 from excite.simulation.simulation import Simulation, simulation_outcome, torque_uses, true_parameters
 from excite.simulation.simulation_files import read_source
-from excite.storage.work_prediction import announce
 from excite.tasks.friction_file import read_friction
 from excite.tasks.payload import Payload, read_load
 from excite.tasks.reference import GivenTorque, MotionSource, Reference, Repeated, check_played
@@ -29,7 +28,6 @@ from excite.tasks.robot_of_task import moving_robot
 from excite.tasks.task import Task
 from regressors.arguments import checked
 from regressors.errors import InputError
-from regressors.memory_cap import FLOAT, check_memory
 from regressors.models.servo_response import Servos
 from regressors.numerical import numerical_work
 from regressors.robot.friction.curves import FrictionCurves
@@ -38,6 +36,7 @@ from regressors.robot.robot import Robot
 from regressors.robot.symbolic.loops import loops_of
 from regressors.robot.symbolic.vectorised import program
 from regressors.samples import Samples
+from regressors.work_prediction import FLOAT, announce, check_memory
 
 
 @checked

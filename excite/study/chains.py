@@ -39,10 +39,10 @@ from excite.identification.estimators.possible_set import (
     nearest,
     possible_set,
 )
-from excite.storage.work_prediction import Steps
 from regressors.errors import InputError
 from regressors.robot.inertia import from_pseudo_inertia
 from regressors.samples import Array, Index
+from regressors.work_prediction import Steps
 
 CHAINS = 32
 _STAGES = (20, 25, 25, 10)  # paths of every chain, after each of which but the last the shape is taken anew

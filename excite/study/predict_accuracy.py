@@ -20,7 +20,6 @@ from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate
 from excite.storage.records import Shown, check_replaceable, write_record
 from excite.storage.result_folder import result_folder
-from excite.storage.work_prediction import Steps
 from excite.study.rehearsal import (
     FREE,
     Rehearsal,
@@ -40,6 +39,7 @@ from regressors.numerical import numerical_work
 from regressors.quantities import check
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.samples import Array
+from regressors.work_prediction import Steps
 
 _OF_IDENTIFY = {field.name for field in fields(Recipe)} - {field.name for field in fields(SimulationSettings)}
 _STEPS = 4  # of progress

@@ -24,11 +24,11 @@ from excite.logs.signals.periods import mean_rate
 from excite.simulation.sensors import first_order_noise, joint_log
 from excite.simulation.settings import SimulationSettings, one_each
 from excite.simulation.simulation import Simulation
-from excite.storage.work_prediction import Steps
 from regressors.arguments import checked
 from regressors.errors import InputError
 from regressors.models.nominal import standard_values
 from regressors.samples import Array
+from regressors.work_prediction import Steps
 
 
 @dataclass(frozen=True, eq=False)

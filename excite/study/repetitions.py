@@ -31,15 +31,14 @@ from excite.logs.signals.filters import decimation
 from excite.logs.signals.method import delayed, resample
 from excite.logs.signals.periods import mean_rate
 from excite.storage.atomic import replacing
-from excite.storage.work_prediction import Steps, announce
 from excite.study.experiment import Chain, Experiment, Noise
 from excite.study.moments import BLOCK, entries_of_equations, has_gpu
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened
-from regressors.memory_cap import FLOAT, check_memory, memory_cap
 from regressors.numerical import numerical_work, one_thread
 from regressors.quantities import check
 from regressors.samples import Array
+from regressors.work_prediction import FLOAT, Steps, announce, check_memory, memory_cap
 
 
 def experiment_of(result: Identification, count: int) -> Experiment:

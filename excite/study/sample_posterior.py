@@ -18,7 +18,6 @@ from excite.identification.identification import (
 from excite.identification.result_json import load_result
 from excite.information.target import IdentificationTarget
 from excite.storage.manifest import sha256_of
-from excite.storage.work_prediction import announce
 from excite.study.chains import (
     CHAINS,
     PosteriorCoordinates,
@@ -37,6 +36,7 @@ from regressors.numerical import numerical_work
 from regressors.quantities import check
 from regressors.robot.columns import BODY_KINDS
 from regressors.samples import Array
+from regressors.work_prediction import announce
 
 SAMPLES, PRIOR = 1000, 0.3
 _FEWEST = 4 * CHAINS  # draws that show whether the chains agree

@@ -25,17 +25,16 @@ from excite.simulation.sensors import joint_log
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate
 from excite.simulation.simulation import Simulation
-from excite.storage.work_prediction import announce
 from excite.study.repetitions import LIKELY_CAUSE, check_enough
 from excite.study.time_study import TimeCourse, TimeStudy
 from excite.tasks.further_settings import StudySettings
 from excite.trajectories.family import Trajectory
 from regressors.arguments import checked
 from regressors.errors import InputError
-from regressors.memory_cap import FLOAT, check_memory
 from regressors.numerical import numerical_work, one_thread
 from regressors.quantities import check
 from regressors.samples import Array, Index
+from regressors.work_prediction import FLOAT, announce, check_memory
 
 _TOLD = 10  # repetitions between two reports
 _CHOSEN = ("cutoff", "delay")

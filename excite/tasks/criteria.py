@@ -22,7 +22,6 @@ choice of base columns.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -59,12 +58,6 @@ class Criterion(ABC):
     def smooth_and_value(self, M: Array, sharpness: float) -> tuple[float, Array, float]:
         """What `smooth` and `value` return, where one computation serves both."""
         return *self.smooth(M, sharpness), self.value(M)
-
-    def smooth_and_values(
-        self, matrices: Sequence[Array], sharpness: Sequence[float]
-    ) -> list[tuple[float, Array, float]]:
-        """The same of several M, each with a sharpness of its own."""
-        return [self.smooth_and_value(M, p) for M, p in zip(matrices, sharpness, strict=True)]
 
 
 def condition_number(M: Array) -> float:

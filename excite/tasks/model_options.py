@@ -10,7 +10,6 @@ from regressors.errors import UnknownName
 
 if TYPE_CHECKING:  # modules that describe options must import quickly
     from regressors.models.load import Sensor
-    from regressors.models.windows import Window
     from regressors.robot.columns import Drives, Terms
     from regressors.robot.friction.curves import FrictionCurves
     from regressors.robot.robot import Robot
@@ -108,10 +107,6 @@ def _drives(chosen: Drives) -> bool | tuple[str, ...]:
     return chosen if isinstance(chosen, bool) else tuple(map(str, chosen))
 
 
-def _of_window(window: Window) -> Mapping[str, Any] | None:
-    return None if window.step is not None else {"window": window.kind, "window_length": window.length}
-
-
 def _of_sensor(sensor: Sensor) -> Mapping[str, Any]:
     from scipy.spatial.transform import Rotation
 
@@ -126,7 +121,7 @@ def _of_sensor(sensor: Sensor) -> Mapping[str, Any]:
 
 _OPTIONS: dict[str, Any] = {
     "terms": _of_terms,
-    "window": _of_window,
+    "window": lambda w: None if w.step is not None else {"window": w.kind, "window_length": w.length},
     "sensor": _of_sensor,
     "sign_width": lambda width: {} if width == 0.0 else None,
     "carried": lambda carried: {"carried": dict(carried)},

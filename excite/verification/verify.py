@@ -35,7 +35,6 @@ from excite.logs.mapping import LogMapping, read_mapping
 from excite.logs.signals.method import interpolated
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
 from excite.simulation.replay import Outcome, Replay, windowed_motion
-from excite.storage.work_prediction import announce
 from excite.tasks.further_settings import Tolerances
 from excite.verification.simulated_motion import (
     SAMPLE,
@@ -52,6 +51,7 @@ from regressors.arguments import checked
 from regressors.errors import InputError, cut, percent
 from regressors.numerical import numerical_work, one_thread
 from regressors.quantities import check
+from regressors.work_prediction import announce
 
 HORIZON = 0.5
 

@@ -14,7 +14,6 @@ import numpy as np
 
 from regressors.errors import InputError, TooLargeError
 from regressors.input_files import FILE, in_bytes, opened, read_bytes, regular_size
-from regressors.memory_cap import check_memory
 from regressors.quantities import Tips
 from regressors.readers.mjcf_tree import (
     Tie,
@@ -32,6 +31,7 @@ from regressors.readers.urdf_tree import UrdfTree
 from regressors.robot.closures import Closure, MimicJoint
 from regressors.robot.inertia import Array, parameter_names
 from regressors.robot.robot import BASE, Drive, Limits, Robot, Transmission
+from regressors.work_prediction import check_memory
 
 _LEFT_OUT = {"springs": ("jnt_stiffness", "jnt_stiffnesspoly"), "damping that is not linear": ("dof_dampingpoly",)}
 _UNNAMED = "MuJoCo Model"  # what the compiler calls a model without a name

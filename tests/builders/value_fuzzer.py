@@ -37,8 +37,8 @@ from excite.cli.option_types import (
     PartName,
     Sides,
 )
-from regressors.memory_cap import CAP_VARIABLE
 from regressors.quantities import QUANTITIES, Quantity
+from regressors.work_prediction import CAP_VARIABLE
 
 STATUSES = {0, 1, 2}
 LINES = 8  # on stderr, at most: one of the error, others of notes and of progress

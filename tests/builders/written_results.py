@@ -283,7 +283,7 @@ _RESULT = ("identification_plots.torques_figure", "identification_plots.residual
 _VERIFICATION = ("verification_plots.predicted_torques_figure", "verification_plots.simulated_motion_figure",
                  "verification_plots.error_parts_figure")  # fmt: skip
 _OLD, _NEW = "design irp6 --out OUT --starts 2 --speed 0.5", "design irp6 --out OUT --starts 1 --speed 0.25,0.75"
-_MOTION = {"excite.cli.study_run.motion_source": SimpleNamespace(task=excite.Task("irp6"))}
+_MOTION = {"excite.cli.simulate_run.motion_source": SimpleNamespace(task=excite.Task("irp6"))}
 _FOLDER = {"excite.load_result": SimpleNamespace(folder=None)}
 COMMANDS = {
     "design": Command((_OLD, _NEW), _stub_design, load_design),

@@ -21,10 +21,10 @@ from excite.storage.codec import Beside
 from excite.tasks.option import essential, option
 from regressors.arguments import checked
 from regressors.errors import InputError
-from regressors.memory_cap import FLOAT, check_memory
 from regressors.quantities import check_options
 from regressors.robot.robot import Robot, transmission_of
 from regressors.samples import Array, Samples
+from regressors.work_prediction import FLOAT, check_memory
 
 PERCENT = (5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0)
 LONGEST = 1.5  # of the windows by default, so that the gears hardly cool in slow runs [s]

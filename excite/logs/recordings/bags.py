@@ -32,7 +32,7 @@ from excite.logs.recordings.recording import Contents, Recording, RecordingForma
 from excite.logs.recordings.ros_streams import LARGEST_MESSAGE, bag_columns, bag_contents
 from regressors.errors import InputError, cut, listed_names
 from regressors.input_files import LOG, in_bytes, opened, read_text
-from regressors.memory_cap import memory_cap
+from regressors.work_prediction import memory_cap
 
 _ROS1, _SQLITE, _ZSTD = b"#ROSBAG V", b"SQLite format 3\0", b"\x28\xb5\x2f\xfd"
 _ROSBAG2, _METADATA = "rosbag2", "metadata.yaml"

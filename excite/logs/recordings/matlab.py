@@ -39,7 +39,7 @@ from excite.logs.recordings.array_streams import (
 from excite.logs.recordings.recording import Contents, check_bytes, foreign_reader
 from regressors.errors import InputError, cut, one_line
 from regressors.input_files import LOG, opened
-from regressors.memory_cap import memory_cap
+from regressors.work_prediction import memory_cap
 
 _HEADER, _COMPRESSED = 128, 15  # bytes before the first variable; kind of an element
 _BLOCK = 2**20

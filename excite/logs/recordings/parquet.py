@@ -33,7 +33,7 @@ from excite.logs.recordings.recording import (
 )
 from regressors.errors import InputError, cut, listed_names
 from regressors.input_files import LOG, opened, read_text
-from regressors.memory_cap import FLOAT, memory_cap
+from regressors.work_prediction import FLOAT, memory_cap
 
 _MAGIC, _ENCRYPTED = b"PAR1", b"PARE"
 _INFO = "meta/info.json"

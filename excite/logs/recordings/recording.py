@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from excite.logs.text import log_opened
 from regressors.errors import ExciteError, InputError, cut, listed_names, one_line
-from regressors.memory_cap import FLOAT, check_memory
+from regressors.work_prediction import FLOAT, check_memory
 
 HEAD = 4096  # bytes by which a file is recognised
 LARGEST_ARRAY = 100  # elements of one row; what has more, such as an image, is no measurement of joints

@@ -15,8 +15,8 @@ from excite.logs.event import LONGEST, Gap, gaps
 from excite.logs.log import Log, channels_of, held_values
 from excite.registry import SIGNALS, built_in
 from regressors.errors import InputError, check_names
-from regressors.memory_cap import FLOAT, check_memory
 from regressors.samples import Array, Samples
+from regressors.work_prediction import FLOAT, check_memory
 
 
 @dataclass(frozen=True, eq=False)

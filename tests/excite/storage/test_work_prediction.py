@@ -31,16 +31,15 @@ from excite.logs.log import Log
 from excite.logs.log_reading import write_log
 from excite.simulation import simulate
 from excite.simulation.settings import SimulationSettings
-from excite.storage import work_prediction as long_work
-from excite.storage.work_prediction import LONG, announce, in_time
 from excite.study.repetitions import experiment_of, repeat_experiment, repetition_seconds
 from excite.study.study_over_time import study_over_time, study_seconds
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.task import Task
 from excite.verification.verify import verification_seconds
+from regressors import work_prediction as long_work
 from regressors.errors import InputError, TooLargeError
-from regressors.memory_cap import check_memory, memory_cap
 from regressors.readers.library import built_in, built_in_names
+from regressors.work_prediction import LONG, announce, check_memory, in_time, memory_cap
 
 # Memory: the cap, and what is refused beyond it.
 
@@ -149,7 +148,7 @@ def test_two_million_rows_of_six_joints_are_not_refused(monkeypatch: pytest.Monk
 @pytest.fixture
 def said(caplog: pytest.LogCaptureFixture) -> pytest.LogCaptureFixture:
     """Its messages are what is announced."""
-    caplog.set_level(logging.INFO, logger="excite.storage")
+    caplog.set_level(logging.INFO, logger="excite.work")
     return caplog
 
 
@@ -218,7 +217,7 @@ def test_the_command_line_prints_it(here: Here, monkeypatch: pytest.MonkeyPatch)
     (line,) = here.run("plan", "irp6").stderr.splitlines()
     assert line.startswith("excite: the campaign will take about 0.1")
     assert line.endswith("; a lower --at-once takes less")
-    assert logging.getLogger("excite.storage").level == logging.NOTSET
+    assert logging.getLogger("excite.work").level == logging.NOTSET
 
 
 def many(rows: int, joints: int, logs: int = 1) -> list[Log]:

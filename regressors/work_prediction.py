@@ -1,9 +1,11 @@
-"""The cap on the memory of one piece of work."""
+"""Memory that a piece of work would take, refused beyond a cap, and its time, said before it starts."""
 
 from __future__ import annotations
 
+import logging
 import math
 import os
+from collections.abc import Callable
 
 from regressors.errors import InputError, TooLargeError, shortened
 from regressors.input_files import in_bytes
@@ -11,6 +13,7 @@ from regressors.input_files import in_bytes
 MEMORY_CAP = 4.0  # GB
 CAP_VARIABLE = "EXCITE_MEMORY_CAP"
 FLOAT = 8  # bytes of a number
+Steps = Callable[[int, int], None]  # takes what is done of a piece of work, and the total
 
 
 def memory_cap() -> float:
@@ -37,3 +40,21 @@ def check_memory(work: str, size: float, what: str, remedy: str) -> None:
             f"{work} would take about {in_bytes(size)} of memory, more than the cap of {in_bytes(cap)}: {what}; "
             f"{remedy}, or raise the cap with {CAP_VARIABLE} [GB]"
         )
+
+
+def in_time(seconds: float) -> str:
+    """A time in words, such as ``3 h``."""
+    for unit, scale in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * scale:
+            return f"{seconds / scale:.2g} {unit}"
+    return f"{float(f'{seconds:.2g}'):g} s"
+
+
+LONG = 30.0  # [s]
+_log = logging.getLogger("excite.work")
+
+
+def announce(work: str, seconds: float, remedy: str = "") -> None:
+    """Log how long work will take, at level INFO, where that is more than `LONG`; the command line prints it."""
+    if seconds > LONG:
+        _log.info(f"{work} will take about {in_time(seconds)}{'; ' * bool(remedy)}{remedy}")
