@@ -1,7 +1,7 @@
 """Balance of a robot that stands free: it must neither tip over an edge of its support polygon nor slide.
 
 The wrench ``w = [F; N]`` of the ground is linear in the inertial parameters u, ``w = W(q, dq, ddq) u + w_stand``, see
-`regressors.models.base_wrench`. In axes x, y of the ground and z along its normal, with the origin in the middle of the
+`regressors.models.load`. In axes x, y of the ground and z along its normal, with the origin in the middle of the
 polygon, it passes the zero-moment point ``(-N_y, N_x) / F_z`` [Vukobratovic, Borovac 2004]. The ground can only push,
 so the robot stands while this point is inside the polygon: for each edge with the inner normal n through the corner v,
 ``n_y N_x - n_x N_y - n'v F_z >= d F_z``, a moment about the edge, with the margin d. All of these hold only where
@@ -29,8 +29,7 @@ from constraints.nonlinear import Limit, NonlinearConstraint
 from constraints.torque import check_inertias, deviation_terms
 from regressors.arguments import checked
 from regressors.errors import InputError, about
-from regressors.models.base_wrench import BaseWrenchModel
-from regressors.models.load import Sensor
+from regressors.models.load import BaseWrenchModel, Sensor
 from regressors.models.nominal import standard_values, stated_deviations
 from regressors.models.partial import PartialMotion
 from regressors.readers.documents import Document, Length, Load, Point, read_document, validate

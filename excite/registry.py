@@ -26,7 +26,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "load": "regressors.models.load:LoadModel",
         "load-integral": "regressors.models.load:LoadIntegralModel",
         "payload": "regressors.models.load:PayloadModel",
-        "base-wrench": "regressors.models.base_wrench:BaseWrenchModel",
+        "base-wrench": "regressors.models.load:BaseWrenchModel",
         "servo": "regressors.models.servo:ServoModel",
         "springs": "regressors.models.differential:SpringModel",
     },

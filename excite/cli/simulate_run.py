@@ -22,7 +22,6 @@ from excite.storage.result_folder import result_file
 from excite.tasks.further_settings import MotionSettings
 from excite.tasks.payload import Payload
 from excite.views.view import view_of
-from regressors.quantities import number_of
 
 
 def simulate_and_write(source: Path, out: Path, **given: Any) -> None:
@@ -32,7 +31,8 @@ def simulate_and_write(source: Path, out: Path, **given: Any) -> None:
     design = excite.load_design(source, given["parts"]) if given["parts"] else source
     trajectory, both = played.pop("trajectory", None), played.pop("approach_and_return")
     resolved = motion_source(design, trajectory, approach_and_return=both)
-    load = _load(played.pop("load", None))
+    load = played.pop("load", None)
+    load = Payload(load) if isinstance(load, tuple) else load
     if "servos" in played:
         played["servos"] = load_servos(played["servos"])
     seen = load is not None or resolved.task.model.bears_robot
@@ -60,14 +60,3 @@ def simulate_and_write(source: Path, out: Path, **given: Any) -> None:
     steps = [f"excite identify ROBOT {log} --out DIR"] if record.holds else []
     show(view_of(record), files, content=content, next_steps=steps, all_in=files[1].name)
     sys.exit(0 if record.holds else NOT_HELD)
-
-
-def _load(text: str | None) -> Payload | Path | None:
-    """Load from ten numbers, or the name of a file."""
-    if text is None:
-        return None
-    try:
-        numbers = [number_of(part) for part in text.split(",")]
-    except ValueError:
-        return Path(text)
-    return Payload(numbers)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.identification.choices.timing import LONGEST
+from excite.identification.choices.delays import LONGEST
 from excite.identification.fault_search import EXPLAINED, GAIN, FaultSearch
 from excite.identification.large_residual import Doubt
 from excite.identification.log_faults import LEAST_ERROR, NO_FAULT, Fault, every_joint_moves, obvious_faults

@@ -25,9 +25,9 @@ class MotionSettings:
     )
     beyond_limits: bool = option(False, "flag", "Play a motion that breaks a limit, which is refused otherwise.")
     friction: str | None = essential(None, "file", "Friction curves.", metavar="FILE", unset="the robot's file")
-    load: str | None = essential(
+    load: str | tuple[float, ...] | None = essential(
         None,
-        "text",
+        "payload",
         "Load at the sensor, in its frame: m, mcx, mcy, mcz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz; or a YAML file of them.",
         metavar="M,MCX,...|FILE",
     )

@@ -15,9 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.identification.biases import SPEEDS, standstill_candidates
+from excite.identification.choices.delays import LONGEST, Scored
 from excite.identification.choices.left_out import Choice, LeftOut, best_of, candidates_of, differ, jackknife
 from excite.identification.choices.scoring import Mask, Scoring, masked
-from excite.identification.choices.timing import LONGEST, Chosen, DelayFit, Scored, choose_timing, delay_of
+from excite.identification.choices.timing import Chosen, DelayFit, choose_timing, delay_of
 from excite.identification.equations import nearest
 from excite.identification.recipe import Recipe
 from excite.information.target import least_speeds, typical_speed

@@ -49,7 +49,7 @@ OPTIONS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     (DESIGN, "--mount 1,2,1e99", "expected floor, wall, ceiling, or roll, pitch, yaw [rad]; given '1,2,1e99'"),
     (BASE["simulate"], "--breakaway 1e9", "'--breakaway': must be 0 or a number from 1e-12 to 10000"),
     (BASE["simulate"], "--impact a:1:1e300", "--impact on a: the torque must be a number from -1e+09 to"),
-    (BASE["simulate"], "--load 1e300,0,0,0,1,0,0,1,0,1", "load: each of its numbers must be a number from -1e+09"),
+    (BASE["simulate"], "--load 1e300,0,0,0,1,0,0,1,0,1", "'--load': must be a number from -1e+09"),
     (BASE["identify"], "--sign-width 1e300", "expected auto or a number; must be 0 or a number from 1e-12 to 1000000"),
 )
 TASKS = {

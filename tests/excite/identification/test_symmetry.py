@@ -16,7 +16,7 @@ from excite.identification.identification import Identification
 from excite.information.target import target_of
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.models.base_wrench import BaseWrenchModel
+from regressors.models.load import BaseWrenchModel
 from regressors.robot.robot import Robot
 
 

@@ -10,9 +10,8 @@ from slow_dynamics import ROBOTS, random_body, shifted
 
 from regressors.errors import InputError
 from regressors.models.base import base_parameters, random_states
-from regressors.models.base_wrench import BaseWrenchModel
 from regressors.models.differential import DifferentialModel
-from regressors.models.load import Sensor
+from regressors.models.load import BaseWrenchModel, Sensor
 from regressors.readers.library import load_robot
 from regressors.robot.columns import Terms
 from regressors.robot.robot import Link, Robot

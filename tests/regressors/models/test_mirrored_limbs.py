@@ -12,9 +12,9 @@ from public_arms import TREES, Arm
 
 from regressors.errors import InputError
 from regressors.models.base import base_parameters, random_states
-from regressors.models.base_wrench import BaseWrenchModel
 from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
+from regressors.models.load import BaseWrenchModel
 from regressors.models.mirrored_limbs import mirrored_bodies, with_mirrored_limbs
 from regressors.models.model import RegressorModel
 from regressors.models.reduction import free_parameters

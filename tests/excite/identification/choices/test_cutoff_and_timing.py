@@ -12,8 +12,8 @@ from observed import statistics_of
 from played import irp6, noisy, played, three_joints
 
 from excite.identification.choices.cutoff_and_rows import choose_cutoff, cutoff_candidates, preferred_rows
+from excite.identification.choices.delays import DelayLikelihood, choose_delay
 from excite.identification.choices.left_out import LeftOut, left_out, time_blocks
-from excite.identification.choices.timing import DelayLikelihood, choose_delay
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
 from excite.logs.log import Log
