@@ -18,6 +18,7 @@ from excite.cli.streams import remark, tell
 from excite.cli.summary import finite, show
 from excite.design.comparison import Judgement
 from excite.design.design_folder import check_no_design, data_files
+from excite.design.interruption import current_interruption
 from excite.design.start_results import StartResult
 from excite.design.task_file import read_task_file, task_from_options
 from excite.optimality.design_bound import NAME, stored_bound
@@ -81,6 +82,8 @@ def bound_and_write(
     if not files:
         view = replace(view, remarks=(f"read from {NAME}; --force computes it again", *view.remarks))
     show(view, files, content=lambda: json_of(result))
+    if (interruption := current_interruption()) is not None and interruption.number is not None:
+        sys.exit(interruption.status)  # the bound so far is kept
 
 
 def _place(folder: Path) -> Path:

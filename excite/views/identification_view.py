@@ -17,7 +17,6 @@ from excite.identification.result_json import KIND
 from excite.study.repetitions import Repetitions
 from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, text_of, texts
 from regressors.errors import percent
-from regressors.samples import Array
 
 _DRAWN = (
     Drawing("Parameters with their 99 % intervals", "parameters", "parameters_plot.parameters_figure"),
@@ -28,7 +27,6 @@ _DRAWN = (
 )
 TITLES = {each.ending: each.title for each in _DRAWN}
 _SHOWN = 5  # parameters that are least certain
-_NOTHING = 1e-9  # of the half of an interval
 _WHITE = 0.01  # least probability of residuals that are taken for white
 _RARE = 0.01  # probability of a scatter between logs that noise hardly makes
 
@@ -130,22 +128,18 @@ def _repeated(result: Identification) -> tuple[str, ...]:
     )
 
 
-def _values(result: Identification) -> Array:
-    """Estimates, zero where they are nothing beside their intervals: held at zero to rounding."""
-    values = result.estimate.values
-    return np.where(np.abs(values) < _NOTHING * result.estimate.half_width, 0.0, values)
-
-
 def _least_certain(result: Identification) -> tuple[ViewTable, ...]:
     """The parameters with the widest intervals beside their size."""
-    estimate, values = result.estimate, _values(result)
+    estimate = result.estimate
     sized = np.where(np.isfinite(estimate.relative_deviation), estimate.relative_deviation, -1.0)
     columns = headed("*least certain:text, *value:4, *99 %:text, *unit:unit, *std. dev.:text")
     rows = []
     for k in np.argsort(-sized, kind="stable")[:_SHOWN]:
         if sized[k] >= 0.0:
             size = percent(sized[k]) if sized[k] <= 1 else "over 100 %"
-            rows.append((estimate.names[k], values[k], f"+- {estimate.half_width[k]:.2g}", estimate.units[k], size))
+            rows.append(
+                (estimate.names[k], estimate.values[k], f"+- {estimate.half_width[k]:.2g}", estimate.units[k], size)
+            )
     return (ViewTable("least-certain", "Parameters that are least certain", columns, tuple(rows)),) if rows else ()
 
 
@@ -169,7 +163,7 @@ def _parameters(result: Identification) -> ViewTable:
     )
     low, high = estimate.interval.T.tolist()
     rows = zip(
-        estimate.names, _values(result).tolist(), low, high, estimate.units, estimate.deviation.tolist(),
+        estimate.names, estimate.values.tolist(), low, high, estimate.units, estimate.deviation.tolist(),
         estimate.relative_deviation.tolist(), *known, *motors, facts.expressions, strict=True,
     )  # fmt: skip
     around_zero = [a <= 0 <= b and math.isfinite(b - a) for a, b in zip(low, high, strict=True)]

@@ -39,6 +39,7 @@ _AT_BOUND = 1e-5  # slack in a body's own scale that counts as none
 _LITTLE = 1e-3  # of its size: friction of a drive that is inside of all bounds
 _LIFT_ROUNDING = 0.01  # of the least eigenvalue, whose own rounding is 1e-16 of the mass
 _ZERO = 1e-12  # of the size of a parameter that may not be negative: its own rounding
+_SOLVED = 1e-9  # of that size: what the conic solver does not tell from zero
 
 
 def physical(
@@ -128,13 +129,17 @@ def _is_possible(standard: StandardProblem, theta: Array) -> bool:
 
 
 def _lifted(standard: StandardProblem, theta: Array) -> Array:
-    """Move parameters that are outside by the solver's tolerance, some 1e-10, inside: all J by the same ``d E``."""
+    """Move parameters that are outside by the solver's tolerance, some 1e-10, inside: all J by the same ``d E``.
+
+    Parameters that may not be negative, and are as near to zero, are zero.
+    """
     short = max(0.0, LEAST - float(standard.margins(theta).min(initial=np.inf)))
     shift = np.zeros(theta.size)
     for body in standard.bodies:
         shift[body.index] = from_pseudo_inertia(short * np.eye(4))
     lifted = theta + standard.S @ _free(standard.S, shift)
-    lifted[standard.positive] = np.maximum(lifted[standard.positive], 0.0)
+    positive, size = lifted[standard.positive], standard.scale[standard.positive]
+    lifted[standard.positive] = np.where(positive < _SOLVED * size, 0.0, positive)
     return np.asarray(lifted)
 
 
@@ -157,7 +162,7 @@ def _unchanged(standard: StandardProblem, share: float = 0.0) -> Array | None:
     x = origin + slope @ z
     theta = np.asarray(S @ (x + shown.T @ (coordinates - shown @ x)))  # refined to rounding accuracy
     positive, size = theta[standard.positive], standard.scale[standard.positive]
-    theta[standard.positive] = np.where(np.abs(positive) <= _ZERO * size, np.maximum(positive, 0.0), positive)
+    theta[standard.positive] = np.where(np.abs(positive) <= _ZERO * size, 0.0, positive)
     return theta if _is_possible(standard, theta) else None
 
 

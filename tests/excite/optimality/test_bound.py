@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
+import signal
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from commands import Here
 
 import excite
 from constraints.certificate import limit_uses
@@ -55,6 +59,17 @@ def test_interrupted_changes_leave_the_bound(folder: Path, monkeypatch: pytest.M
     found = excite.bound(load_design(folder), rounds=1)
     assert (found.sensitivity, len(found.criteria)) == (None, 1)
     assert excite.bound(load_design(folder), rounds=1, what_ifs=False).criteria[0].value == found.criteria[0].value
+
+
+def test_a_stopped_command_keeps_the_bound_and_says_by_its_status_that_it_was_stopped(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, here: Here
+) -> None:
+    monkeypatch.setattr("excite.optimality.design_bound.sensitivity", lambda *_: os.kill(os.getpid(), signal.SIGTERM))
+    shutil.copytree(folder, here.cwd / "one")
+    ended = here.run("bound", "one")
+    assert ended.returncode == 143
+    assert "written: one/bound.json" in ended.stdout
+    assert stored_bound(load_design(here.cwd / "one")) is not None
 
 
 def test_an_interrupted_bound_is_what_was_proven_so_far(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

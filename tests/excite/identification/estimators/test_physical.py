@@ -93,6 +93,15 @@ def test_bounds_that_are_reached_are_named(name: str, noise: float) -> None:
     assert len(held.partition(":")[0].split(", ")) >= int(np.sum(margins < 2 * LEAST)) > 0
 
 
+def test_what_is_held_at_zero_is_zero() -> None:
+    named = []
+    for estimate in (estimated(*case) for case in LOUD):
+        zero = [note.partition(":")[0].split(", ") for note in estimate.notes if "held at zero" in note]
+        named += [estimate.standard[name] for names in zero for name in names]
+    assert named
+    assert set(named) == {0.0}
+
+
 @pytest.mark.parametrize(("name", "noise"), LOUD)
 def test_no_possible_parameters_nearby_are_better(name: str, noise: float) -> None:
     """The problem is convex: no step towards other possible parameters, the true ones among them, goes down."""
