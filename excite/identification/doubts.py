@@ -158,7 +158,7 @@ def unknown_texts(result: Identification) -> Iterator[str]:
     """Which parameters may be zero, and which do not show, with what would show them: a sentence each."""
     estimate = result.estimate
     with np.errstate(invalid="ignore"):
-        uncertain = np.isfinite(estimate.relative_deviation) & (estimate.relative_deviation > 1) & ~_offsets(result)
+        uncertain = np.isfinite(estimate.deviation) & (estimate.relative_deviation > 1) & ~_offsets(result)
         vague = np.array(result.names)[uncertain].tolist()
     if vague:
         yield f"may be zero, as far as these logs show: {listed_names(vague, _MANY)}"

@@ -131,7 +131,7 @@ def _repeated(result: Identification) -> tuple[str, ...]:
 def _least_certain(result: Identification) -> tuple[ViewTable, ...]:
     """The parameters with the widest intervals beside their size."""
     estimate = result.estimate
-    sized = np.where(np.isfinite(estimate.relative_deviation), estimate.relative_deviation, -1.0)
+    sized = np.where(np.isfinite(estimate.deviation), estimate.relative_deviation, -1.0)
     columns = headed("*least certain:text, *value:4, *99 %:text, *unit:unit, *std. dev.:text")
     rows = []
     for k in np.argsort(-sized, kind="stable")[:_SHOWN]:

@@ -13,7 +13,7 @@ from pinocchio_chains import chain_model
 from played import EXACT, TASK, found, noisy, played, three_joints
 from recordings import REAL, real_log
 
-from excite.identification.doubts import answers, expected_error, few_data, known_text, other_motion
+from excite.identification.doubts import answers, expected_error, few_data, known_text, other_motion, unknown_texts
 from excite.identification.equations import measured_regressor
 from excite.identification.estimator import hide_parameters
 from excite.identification.identify import identify
@@ -101,7 +101,9 @@ def test_offsets_that_may_be_zero_are_no_parameters_that_are_missing() -> None:
     assert known_text(plain) == "all 13 are known to 5 %"
     for left, end in ((1, "12 of 13 are known to 5 %, 1 is not"), (2, "11 of 13 are known to 5 %, 2 are not")):
         values = np.where(np.arange(13) < left, 0.0, plain.estimate.values)
-        assert known_text(replace(plain, estimate=replace(plain.estimate, values=values))) == end
+        held = replace(plain, estimate=replace(plain.estimate, values=values))
+        assert known_text(held) == end
+        assert list(unknown_texts(held)) == [f"may be zero, as far as these logs show: {', '.join(held.names[:left])}"]
 
 
 @pytest.mark.slow
