@@ -212,7 +212,7 @@ _QUANTITY_OF = {word: quantity for quantity, words in _WORDS.items() for word in
 _REFERRED = (
     "target targets desired des d cmd command commanded commands reference ref goal setpoint error err errors "
     "feedforward ff ddq acc acceleration accelerations ddtheta qddot qdd ext external hat filtered limit limits tcp "
-    "cartesian min max std"
+    "cartesian min max std computed cmptd calculated calc planned soll simulated sim"
 )
 _NOT_MEASURED = frozenset(_REFERRED.split())
 _BRACKET = re.compile(r"[\[(]([^\])]*)[\])]\s*$")

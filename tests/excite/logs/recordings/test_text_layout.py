@@ -63,7 +63,7 @@ NAMES = {
 
 def test_names_say_quantity_unit_and_joint() -> None:
     assert {name: parsed_name(name) for name in NAMES} == {name: ColumnName(*of, True) for name, of in NAMES.items()}
-    for name in ("target_q_0", "state.q_d[0]", "q_cmd_1", "joint1.error.position", "q_desired_3"):
+    for name in ("target_q_0", "state.q_d[0]", "q_cmd_1", "joint1.error.position", "q_desired_3", "q_soll", "qCmptd1"):
         assert not parsed_name(name).measured
     assert [is_clock(name) for name in ("__time", "timestamp", "t", "t1")] == [True, True, True, False]
 
