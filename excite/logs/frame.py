@@ -15,7 +15,7 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-from excite.logs.layout import ForeignHeader, Layout, house_layout, listed
+from excite.logs.layout import ROWS, ForeignHeader, Layout, house_layout, listed
 from excite.logs.log import Log
 from excite.logs.log_reading import (
     LOOKED_AT,
@@ -107,7 +107,8 @@ class NamedColumns:
     def table(self, layout: Layout, drop: frozenset[str]) -> Table:
         """Numbers of the columns of a layout, with their hash."""
         columns = {k: self._numbers(k) for k in layout.used}
-        rows, clock = columns[layout.time].size, cut(self.names[layout.time])
+        first = layout.used[0] if layout.time == ROWS else layout.time
+        rows, clock = columns[first].size, cut(self.names[first])
         if (other := next((k for k, column in columns.items() if column.size != rows), None)) is not None:
             where = f"{self.source}, column {cut(self.names[other])}"
             raise InputError(f"{where}: {columns[other].size} rows, but column {clock} has {rows}")

@@ -17,6 +17,7 @@ CHANNELS = {
 }  # fmt: skip
 _SHOWN = 8
 MOST_COLUMNS = 10_000
+ROWS = -1  # in place of a column of the time: the number of the row
 _PREFACE = 100  # lines that are searched for the header
 
 
@@ -40,8 +41,8 @@ class Layout:
     separator: str | None  # between two cells; None for any white space
     first: int  # number of lines before the first row
     names: tuple[str, ...]  # all columns, for messages
-    time: int  # column of the time
-    second: float  # seconds per unit of the time column
+    time: int  # column of the time, or `ROWS`
+    second: float  # seconds per unit of the time column, or per row
     joints: tuple[str, ...]
     # by the names of `excite.logs.log.Log`: ``q``, ``dq``, ``effort``, ``temperature``, ``command``, ``wrench``
     channels: dict[str, Channel]
@@ -50,7 +51,8 @@ class Layout:
     @property
     def used(self) -> tuple[int, ...]:
         """Columns that are read, in the order of the file."""
-        return tuple(sorted({self.time, *(k for channel in self.channels.values() for k in channel.columns)}))
+        own = {self.time, *(k for channel in self.channels.values() for k in channel.columns)}
+        return tuple(sorted(own - {ROWS}))
 
     @property
     def unused(self) -> tuple[str, ...]:

@@ -187,7 +187,7 @@ def log_of_table(table: Table, mended: tuple[str, ...] = ()) -> Log:
     names = layout.unused
     unused = (f"{counted(len(names), 'column')} not used: {listed(names)}",) * bool(names)
     before = (f"{counted(layout.preface, 'line')} before the header not read",) * bool(layout.preface)
-    time, numbers = table.values[:, place[layout.time]] * layout.second, table.lines - layout.first
+    time, numbers = table.clock * layout.second, table.lines - layout.first
     left_out, removed = (*mended, *before, *unused, *table.left_out), tuple(table.removed)
     return Log(
         table.source, table.sha256, layout.joints, time, **parts, left_out=left_out, numbers=numbers, removed=removed

@@ -12,6 +12,8 @@ factor, such as the torque constant [Nm/A] of a measured current. Each of `unit`
 - `joints` are those of the robot, in order, if not given.
 - `design` is the SHA-256 of the design that was played: of its ``design.json``, or of its coefficients. Exports of
   motions write it.
+- `time` is a column with its unit; or it has the `rate` [Hz] of rows that no column has the time of, or that a column
+  counts: ``time: {rate: 250}``, ``time: {column: sample, rate: 250}``.
 - `skip` is the number of lines before the table; other lines that hold no row of numbers are left out and named.
 - ``unit: ticks`` (or ``ticks/s``) needs `ticks`, the counts of the encoder per turn. Temperatures in ``K`` and ``degF``
   are converted to deg C.
@@ -66,7 +68,7 @@ from pydantic import (
     model_validator,
 )
 
-from excite.logs.layout import Channel, Layout, cells, checked_head, is_number, listed, twice
+from excite.logs.layout import ROWS, Channel, Layout, cells, checked_head, is_number, listed, twice
 from excite.logs.log import WRENCH
 from excite.logs.table import MOST
 from excite.storage.result_folder import settle_files
@@ -120,10 +122,22 @@ class Section(BaseModel):
 
 
 class TimeSection(Section):
-    """Column of the time, and its unit."""
+    """Column of the time, and its unit; or the rate of rows that a column counts, or that none does."""
 
-    column: Column
+    column: Column | None = None
     unit: Literal["s", "ms", "us", "ns"] = "s"
+    rate: Annotated[float, AfterValidator(within("rate"))] | None = None  # [Hz]
+
+    @model_validator(mode="after")
+    def _told(self) -> TimeSection:
+        if (self.column or self.rate) is None or (self.rate is not None and "unit" in self.model_fields_set):
+            raise ValueError("needs the column of the time with its unit, or the rate of rows [Hz]")
+        return self
+
+    @property
+    def second(self) -> float:
+        """Seconds per unit of the column, or per row."""
+        return SECONDS[self.unit] if self.rate is None else 1 / self.rate
 
 
 class ChannelSection(Section):
@@ -396,8 +410,8 @@ class LogMapping(Section):
             for name, section in sections.items()
         }
         time = next((section.time for section in sections.values() if section.time is not None), self.time)
-        clock, joints = _place(source, time.column, index, len(names)), tuple(self.joints or ())
-        return Layout(",", 1, tuple(names), clock, SECONDS[time.unit], joints, channels)
+        clock = ROWS if time.column is None else _place(source, time.column, index, len(names))
+        return Layout(",", 1, tuple(names), clock, time.second, tuple(self.joints or ()), channels)
 
 
 def _is_row(row: list[str]) -> bool:

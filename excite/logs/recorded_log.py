@@ -46,7 +46,7 @@ Samples: TypeAlias = tuple[list[Sampled], list[str], float]
 def samples_of_table(source: str, layout: Layout, table: Table, zero: float | None = None) -> Samples:
     """Columns of a table in text, whose cells may be NaN, in SI."""
     place = {column: k for k, column in enumerate(layout.used)}
-    time = table.values[:, place[layout.time]] * layout.second
+    time = table.clock * layout.second
     notes = list(table.left_out)
     if zero is None:
         zero = whole_seconds(float(time[0]))
@@ -91,19 +91,19 @@ def sampled_channels(
             name = _name(contents, given)
             streams = [stream for stream in contents.streams if name in stream.columns]
             stream = next((each for each in streams if str(time.column) in each.columns), streams[0])
-            clock, second = _clock(contents, stream, time.column, SECONDS[time.unit])
-            columns.setdefault(stream.name, {}).update({clock: None, name: None})
+            clock, second = _clock(contents, stream, time.column, time.second)
+            columns.setdefault(stream.name, {}).update({each: None for each in (clock, name) if each})
             wanted.append((channel, k, conversion, name, stream.name, clock, second))
     recording = form.read(path, {stream: list(names) for stream, names in columns.items()})
     notes = [*contents.notes, *(note for note in recording.notes if note not in contents.notes)]
     if zero is None:
         *_, home, clock, second = wanted[0]
-        zero = _zero(recording.streams[home].columns[clock], second)
+        zero = _zero(recording.streams[home].columns[clock], second) if clock else 0.0
         notes += [zero_note(zero)] * bool(zero)
     samples = []
     for channel, k, conversion, name, home, clock, second in wanted:
         loaded = recording.streams[home].columns
-        times = seconds_of(loaded[clock], second, zero)
+        times = seconds_of(loaded[clock], second, zero) if clock else second * np.arange(float(len(loaded[name])))
         values = conversion.scale[k] * (np.asarray(loaded[name], dtype=float) - conversion.zero[k])
         rows = np.arange(1, times.size + 1)
         samples.append(_there(channel, k, home, times, values, rows, f"{recording.source}, {name}"))
@@ -123,8 +123,10 @@ def _name(contents: Contents, column: Column) -> str:
     return names[column - 1]
 
 
-def _clock(contents: Contents, stream: StreamContents, given: Column, second: float) -> tuple[str, float]:
-    """Clock of a stream: the given one, else the stream's own of the same kind, else the one it prefers."""
+def _clock(contents: Contents, stream: StreamContents, given: Column | None, second: float) -> tuple[str, float]:
+    """Clock of a stream: the given one, else the stream's own of the same kind, else the one it prefers; or no name."""
+    if given is None:
+        return "", second
     name = _name(contents, given)
     if name in stream.columns:
         stated = stream.units.get(name) if name in stream.clocks else None

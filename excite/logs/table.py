@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.logs.event import DROPPED, GARBAGE, ranges_of, row_ranges
-from excite.logs.layout import Layout, cells, is_number
+from excite.logs.layout import ROWS, Layout, cells, is_number
 from excite.logs.log import Removed, counted
 from excite.logs.text import Lines, Text
 from regressors.errors import InputError, cut, shortened
@@ -38,6 +38,14 @@ class Table:
         self.source, self.sha256, self.layout, self.drop = source, sha256, layout, drop
         self.left_out: list[str] = []  # rows that were left out, with their count
         self.removed: list[Removed] = []  # which, by their numbers
+
+    @property
+    def clock(self) -> Array:
+        """Time of each row in the unit of its column, or the rows before it."""
+        layout = self.layout
+        if layout.time == ROWS:
+            return np.asarray(self.lines - layout.first - 1, dtype=float)
+        return np.asarray(self.values[:, layout.used.index(layout.time)])
 
     def measured(self) -> Self:
         """The same table, limited to rows of measurements, each later than the one before."""
@@ -93,7 +101,7 @@ class Table:
 
     def later(self) -> NDArray[np.bool_]:
         """Which rows are later than the row before; earlier ones are refused, and repeated ones unless dropped."""
-        time, lines = self.values[:, self.layout.used.index(self.layout.time)], self.lines
+        time, lines = self.clock, self.lines
         step = np.diff(time)
         if np.any(step < 0):
             k = int(np.argmax(step < 0))

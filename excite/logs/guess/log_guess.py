@@ -168,6 +168,7 @@ class _Guessing:
         self.told: dict[str, list[str]] = {_WHOLE: [], "time": []}
         self.asked: dict[str, list[str]] = {}
         self.clocks: dict[str, Clock] = {}
+        self.rate = 0.0  # of rows that no column has the time of [Hz]
         for stream in contents.streams:
             loaded = recording.streams.get(stream.name)
             if loaded is not None and (clock := chosen_clock(stream, loaded.columns)) is not None:
@@ -186,8 +187,9 @@ class _Guessing:
             names = [stream.title(name) for stream in self.contents.streams for name in stream.columns]
             which = "Which columns are the positions of the joints? None was recognised among"
             self.ask(_WHOLE, f"{which} {first_names(names)}")
-        elif position.stream not in self.clocks:
-            self.ask(_WHOLE, f"When was each row taken? No column of {position.stream} increases")
+        elif position.stream not in self.clocks and not self._find_rate(position, chosen.get("velocity")):
+            of_rows = "a mapping may state a rate of rows: `time: {rate: HZ}`"
+            self.ask(_WHOLE, f"When was each row taken? No column of {position.stream} increases; {of_rows}")
         else:
             units, unlike = self._units(chosen, robot)
             speed = chosen.get("velocity")
@@ -212,17 +214,30 @@ class _Guessing:
         streams = summaries(self.contents, self.recording, self.clocks, time)
         return LogGuess(self.contents, streams, told, asked, mapping, remarks)
 
+    def _find_rate(self, position: ChannelGroup, speed: ChannelGroup | None) -> bool:
+        """Whether velocities beside the positions tell how many rows there are in a second, if no column does."""
+        if speed is None or speed.stream != position.stream:
+            return False
+        (row, q), (_, dq) = self._samples(position), self._samples(speed)
+        ratios = velocity_ratios(row, q, dq) if len(q) == len(dq) > 3 else np.zeros(0)
+        if not np.isfinite(ratios).any():
+            return False
+        self.rate = float(f"{np.nanmedian(np.abs(ratios)):.3g}")
+        why = "velocities are that many times the change of positions from row to row"
+        self.ask("time", f"Are there {self.rate:g} rows in a second? No column is a time, but {why}")
+        return True
+
     def _units(self, chosen: Mapping[str, ChannelGroup], robot: Robot | None) -> tuple[dict[str, FoundUnit], str]:
         """Units of time, positions and velocities; and how velocities of single joints disagree with positions."""
         position, speed = chosen["position"], chosen.get("velocity")
-        stated = self.clocks[position.stream].unit
+        stated = "s" if self.rate else self.clocks[position.stream].unit
         raw, q = self._samples(position)
         candidates = time_units(raw, stated)
         if q.shape[0] < 4 or not candidates:
             time = FoundUnit(stated or "s", STATED if stated else UNKNOWN, "no unit makes a likely rate")
             return {"time": time, "position": FoundUnit(position.unit or "rad", UNKNOWN, "too few rows show it")}, ""
         ratios = np.zeros(0)
-        if speed is not None and speed.stream in self.clocks:
+        if speed is not None and (self.rate or speed.stream in self.clocks):
             other, dq = self._samples(speed)
             if other.size > 1:
                 aligned = np.column_stack([np.interp(raw, other, column) for column in dq.T])
@@ -247,7 +262,8 @@ class _Guessing:
         """Times, in their unit, and values of the rows that have all columns of a group."""
         columns = self.recording.streams[group.stream].columns
         values = np.column_stack([np.asarray(columns[name], dtype=float) for name in group.names])
-        clock = columns[self.clocks[group.stream].column]
+        rows = np.arange(len(values)) / (self.rate or 1.0)
+        clock = columns[self.clocks[group.stream].column] if group.stream in self.clocks else rows
         zero = float(clock[0]) if clock.dtype.kind in "iu" and clock.size else 0.0
         time = seconds_of(clock, 1.0, zero) + zero if zero else np.asarray(clock, dtype=float)
         there = np.isfinite(values).all(axis=1) & np.isfinite(time)
@@ -255,14 +271,8 @@ class _Guessing:
 
     def _describe(self, chosen: Mapping[str, ChannelGroup], units: Mapping[str, FoundUnit]) -> None:
         """Tell what was recognised, each with how it is known, and ask where that is not certain."""
-        clock, time = self.clocks[chosen["position"].stream], units["time"]
-        column = f"{'column ' * clock.column.isdigit()}{clock.column}"
-        if clock.why:
-            self.tell("time", f"{clock.why}.")
-        how = "" if time.level == STATED else f" ({time.level}): {time.why}"
-        self.tell("time", f"the time is {column} in {time.unit}{how}.")
-        if time.level not in _SURE or not clock.certain:
-            self.ask("time", f"Is {column} the time in {time.unit}? ({time.level}: {time.why})")
+        if (clock := self.clocks.get(chosen["position"].stream)) is not None:
+            self._describe_clock(clock, units["time"])
         for quantity, group in chosen.items():
             found, plural = units.get(quantity, FoundUnit(group.unit, STATED, "")), _PLURAL[quantity]
             of = f"{'component' if quantity == 'wrench' else 'joint'}{'s' * (len(group.columns) != 1)}"
@@ -283,6 +293,16 @@ class _Guessing:
                 if found.level not in _SURE and not follows:
                     self.ask(quantity, f"Are the {plural} in {found.unit}? ({found.level}: {found.why})")
 
+    def _describe_clock(self, clock: Clock, time: FoundUnit) -> None:
+        column = f"{'column ' * clock.column.isdigit()}{clock.column}"
+        if clock.why:
+            self.tell("time", f"{clock.why}.")
+        how = "" if time.level == STATED else f" ({time.level}): {time.why}"
+        self.tell("time", f"the time is {column} in {time.unit}{how}.")
+        if time.level not in _SURE or not clock.certain:
+            counts = "; where it counts rows, state `rate: HZ` instead of the unit" * (time.level == UNKNOWN)
+            self.ask("time", f"Is {column} the time in {time.unit}? ({time.level}: {time.why}{counts})")
+
     def _mapping(
         self, chosen: Mapping[str, ChannelGroup], joints: Sequence[str] | None, units: Mapping[str, FoundUnit]
     ) -> LogMapping:
@@ -291,7 +311,8 @@ class _Guessing:
 
         home = chosen["position"].stream
         content: dict[str, Any] = dict(self.fields) | ({} if joints is None else {"joints": list(joints)})
-        content["time"] = {"column": column(self.clocks[home].column), "unit": units["time"].unit}
+        clock = self.clocks.get(home)
+        content["time"] = {"column": column(clock.column), "unit": units["time"].unit} if clock else {"rate": self.rate}
         for quantity, group in chosen.items():
             unit = units[quantity].unit if quantity in units else group.unit or SI_UNITS[quantity]
             content[quantity] = section = {"columns": list(map(column, group.names)), "unit": [unit]}

@@ -9,6 +9,7 @@ import pytest
 import scipy.integrate
 from motions import Sines
 
+from excite.logs.log import Log
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
 from regressors.errors import InputError
@@ -53,6 +54,31 @@ def test_units(written):
         log = read(written, table([0.0, 1.0], [cell, cell]), f"{mapping}{channel}: {{columns: [2], {fields}}}\n")
         name = {"position": "q", "velocity": "dq"}.get(channel, channel)
         np.testing.assert_allclose(getattr(log, name), value, rtol=1e-12)
+
+
+@pytest.mark.parametrize("time", ["rate: 8", "column: 1, rate: 8", "column: 1, unit: ms"])
+def test_rows_at_a_rate_need_no_time(written, time):
+    count, q = np.arange(5.0), np.linspace(0.1, 0.5, 5)
+    mapping = f"joints: [a]\ntime: {{{time}}}\nposition: {{columns: [q], unit: rad}}\n"
+    expected = count * 1e-3 if "ms" in time else count / 8
+    log = read(written, "n,q\n" + table(count, q), mapping)
+    np.testing.assert_array_equal((log.time, log.q[:, 0]), (expected, q))
+    framed = Log.from_frame({"n": count, "q": q}, mapping=written(mapping, "map.yaml"))
+    np.testing.assert_array_equal(framed.time, expected)
+    np.savez(path := written("", "log.npz"), n=count, q=q)
+    np.testing.assert_array_equal(read_log(path, mapping=written(mapping, "map.yaml")).time, expected)
+    log = read(written, "n,q\n" + table(count, [0.1, np.nan, 0.3, 0.4, 0.5]), mapping, drop=("nan",))
+    np.testing.assert_array_equal(log.time, np.delete(expected, 1))
+
+
+def test_time_by_a_unit_or_by_a_rate(written):
+    for time, message in (
+        ("unit: s", r"time \(line 2\): needs the column of the time with its unit, or the rate of rows \[Hz\]"),
+        ("column: 1, unit: s, rate: 8", r"time \(line 2\): needs the column of the time with its unit, or"),
+        ("rate: 0", r"time.rate \(line 2\): must be a number from 1e-06"),
+    ):
+        with pytest.raises(InputError, match=message):
+            read(written, table([0.0, 1.0], [0.0, 1.0]), f"joints: [a]\ntime: {{{time}}}\nposition: {{columns: [2]}}\n")
 
 
 def test_bad_sections(written):

@@ -172,6 +172,18 @@ def test_velocities_in_other_units_show_those_of_positions_and_of_other_joints_a
     assert any("same sign" in question for question in guess.questions)
 
 
+def test_velocities_tell_the_rate_of_rows_without_a_time(tmp_path: Path, moved: Motion) -> None:
+    names = numbered(["q", "dq", "tau"], moved.n)
+    rows = np.column_stack([moved.q, moved.dq, moved.tau])
+    guess = excite.guess_mapping(write_table(tmp_path / "n", names, rows.tolist()))
+    assert guess.mapping.time.model_dump(exclude_unset=True) == {"rate": 100.0}
+    assert any(text.startswith("Are there 100 rows in a second? No column is a time") for text in guess.questions)
+    assert validate(parse_document(mapping_text(guess), "mapping"), LogMapping) == guess.mapping
+    guess = excite.guess_mapping(write_table(tmp_path / "n", names[: moved.n], moved.q.tolist()))
+    assert guess.mapping is None
+    assert guess.questions[-1].endswith("increases; a mapping may state a rate of rows: `time: {rate: HZ}`")
+
+
 def test_columns_without_names_are_found_by_their_numbers(tmp_path: Path, moved: Motion) -> None:
     rows = np.column_stack([moved.time + 100.0, moved.q, moved.dq, moved.tau, 0.5 * moved.tau]).tolist()
     guess = excite.guess_mapping(write_table(tmp_path / "n", None, rows))
