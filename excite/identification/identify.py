@@ -173,7 +173,7 @@ def identify(
 
     if equations != asked:
         _check_instants(robot, task)
-    with _refusals_explained(robot, task, read, recipe, curves):
+    with _refusals_explained(robot, task, read, recipe, curves, progress):
         target = instantaneous_target(robot, task, recipe)
         read = [with_external_forces(robot, target, log, recipe) for log in read]
         chosen = choose_settings(robot, task, read, recipe, free, friction=curves, progress=progress)
@@ -207,7 +207,12 @@ def identify(
 
 @contextmanager
 def _refusals_explained(
-    robot: Robot, task: Task, logs: Sequence[Log], recipe: Recipe, friction: FrictionCurves | None
+    robot: Robot,
+    task: Task,
+    logs: Sequence[Log],
+    recipe: Recipe,
+    friction: FrictionCurves | None,
+    progress: Callable[[str], None],
 ) -> Iterator[None]:
     """Add to what refuses logs in the block the fault that explains it, found without the limits of the robot."""
     try:
@@ -216,6 +221,7 @@ def _refusals_explained(
         for jump in (jump for log in logs for jump in clock_jumps(log)):
             error.args = ("; ".join([str(error).split("; ")[0], f"{SPOILT} {jump.what}", jump.cure]),)
             raise
+        progress("looking for the fault that explains why the log is refused")
         unlimited = robot.replace(limits=Limits.none(robot.n))
         with suppress(ExciteError, ArithmeticError, np.linalg.LinAlgError):  # of what limits alone do not refuse
             for doubt in estimate_parameters(unlimited, task, logs, recipe, friction=friction).doubts:
