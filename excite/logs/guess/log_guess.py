@@ -17,6 +17,8 @@ import numpy as np
 from excite.logs.guess.channels import ChannelGroup, channel_groups, chosen_channels, first_names, numbered_groups
 from excite.logs.guess.units import (
     CERTAIN,
+    FASTEST,
+    SLOWEST,
     STATED,
     UNKNOWN,
     Clock,
@@ -30,7 +32,7 @@ from excite.logs.guess.units import (
     velocity_ratios,
 )
 from excite.logs.log import counted
-from excite.logs.mapping import SECONDS, LogMapping
+from excite.logs.mapping import SECONDS, LogMapping, PositionSection, VelocitySection
 from excite.logs.recorded_log import seconds_of
 from excite.logs.recordings.formats import preloaded, recording_format
 from excite.logs.recordings.recording import JOINT_STATE, SAGE, SI_UNITS, Contents, Recording, RecordingFormat
@@ -216,15 +218,17 @@ class _Guessing:
 
     def _find_rate(self, position: ChannelGroup, speed: ChannelGroup | None) -> bool:
         """Whether velocities beside the positions tell how many rows there are in a second, if no column does."""
-        if speed is None or speed.stream != position.stream:
+        if speed is None or speed.stream != position.stream or speed.stream not in self.recording.streams:
             return False
         (row, q), (_, dq) = self._samples(position), self._samples(speed)
         ratios = velocity_ratios(row, q, dq) if len(q) == len(dq) > 3 else np.zeros(0)
-        if not np.isfinite(ratios).any():
+        units = PositionSection.units.get(position.unit), VelocitySection.units.get(speed.unit)
+        ratios = np.abs(ratios[np.isfinite(ratios)]) * (units[1] / units[0] if units[0] and units[1] else 1.0)
+        if not ratios.size or not 1 / SLOWEST <= np.median(ratios) <= 1 / FASTEST:
             return False
-        self.rate = float(f"{np.nanmedian(np.abs(ratios)):.3g}")
-        why = "velocities are that many times the change of positions from row to row"
-        self.ask("time", f"Are there {self.rate:g} rows in a second? No column is a time, but {why}")
+        self.rate = float(f"{np.median(ratios):.3g}")
+        why = "but velocities are that many times the change of positions from row to row"
+        self.ask("time", f"Are there {self.rate:g} rows in a second? No column increases as a time does, {why}")
         return True
 
     def _units(self, chosen: Mapping[str, ChannelGroup], robot: Robot | None) -> tuple[dict[str, FoundUnit], str]:

@@ -133,7 +133,7 @@ def _summary(stream: str, columns: tuple[str, ...], clock: str, time: Array) -> 
 
 STATED, CERTAIN, LIKELY, UNKNOWN = "stated", "certain", "likely", "unknown"
 _TOLERANCE = 0.03  # of a ratio of units
-_FASTEST, _SLOWEST = 5e-5, 1.0  # steps that a recording may have [s]
+FASTEST, SLOWEST = 5e-5, 1.0  # steps that a recording may have [s]
 _EPOCH = (1.0e9, 2.6e9)  # seconds since 1970 of today's clocks
 _TURNING = 13.0  # numbers: more than two turns of a joint in rad
 _FEWEST_DEGREES = 5.0  # numbers: fewer degrees than any excitation of a robot spans
@@ -172,7 +172,7 @@ def time_units(time: Array, stated: str) -> list[str]:
         return [stated]
     step = float(np.median(np.diff(time)))
     dates = [unit for unit, second in SECONDS.items() if _EPOCH[0] <= time[0] * second <= _EPOCH[1]]
-    rates = [unit for unit, second in SECONDS.items() if _FASTEST <= step * second <= _SLOWEST]
+    rates = [unit for unit, second in SECONDS.items() if FASTEST <= step * second <= SLOWEST]
     return [unit for unit in dates if unit in rates] or rates
 
 

@@ -177,11 +177,16 @@ def test_velocities_tell_the_rate_of_rows_without_a_time(tmp_path: Path, moved: 
     rows = np.column_stack([moved.q, moved.dq, moved.tau])
     guess = excite.guess_mapping(write_table(tmp_path / "n", names, rows.tolist()))
     assert guess.mapping.time.model_dump(exclude_unset=True) == {"rate": 100.0}
-    assert any(text.startswith("Are there 100 rows in a second? No column is a time") for text in guess.questions)
+    assert any(text.startswith("Are there 100 rows in a second? No column increases") for text in guess.questions)
     assert validate(parse_document(mapping_text(guess), "mapping"), LogMapping) == guess.mapping
-    guess = excite.guess_mapping(write_table(tmp_path / "n", names[: moved.n], moved.q.tolist()))
-    assert guess.mapping is None
-    assert guess.questions[-1].endswith("increases; a mapping may state a rate of rows: `time: {rate: HZ}`")
+    names = [f"{name} [{'deg' if name[0] == 'q' else 'rad/s'}]" for name in names[: 2 * moved.n]]
+    guess = excite.guess_mapping(write_table(tmp_path / "n", names, rows[:, : 2 * moved.n].tolist()))
+    assert guess.mapping.time.rate == 5730.0  # as of degrees
+    slow = np.column_stack([moved.q, 1e-4 * moved.dq]).tolist()
+    for some, few in ((names, slow), (names[: moved.n], moved.q.tolist())):
+        guess = excite.guess_mapping(write_table(tmp_path / "n", some, few))
+        assert guess.mapping is None
+        assert guess.questions[-1].endswith("increases; a mapping may state a rate of rows: `time: {rate: HZ}`")
 
 
 def test_columns_without_names_are_found_by_their_numbers(tmp_path: Path, moved: Motion) -> None:
