@@ -370,6 +370,8 @@ def _ended(arguments: Sequence[str], folder: Path, *, clean: bool, patience: flo
         ):
             warnings.simplefilter("always")
             warnings.filterwarnings("ignore", category=DeprecationWarning)
+            # Ctrl-C may fall between a library's `open` and its `with`
+            warnings.filterwarnings("ignore", r"unclosed file .*/proc/self/maps", ResourceWarning)
             main()
     except SystemExit as ended:
         status = ended.code if isinstance(ended.code, int) else 2
