@@ -46,8 +46,6 @@ def _as_written(option: Option) -> Any:
 
     def fitting(value: object) -> object:
         try:
-            if option.kind == "file" and not isinstance(value, str | dict):
-                raise Unfit
             convert(value)
         except Unfit as error:
             raise ValueError(f"should be {expected}, given {shown(value)}") from error

@@ -237,6 +237,12 @@ def _payload(value: object) -> object:
     return str(value) if isinstance(value, str | Path) else _numbers(value)
 
 
+def _file(value: object) -> object:
+    if isinstance(value, Real | list | tuple):
+        raise Unfit
+    return value
+
+
 def _prior(value: object) -> object:
     return _number(value) if isinstance(value, Real) else value
 
@@ -277,7 +283,7 @@ _KINDS: dict[Kind, tuple[Callable[[Any], Any], str]] = {  # conversion, and what
     "parts": (lambda value: _names(value, _name), "a list of names"),
     "name": (_name, "a name"),
     "text": (_name, "a name"),
-    "file": (_as_it_is, "the name of a file, or its content"),
+    "file": (_file, "the name of a file, or its content"),
     "prior": (_prior, "a relative uncertainty, or parameters with value and deviation"),
     "margin": (_or_word(MARGINS, _number), f"a number, {' or '.join(MARGINS)}"),
     "count": (_or_word(COUNTS, rule_of(int)[0]), f"a whole number, or {AUTO}"),

@@ -94,6 +94,7 @@ STORED: tuple[tuple[Callable[[dict[str, Any]], str], str], ...] = (
     (put("period", 10**400), "10000000000000000000... is a whole number of 401 digits"),
     (put("period", float("inf")), "Infinity is not a finite number"),
     (typed('"period": 2.0', '"period": 1e999'), "1e999 is too large for a number"),
+    (put("world", [1]), "world: expected the name of a file, or its content, given [1]"),
     (put("tool_box", ["", "", ""]), "tool_box: expected a pair [lower, upper] for each of x, y, z"),
 )
 

@@ -110,7 +110,8 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "windows": ({"model": "energy", "servos": servos()}, "single instants"),
     "another arm": ({"servos": TaskServos("a", ("x",), ((1.0,) * len(SYMBOLS),), (1e-3,))}, "lift, elbow, roll"),
     "a name in a file of results": ({"servos": UnopenedFile("servos", "elsewhere")}, "only named"),
-    "something else": ({"servos": 3}, "expected identified servos"),
+    "something else": ({"servos": object()}, "expected identified servos"),
+    "a number": ({"servos": 3}, "servos: expected the name of a file, or its content, given 3"),
     "no folder": ({"servos": "nowhere"}, "nowhere"),
 }
 

@@ -94,6 +94,8 @@ BAD = [
     ({"sensor_xyz": 0.1}, "sensor_xyz: expected three numbers, given 0.1"),
     ({"joints": 3}, "joints: expected a list of names, given 3"),
     ({"joints": [["q1"]]}, "joints: expected a list of names, given [['q1']]"),
+    ({"world": 3}, "world: expected the name of a file, or its content, given 3"),
+    ({"support": [1]}, "support: expected the name of a file, or its content, given [1]"),
     ({"seed": None}, "seed: expected a whole number, given nothing"),
     ({"via": [[0.0], "a"]}, "via: expected a list of poses, given [[0.0], 'a']"),
     ({"criterion": "mine"}, "no criterion named 'mine'; available: condition, frobenius, sigma-min, logdet, trace"),
