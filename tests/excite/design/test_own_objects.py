@@ -88,7 +88,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     ),
     "lambda as model": (lambda: excite.Task("irp6", model=lambda robot: robot), "model: expected a RegressorModel"),
     "a design to verify": (lambda: excite.verify(short(), "x.csv"), "result: expected a result of `identify`"),
-    "no friction curves": (lambda: excite.Task("irp6", friction_curves=True), "friction_curves: expected curves"),
+    "no friction curves": (lambda: excite.Task("irp6", friction_curves=object()), "friction_curves: expected curves"),
     "an array of drives": (lambda: excite.Task("irp6", friction=np.array([1.0, 2.0])), "friction: expected all, none"),
     "no solver": (lambda: excite.Search(solver=object()), "solver: expected a Solver"),
     "no executor": (lambda: excite.Search(executor=object()), "executor: expected a function"),
