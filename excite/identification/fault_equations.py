@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
+import scipy
 
 from excite.identification.impossible_parameters import described_coefficients, inertial_columns, signs_of_bodies
 from excite.identification.log_faults import LEAST_ERROR, Fault, Flags, Moment
@@ -222,7 +223,7 @@ def _of_one_sign(A: Array, right: Array, signs: Array, bound: Flags) -> Array:
     for k in range(_EXCHANGES):
         free = np.flatnonzero(present & ~bound)
         x[:] = 0.0
-        x[free] = np.linalg.solve(M[np.ix_(free, free)], y[free])
+        x[free] = scipy.linalg.lapack.dposv(M[np.ix_(free, free)], y[free], overwrite_a=True)[1]
         wrong = np.where(bound, present & (signs * (y - M @ x) > _NOTHING * np.abs(y)), signs * x < 0)
         if not wrong.any():
             break

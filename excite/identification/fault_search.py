@@ -43,9 +43,9 @@ _NOTHING = 1e-9
 _NEARLY, _SHARE = 2.0, 0.5  # of a factor of a unit; of a joint's torque, what its friction makes at least
 _DELAYS = np.array([-0.03, -0.01, 0.01, 0.03, 0.06, 0.1])  # [s]
 _LOG_GAIN, _OFF, _SHOWN = (-14.0, 14.0), 1.5, 0.1  # a factor shows where so many times it explains so much less
-_OBLIQUE, _TURNS = np.array([3.0, 4.0, -5.0]), 4  # gravity along no axis; steps of its direction
+_OBLIQUE, _TURNS = np.array([0.5, 3.0, 4.0]), 4  # gravity along no axis, by itself and across; steps of its direction
 _TILT, _AROUND = np.deg2rad(20.0), np.arange(0.0, 2 * np.pi, np.pi / 3)  # of a base that moved, at first
-_STEPS = (1.0, 0.5, 0.25, 0.0)  # shares of one that are tried
+_STEPS = (1.0, 0.5, 0.25)  # shares of one that are tried
 _SPLITS = 10  # instants from which on something may have changed, before the best is refined
 _SHORT = 0.02  # lengths that are not fitted [m]
 _LENGTH_ROUNDS, _COMMON, _STEP = 7, 2, 1e-3  # of their fit, those with one factor for all, and of differences
@@ -173,14 +173,26 @@ class FaultSearch(Instants):
         """The best gains of all joints, from those with which the described torques are the measured ones."""
         n, known = self.samples.q.shape[1], self.described is not None
 
+        right, squares = np.einsum("jbj->jb", self.plain.right[:, :-1]), np.diagonal(self.plain.squares)
+
+        def fit(log_gains: Array) -> Fault:
+            return self.plain.fit(replace(NO_FAULT, torques=np.diag(np.exp(log_gains))))
+
         def size(log_gains: Array) -> float:
-            return self.plain.fit(replace(NO_FAULT, torques=np.diag(np.exp(log_gains)))).size
+            return fit(log_gains).size
+
+        def size_and_slope(log_gains: Array) -> tuple[float, Array]:
+            """With the slope beside the parameters that fit best, which their change does not change."""
+            found, gains = fit(log_gains), np.exp(log_gains)
+            of_square = 1 - (right @ found.parameters) / np.maximum(gains * squares, _NOTHING)
+            slope = of_square / np.maximum(found.errors, LEAST_ERROR) ** 2 - 1
+            return found.size, np.where(found.errors > LEAST_ERROR, slope, 0.0)
 
         dd, dy = self.plain.products[:, -1, -1], np.diagonal(self.plain.right[:, -1])
         start = np.log(dd / np.abs(dy)) if np.all(dd * dy != 0) else np.zeros(n)
         for unit in np.eye(n):  # where friction hides the described torque, the start may be far off
             start = min((start + step * unit for step in (0.0, *_GAINS)), key=size)
-        best = scipy.optimize.minimize(size, start, method="L-BFGS-B", bounds=[_LOG_GAIN] * n, options={"eps": 1e-4})
+        best = scipy.optimize.minimize(size_and_slope, start, jac=True, method="L-BFGS-B", bounds=[_LOG_GAIN] * n)
         off = (min(size(best.x + step), size(best.x - step)) for step in np.log(_OFF) * np.eye(n))
         shown = np.array([least - best.fun > _SHOWN for least in off])
         gains = np.exp(best.x if known or not shown.any() else best.x - np.median(best.x[shown]))
@@ -197,23 +209,23 @@ class FaultSearch(Instants):
         found = []
         for way in (1.0, 0.0, -1.0):  # as on the floor, on a wall, under a ceiling
             tilted = min((length * axes @ g for g in grid if np.sign(g[0]) == way), key=lambda g: fit(g).size)
-            for _ in range(_TURNS):
-                tilted = self._turned(0, tilted)
-            found.append(tilted)
-        best, other, _ = sorted(found, key=lambda g: fit(g).size)
-        return [fit(best), *([fit(other)] if gravity_fault(best, other).kind != NO_FAULT.kind else [])]
+            found.append(self._turned(0, tilted, _TURNS))
+        (best, of_best), (other, of_other), _ = sorted(found, key=lambda one: one[1].size)
+        return [of_best, *([of_other] if gravity_fault(best, other).kind != NO_FAULT.kind else [])]
 
     @cached_property
     def _of_gravity(self) -> tuple[FaultSearch, Array, Array]:
         """The search with the base of an oblique gravity, its rows, and what each component of gravity adds to them."""
-        robot = self.target.robot
-        oblique, *models = (self.target.model.on(robot.replace(gravity=g)) for g in (_OBLIQUE, np.zeros(3), *np.eye(3)))
-        base = base_parameters(oblique, states=random_states(robot, few_states(oblique)))
-        still, *along = (replace(self.target, model=model, base=base) for model in models)
-        search = replace(self, target=still, described=described_coefficients(still), signs=signs_of_bodies(base))
-        W0 = search.columns
-        changes = np.array([replace(search, target=one).columns_of(self.samples) - W0 for one in along])
-        return search, W0 + np.tensordot(robot.gravity, changes, 1), changes
+        robot, down = self.target.robot, self.target.robot.gravity
+        across = scipy.linalg.null_space(down[None])
+        gravities = np.array([down, np.column_stack([down, across]) @ _OBLIQUE, across[:, 0], np.zeros(3)])
+        models = [self.target.model, *(self.target.model.on(robot.replace(gravity=g)) for g in gravities[1:])]
+        base = base_parameters(models[1], states=random_states(robot, few_states(models[1])))
+        own = replace(self.target, base=base)
+        search = replace(self, target=own, described=described_coefficients(own), signs=signs_of_bodies(base))
+        W = np.array([replace(search, target=replace(own, model=model)).columns_of(self.samples) for model in models])
+        affine = np.linalg.inv(np.column_stack([gravities, np.ones(len(models))]))
+        return search, W[0], np.tensordot(affine[:3], W, 1)
 
     def _in_gravity(self, split: int, gravity: Array, before: Fault | None = None) -> Fault:
         """Fit with that gravity from an instant on, or with three more columns for its change."""
@@ -225,12 +237,19 @@ class FaultSearch(Instants):
         fault = moved_fault(down, gravity, moment) if split else gravity_fault(down, gravity)
         return Equations.of(search, self.samples, W, self.measured, K).fit(fault)
 
-    def _turned(self, split: int, gravity: Array) -> Array:
-        """A better gravity from an instant on, linear in its change, by the Gauss-Newton method."""
-        step = self._in_gravity(split, gravity, self._in_gravity(split, gravity)).parameters[-3:]
-        turned = [gravity + share * step for share in _STEPS]
-        turned = [g * np.linalg.norm(gravity) / np.linalg.norm(g) for g in turned]
-        return min(turned, key=lambda g: self._in_gravity(split, g).size)
+    def _turned(self, split: int, gravity: Array, turns: int) -> tuple[Array, Fault]:
+        """A better gravity from an instant on, linear in its change, by the Gauss-Newton method, and its fit."""
+        here = self._in_gravity(split, gravity)
+        for _ in range(turns):
+            step = self._in_gravity(split, gravity, here).parameters[-3:]
+            turned = [gravity + share * step for share in _STEPS]
+            turned = [g * np.linalg.norm(gravity) / np.linalg.norm(g) for g in turned]
+            fits = [*(self._in_gravity(split, g) for g in turned), here]
+            best = min(range(len(fits)), key=lambda k: fits[k].size)
+            if fits[best] is here:
+                break
+            gravity, here = turned[best], fits[best]
+        return gravity, here
 
     def _moved(self) -> Fault:
         """The best gravity after the best instant."""
@@ -247,8 +266,11 @@ class FaultSearch(Instants):
         tilted = (gravity * np.cos(_TILT) + np.sin(_TILT) * across @ (np.cos(a), np.sin(a)) for a in _AROUND)
         gravity = min((gravity, *tilted), key=lambda g: size(g, split))
         for _ in range(_TURNS):
-            gravity = self._turned(split, gravity)
-            split = _refined(split, stride // 2, partial(size, gravity))
+            turned, _ = self._turned(split, gravity, 1)
+            refined = _refined(split, stride // 2, partial(size, turned))
+            if turned is gravity and refined == split:
+                break
+            gravity, split = turned, refined
         return self._in_gravity(split, gravity)
 
     def _drifting(self) -> Fault:
