@@ -82,12 +82,16 @@ def free_parameters(structure: Structure, names: Sequence[str]) -> tuple[list[st
     leader = {name: group[0] for group in structure.equal for name in group[1:]}
     tied = {name: terms for name, terms in structure.mirrored.items() if terms.keys() <= set(names)}
     free = [name for name in names if not (name in structure.zero or name in leader or name in tied)]
-    own = np.array([[leader.get(name, name) == one for one in free] for name in names], dtype=float)
-    own = own.reshape(len(names), len(free))
-    S, place = own.copy(), {name: k for k, name in enumerate(names)}
+    own, place = np.zeros((len(names), len(free))), {name: k for k, name in enumerate(names)}
+    of_free = {name: k for k, name in enumerate(free)}
+    for name in names:
+        if (first := leader.get(name, name)) in of_free:
+            own[place[name], of_free[first]] = 1.0
+    S = own.copy()
     for name, row in place.items():
         terms = {} if name in structure.zero else tied.get(leader.get(name, name), {})
-        S[row] += sum((coefficient * own[place[one]] for one, coefficient in terms.items()), np.zeros(len(free)))
+        for one, coefficient in terms.items():
+            S[row] += coefficient * own[place[one]]
     return free, S, (own / own.sum(axis=0)).T
 
 

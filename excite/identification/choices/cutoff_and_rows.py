@@ -177,10 +177,16 @@ def choose_by_rows(scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], fr
     moving, fast = (_of_faster(scoring, recipe, share) for share in (MOVING, _FAST))
     if moving is None or fast is None or not _spoilt(scoring, moving, recipe):
         return every
-    by_moving = replace(_with_delay_of(fast, moving, plain, cutoffs, every), least=MOVING)
-    tried = {_ALL: every, _MOVING: by_moving}
+    timed, of_delay = _timed_by(fast, plain, every)
+
+    def by(rows: Scoring) -> RowChoice:
+        """Cutoff and presliding by some rows, with that delay."""
+        settled, others = choose_cutoff_and_timing(rows, timed, cutoffs, free - {"delay"})
+        return RowChoice(rows, settled, (*others, *of_delay), free - {"delay"})
+
+    tried = {_ALL: every, _MOVING: replace(by(moving), least=MOVING)}
     if _misled(fast, recipe, plain):
-        tried[_FAST_DELAY] = _with_delay_of(fast, scoring, plain, cutoffs, every)
+        tried[_FAST_DELAY] = by(scoring)
     errors = {name: _errors(one.scoring, one.recipe, moving) for name, one in tried.items()}
     name, reason = preferred_rows({name: one.recipe.cutoff for name, one in tried.items()}, errors)
     choice = Choice("rows", name, candidates_of(errors), reason)
@@ -209,22 +215,17 @@ def preferred_rows(cutoffs: Mapping[str, float | None], errors: Mapping[str, Lef
     return (_ALL, "settings are chosen by all rows: without those near standstill others are predicted no better")
 
 
-def _with_delay_of(
-    fast: Scoring, scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], every: RowChoice
-) -> RowChoice:
-    """Cutoff and presliding by some rows; the delay by those of fast drives, or by every row if these cannot tell."""
-    settled = every.free - {"delay"}
-    recipe, choices = choose_cutoff_and_timing(scoring, plain, cutoffs, settled)
-    if "delay" in every.free:
-        soft = fast.softened(recipe)
-        delay, choice = delay_of(soft, DelayFit(recipe), soft.parts(recipe))
-        if choice.interval and np.ptp(choice.interval) > LONGEST:
-            choice = next(one for one in every.choices if one.name == "delay")
-            delay = choice.value
-        if delay:
-            recipe, choices = choose_cutoff_and_timing(scoring, replace(plain, delay=delay), cutoffs, settled)
-        choices = (*choices, choice)
-    return RowChoice(scoring, recipe, choices, settled)
+def _timed_by(fast: Scoring, plain: Recipe, every: RowChoice) -> Chosen:
+    """The recipe with the delay of the rows of fast drives, or of every row if these cannot tell."""
+    if "delay" not in every.free:
+        return plain, ()
+    recipe = replace(every.recipe, delay=plain.delay, log_delays=plain.log_delays)
+    soft = fast.softened(recipe)
+    delay, choice = delay_of(soft, DelayFit(recipe), soft.parts(recipe))
+    if choice.interval and np.ptp(choice.interval) > LONGEST:
+        choice = next(one for one in every.choices if one.name == "delay")
+        delay = choice.value
+    return replace(plain, delay=delay), (choice,)
 
 
 def _of_faster(scoring: Scoring, recipe: Recipe, share: float) -> Scoring | None:

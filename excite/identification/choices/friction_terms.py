@@ -28,6 +28,7 @@ from excite.identification.choices.scoring import (
     pulled_least_squares,
 )
 from excite.identification.equations import constants, nearest
+from excite.identification.estimators.possible_set import near_described
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, model_of, target_of
@@ -105,13 +106,14 @@ def _with_bodies(
     """Possible bodies; and, to be quick, the described ones as prior knowledge, as near as is best."""
     described = standard_values(target.robot)
     few = statistics.of_columns(columns)
-    scores = {within: left_out(few, pulled_least_squares(target, described, within, columns)) for within in WITHIN}
-    best = best_of(scores)
+    pulls = {within: near_described(target.model, described, within) for within in WITHIN}
+    scores = {within: left_out(few, pulled_least_squares(target, pull, columns)) for within, pull in pulls.items()}
+    best = pulls[best_of(scores)]
 
     def possible(columns: Sequence[int]) -> Estimate:
         return possible_estimate_of_products(of_base_columns(target, columns), described, None)
 
-    return possible, lambda columns: pulled_least_squares(target, described, best, columns)
+    return possible, lambda columns: pulled_least_squares(target, best, columns)
 
 
 def _label(group: Group) -> str:

@@ -207,7 +207,7 @@ def left_out(
 ) -> LeftOut:
     """Predict every block from the others, estimated by least squares if not otherwise."""  # weights (r,)
     judged = statistics if judged is None else judged
-    measured = judged.total[:, -1, -1]
+    measured = judged.products[:, :, -1, -1].sum(axis=0)
     sizes = np.maximum(measured, _SMALLEST * (measured.max() or 1.0))
     floor = NEGLIGIBLE**2 * sizes[None, :] * (statistics.counts / statistics.counts.sum())[:, None]
     weights = statistics.counts.sum() / sizes if weights is None else weights

@@ -24,7 +24,7 @@ from excite.identification.choices.left_out import (
 )
 from excite.identification.equations import DirectedFriction, drive_directions, friction_drives, nearest
 from excite.identification.estimators.physical import possible_fit
-from excite.identification.estimators.possible_set import near_described
+from excite.identification.estimators.possible_set import Pull, near_described
 from excite.identification.prediction import without_friction
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.presliding import Sliding
@@ -107,17 +107,15 @@ WITHIN = (10.0, 3.0, 1.0)  # of the described bodies, in their sizes
 
 def best_pulled(target: IdentificationTarget, described: Mapping[str, float], statistics: BlockStatistics) -> Estimate:
     """`pulled_least_squares` with the deviation that predicts left-out blocks best."""
-    estimates = [pulled_least_squares(target, described, within, range(target.base.rank)) for within in WITHIN]
+    pulls = [near_described(target.model, described, within) for within in WITHIN]
+    estimates = [pulled_least_squares(target, pull, range(target.base.rank)) for pull in pulls]
     return min(estimates, key=lambda estimate: left_out(statistics, estimate).score)
 
 
-def pulled_least_squares(
-    target: IdentificationTarget, described: Mapping[str, float], within: float, columns: Sequence[int]
-) -> Estimate:
+def pulled_least_squares(target: IdentificationTarget, pull: Pull, columns: Sequence[int]) -> Estimate:
     """Least squares with the prior ``beta ~ N(A theta0, A D^2 A')`` of the base parameters that bodies are part of."""
     definition, names = target.model.definition()
     A = np.asarray(target.base.D @ definition)[list(columns)]
-    pull = near_described(target.model, described, within)
     values, deviations = np.array([pull.get(name, (0.0, 0.0)) for name in names]).T
     spread, center = A * deviations, A @ values
     known = np.flatnonzero(np.any(spread != 0.0, axis=1))
@@ -158,8 +156,9 @@ def choose_bodies(
     best = held[best_of(held)]
     chosen = next(deviation for deviation in held if not best.is_better(held[deviation], _WORTH))
     listed = candidates_of({"weighted": free, **{_words(deviation): errors for deviation, errors in held.items()}})
+    pull = _pull(target, described, chosen)
     try:
-        _possible_fit(target, weighted_sum(statistics.total, held[chosen].weights), described, chosen)
+        _possible_fit(target, weighted_sum(statistics.total, held[chosen].weights), described, pull)
     except ConicSolverError:
         reason = "bodies are not held physically possible: the conic solver found none"
         return recipe, Choice("estimator", "weighted", listed, reason)
@@ -191,22 +190,26 @@ def possible_estimate_of_products(
     target: IdentificationTarget, described: Mapping[str, float], deviation: float | None
 ) -> Estimate:
     """Estimate by physically possible bodies from sums of products; by least squares where the solver finds none."""
+    pull = _pull(target, described, deviation)
 
     def estimate(both: Array) -> Array:
         if both.ndim > 2:
             return np.array([estimate(one) for one in both])
         try:
-            return _possible_fit(target, both, described, deviation)
+            return _possible_fit(target, both, described, pull)
         except ConicSolverError:
             return least_squares_of_products(both)
 
     return estimate
 
 
+def _pull(target: IdentificationTarget, described: Mapping[str, float], deviation: float | None) -> Pull | None:
+    return None if deviation is None else near_described(target.model, described, deviation)
+
+
 def _possible_fit(
-    target: IdentificationTarget, both: Array, described: Mapping[str, float], deviation: float | None
+    target: IdentificationTarget, both: Array, described: Mapping[str, float], pull: Pull | None
 ) -> Array:
-    pull = None if deviation is None else near_described(target.model, described, deviation)
     return possible_fit(factor_of_products(both), target.model, target.base, pull=pull, reference=described)
 
 

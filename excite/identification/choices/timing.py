@@ -129,6 +129,7 @@ class DelayFit:
             return _residuals(scoring, _resized(recipe, x[k:]), parts, late, errors.weights)
 
         errors = scoring.of(scoring.statistics(recipe, parts, step * np.tensordot(x[:k], groups, 1)))
+        change = np.zeros(k + m)
         for _ in range(_ROUNDS):
             own, *ahead = (residuals(y) for y in (x, *(x + np.diag(difference))))
             likelihood = DelayLikelihood.of(own, errors)
@@ -140,7 +141,8 @@ class DelayFit:
                 J_w = weight * J * np.maximum(1 - (e / size / BISQUARE) ** 2, 0.0) ** 2 / size**2
                 J_w[:, steep > _STEEP * np.median(steep)] = 0.0
                 H, g = H + J_w @ J.T, g + J_w @ e
-            change = np.clip(-np.linalg.lstsq(H, g, rcond=None)[0], -most, most)
+            newton = np.clip(-np.linalg.lstsq(H, g, rcond=None)[0], -most, most)
+            change = newton / 2 if newton @ H @ change < 0 else newton  # which turns back
             x = np.clip(x + change, -limit, limit)
             if change @ H @ change < _SETTLED:
                 break

@@ -97,7 +97,9 @@ def test_pulled_least_squares_is_the_posterior_mean(within: float) -> None:
     """With ``beta_known ~ N(A theta0, A D^2 A')``, and nothing known of the other parameters."""
     few, weights = statistics(40, 0.3), np.array([3.0, 0.5, 2.0])
     every = range(target().base.rank)
-    found = pulled_least_squares(target(), described(), within, every)(weighted_sum(few.total, weights))
+    found = pulled_least_squares(target(), near_described(target().model, described(), within), every)(
+        weighted_sum(few.total, weights)
+    )
     definition, names = target().model.definition()
     A = target().base.D @ definition
     pull = near_described(target().model, described(), within)
@@ -115,10 +117,11 @@ def test_pulled_least_squares_is_the_posterior_mean(within: float) -> None:
 
 def test_the_best_deviation_is_taken_and_none_without_described_bodies() -> None:
     few, every = statistics(12, 0.3), range(target().base.rank)
-    scores = [left_out(few, pulled_least_squares(target(), described(), d, every)).score for d in (10.0, 3.0, 1.0)]
+    pulls = (near_described(target().model, described(), d) for d in (10.0, 3.0, 1.0))
+    scores = [left_out(few, pulled_least_squares(target(), pull, every)).score for pull in pulls]
     assert left_out(few, best_pulled(target(), described(), few)).score == min(scores)
     both = weighted_sum(statistics(60, 0.3).total, np.ones(3))
-    found = pulled_least_squares(target(), {}, 1.0, every)(both)
+    found = pulled_least_squares(target(), {}, every)(both)
     np.testing.assert_allclose(found, least_squares_of_products(both))
     assert (deviations_to_try(target(), {}), deviations_to_try(target(), described())) == ((None,), DEVIATIONS)
 
