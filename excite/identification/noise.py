@@ -172,7 +172,7 @@ def _autocovariance(e: Array, shares: Array) -> Array:
 def _shares(channels: Array) -> Array:
     """``n / (n - k) sum_t sum_c D_tc D_(t+k)c`` at each lag k, at least half of that at lag 0."""
     n = len(channels)
-    lags = max(1, min(int(10 * np.log10(max(n, 2))), n // 10))
+    lags = min(max(1, n // 10), int(10 * np.log10(n)))
     sums = np.array([n / (n - k) * np.sum(channels[: n - k] * channels[k:]) for k in range(lags + 1)])
     return np.asarray(np.maximum(sums, 0.5 * sums[0]))
 

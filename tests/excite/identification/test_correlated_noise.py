@@ -45,6 +45,11 @@ def ar2_autocovariance(count: int) -> Array:
     return np.array([h[: h.size - k] @ h[k:] for k in range(count)])
 
 
+def test_a_single_row_is_white() -> None:
+    one = np.ones((1, 1))
+    np.testing.assert_allclose(autoregressive_covariance([NoiseGroup(np.full(1, 0.1), 0 * one, one, one)], 9.0), 0.01)
+
+
 def test_yule_and_walker_recover_the_coefficients() -> None:
     noise = autoregressive_noise(ar2_autocovariance(12), 10_000)
     np.testing.assert_allclose(noise.coefficients, [1.2, -0.5], atol=1e-9)
