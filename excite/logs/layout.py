@@ -153,9 +153,9 @@ def listed(names: Sequence[str]) -> str:
 
 
 def is_number(cell: str) -> bool:
-    """Whether a cell holds a number, NaN and infinities among them."""
+    """Whether a cell holds a number, with a point or a comma, NaN and infinities among them."""
     try:
-        float(cell)
+        float(cell.replace(",", "."))
     except ValueError:
         return False
     return "_" not in cell

@@ -167,7 +167,7 @@ class TextTable(Table):
         values = np.empty((len(rows), len(self.layout.used)))
         for first in range(0, len(rows), _AT_ONCE):  # the text of all rows would take several times their memory
             part = slice(first, first + _AT_ONCE)
-            some = list(rows[part])
+            some = [row if self.layout.separator == "," else row.replace(",", ".") for row in rows[part]]
             if lines is None and wrong_lengths(self.layout, some):
                 return None
             try:
@@ -258,5 +258,4 @@ def _fault(layout: Layout, row: str) -> str:
     column = next((k for k in layout.used if content[k] and not is_number(content[k])), None)
     if column is None:
         return ""
-    hint = "; numbers are written with a decimal point" if is_number(content[column].replace(",", ".", 1)) else ""
-    return f", column {cut(layout.names[column])}: {shortened(content[column])} is not a number{hint}"
+    return f", column {cut(layout.names[column])}: {shortened(content[column])} is not a number"

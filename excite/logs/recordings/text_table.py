@@ -76,9 +76,10 @@ def _contents(path: Path) -> Contents:
         maker = maker_of(layout.titles)
         titles = dict(zip(layout.names, layout.titles, strict=True))
         units = {name: unit for name, unit in zip(layout.names, layout.units, strict=True) if unit}
-        table = StreamContents(TABLE, layout.names, len(text.lines) - layout.first, units=units, titles=titles)
-        if maker is not None and maker.clock in layout.names:
-            units, meanings = {**units, maker.clock: maker.unit}, maker.meanings(layout.names)
+        columns = _number_columns(text, layout)
+        table = StreamContents(TABLE, columns, len(text.lines) - layout.first, units=units, titles=titles)
+        if maker is not None and maker.clock in columns:
+            units, meanings = {**units, maker.clock: maker.unit}, maker.meanings(columns)
             table = replace(table, clocks=(maker.clock,), units=units, meanings=meanings)
         return Contents(text.source, _kind_of(layout), (table,), text.mended)
 
@@ -114,6 +115,13 @@ def _table_layout(text: Text) -> TextLayout:
     return layout
 
 
+def _number_columns(text: Text, layout: TextLayout) -> tuple[str, ...]:
+    """Names of the columns that hold numbers, in most of the first rows; others hold words, such as states."""
+    rows = [cells(line, layout.separator) for line in islice(text.lines[layout.first :], _ROWS)]
+    columns = zip(*(row for row in rows if len(row) == len(layout.names)), strict=True)
+    return tuple(name for name, column in zip(layout.names, columns, strict=True) if 2 * _words(column) < len(column))
+
+
 def _kind_of(layout: TextLayout) -> str:
     """Name of the format, by the names of the columns."""
     maker = maker_of(layout.titles)
@@ -138,7 +146,7 @@ def text_layout(lines: Sequence[str]) -> TextLayout | None:
     tables = [table for mark in _KINDS if (table := _table(head, mark)) is not None]
     if not tables:
         return None
-    mark, first, count = max(tables, key=lambda table: table[2])
+    mark, first, count = max(tables, key=lambda table: table[2] - 2 * _words(cells(head[table[1]], table[0])))
     return _with_names(head, mark, first, count)
 
 
@@ -154,8 +162,13 @@ def _table(head: Sequence[str], mark: str | None) -> tuple[str | None, int, int]
 
 
 def _is_row(row: Sequence[str]) -> bool:
-    filled = [cell for cell in row if cell]
-    return bool(filled) and all(map(is_number, filled))
+    """Whether more cells hold numbers than words."""
+    return 2 * _words(row) < sum(map(bool, row))
+
+
+def _words(row: Sequence[str]) -> int:
+    """How many cells hold neither a number nor nothing."""
+    return sum(not is_number(cell) for cell in row if cell)
 
 
 def _with_names(head: Sequence[str], mark: str | None, first: int, count: int) -> TextLayout:

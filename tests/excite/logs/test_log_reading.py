@@ -243,7 +243,7 @@ def test_bad_mappings_are_named(written):
         (BASE.replace("false", "true") + POSITION, "0,1,2\n1,2,3\n", "line 1 holds numbers, .* header: false"),
         (BASE + POSITION + "skip: 5\n", "0,1,2\n1,2,3\n", "has 2 lines, of which the mapping skips 5"),
         (BASE + "position: {columns: [x, y], unit: rad}\n", "0,1,2\n1,2,3\n", "no column in .* named 'x'"),
-        (BASE + POSITION + "separator: ';'\n", "0;1,5;2\n1;2;3\n", "'1,5' is not a number; .* decimal point"),
+        (BASE + POSITION + "separator: ';'\n", "0;1,5,5;2\n1;2;3\n", "line 1, column 2: '1,5,5' is not a number"),
         (BASE + POSITION, "0,1,2\n1,x,3\n", "line 2, column 2: 'x' is not a number"),
     ):
         with pytest.raises(InputError, match=message):

@@ -32,6 +32,9 @@ LAYOUTS = {
     "row of units": (["t,a,b", "s,deg,deg/s", *ROWS], (",", 2, ("1", "2", "3"), None)),
     "twice": (["t,a,a", *ROWS], (",", 1, ("1", "2", "3"), None)),
     "empty cells": (["t,a,b", "0,1,", "1,,2", "2,3,"], (",", 1, ("t", "a", "b"), 0)),
+    "words": (["t,a,state", "0,1,idle", "1,2,runs", "2,3,runs"], (",", 1, ("t", "a", "state"), 0)),
+    "decimal commas": (["t;a", "0,5;1,5", "1,5;2,5", "2,5;3,5"], (";", 1, ("t", "a"), 0)),
+    "decimal commas, white space": (["0,5 1 2,5", "1,5 2 3,5", "2,5 3 4,5"], (None, 0, ("1", "2", "3"), None)),
 }
 
 
@@ -110,6 +113,17 @@ def test_cells_that_are_empty_cost_no_row_of_other_columns(tmp_path: Path) -> No
     np.testing.assert_array_equal(columns["b"][::2], -np.arange(0, 20, 2))
     assert np.isnan(columns["a"][::2]).all()
     assert np.isnan(columns["b"][1::2]).all()
+
+
+def test_decimal_commas_are_points_and_columns_of_words_are_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "german"
+    rows = "".join(f"{k / 10};{k / 7:.4f};runs;{'' if k % 2 else -k}\n" for k in range(20)).replace(".", ",")
+    path.write_text("t;a, first;state;b\n" + rows, encoding="utf-8")
+    columns = excite.read_recording(path).streams["table"].columns
+    assert list(columns) == ["t", "a, first", "b"]
+    np.testing.assert_allclose(columns["t"], np.arange(20) / 10)
+    np.testing.assert_allclose(columns["a, first"], np.arange(20) / 7, atol=1e-4)
+    np.testing.assert_array_equal(columns["b"][::2], -np.arange(0, 20, 2))
 
 
 def test_a_line_that_was_not_written_to_its_end_is_left_out(tmp_path: Path) -> None:
