@@ -3,6 +3,7 @@
 - Held rows: the recorder wrote the values of the row before again, under a new time stamp, while the robot moved.
 - Time stamps that jitter although the rows are evenly spaced, such as those of a host that received samples late.
 - Wrong readings of positions, see `excite.logs.impacts`.
+- Positions of revolute joints that wrap around at a whole turn, as encoders of 0 to 360 deg do, go on beyond it.
 """
 
 from __future__ import annotations
@@ -27,12 +28,35 @@ _FEWEST = 3
 
 
 def cleaned(log: Log, robot: Robot) -> Clean:
-    """Leave out held rows and wrong readings of positions, and rebuild the time where its stamps jitter."""
+    """Leave out held rows and wrong readings of positions, and rebuild wrapped ones and the time where it jitters."""
     if log.count <= _FEWEST:
         return log, ()
-    fresh, rates = without_held_rows(log)
+    fresh, rates = without_held_rows(_without_wraps(log, robot))
     clocked, clocks = with_true_time(fresh)
     return without_spikes(clocked, robot), (*rates, *clocks)
+
+
+_TURN = 2 * np.pi
+_MOVED = 0.1  # of a turn, the most that a joint moves from one row to the next
+
+
+def _without_wraps(log: Log, robot: Robot) -> Log:
+    """The log with revolute joints that go on where they were read within one turn, within their limits if they can."""
+    q = log.q.copy()
+    for k, name in enumerate(log.joints):
+        if name not in robot.joint_names or robot.joints[j := robot.joint_index(name)].unit != "rad":
+            continue
+        step, lower, upper = np.diff(q[:, k]), robot.limits.lower[j], robot.limits.upper[j]
+        if np.ptp(q[:, k]) <= _TURN:
+            q[1:, k] -= _TURN * np.cumsum(np.sign(step) * (np.abs(step) > (1 - _MOVED) * _TURN))
+        ends = np.array([q[:, k].min(), q[:, k].max()])
+        turns = _TURN * np.round((ends.mean() - (lower + upper) / 2) / _TURN) if np.isfinite(upper - lower) else 0.0
+        if not lower <= ends[0] <= ends[1] <= upper and lower <= ends[0] - turns <= ends[1] - turns <= upper:
+            q[:, k] -= turns
+    if not (wrapped := [name for name, moved in zip(log.joints, np.any(q != log.q, axis=0), strict=True) if moved]):
+        return log
+    note = f"{', '.join(wrapped)}: read within one turn, positions go on where they wrapped around"
+    return replace(log, q=q, left_out=(*log.left_out, note))
 
 
 _STEPS = 4.0  # of the encoder that a joint should have moved between two equal rows

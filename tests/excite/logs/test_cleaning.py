@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from recordings import held, late, recorded, rounded, some_rows, struck, without_rows
 
-from excite.logs.cleaning import held_rows, with_true_time, without_held_rows
+from excite.logs.cleaning import cleaned, held_rows, with_true_time, without_held_rows
 from excite.logs.event import CLOCK, GARBAGE, HELD, MISSING, RATE, SPIKE, missing_rows
 from excite.logs.impacts import check_resets, without_spikes
 from excite.logs.log import Removed
@@ -175,6 +175,17 @@ def moved(rows, size):
 def test_motion_is_neither(log):
     assert without_spikes(log, PANDA) is log
     check_resets(log, PANDA)
+
+
+@pytest.mark.parametrize("least", [0.0, -np.pi])
+@pytest.mark.parametrize("middle", [0.0, np.pi])
+def test_positions_that_wrap_around_go_on_within_the_limits(least, middle):
+    log = replace(LOG, q=LOG.q + middle)  # about either end of a turn, or where no reading wraps
+    limits = {"lower": np.full(7, middle - 2.9), "upper": np.full(7, middle + 2.9)}
+    robot = replace(PANDA, limits=replace(PANDA.limits, **limits))
+    found, _ = cleaned(replace(log, q=(log.q - least) % (2 * np.pi) + least), robot)
+    np.testing.assert_allclose(found.q, log.q, atol=1e-9)
+    assert cleaned(log, robot)[0].left_out == ()
 
 
 @pytest.mark.parametrize("rows", [slice(2000, 2001), slice(2000, 2004)])
