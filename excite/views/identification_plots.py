@@ -143,9 +143,11 @@ def torques_figure(result: Identification) -> Figure:
     judged = with_measured_side(result.equations, size)[c.equation]
     error = relative_error(c.measured[judged], c.predicted[judged])
     title = f"{result.robot.name}: measured and predicted, relative error {error} over all equations"
-    of_equation = (c.equation == j for j in range(len(result.equations)))
+    shown = np.unique(c.equation)  # a joint that rests has no rows
+    of_equation = (c.equation == j for j in shown)
     rows = [(c.time[own], c.log[own], c.measured[own], c.predicted[own]) for own in of_equation]
-    return fit_figure(title, result.log_names, result.equations, rows, "predicted by the estimate")
+    equations = [result.equations[j] for j in shown]
+    return fit_figure(title, result.log_names, equations, rows, "predicted by the estimate")
 
 
 def residuals_figure(result: Identification) -> Figure:
@@ -153,22 +155,22 @@ def residuals_figure(result: Identification) -> Figure:
 
     ``r_k = mean(e_t e_{t+k}) / mean(e_t^2)``, with the residual e of each log divided by its root mean square.
     """
-    curves, equations = result.curves, result.equations
+    curves, shown = result.curves, np.unique(result.curves.equation)
     residual = curves.measured - curves.predicted
     timeline = Timeline.of(result.log_names, curves.time, curves.log)
-    count = len(equations)
+    count = len(shown)
     title = f"{result.robot.name}: residuals, measured less predicted by the estimate"
     figure, rows = panels(count, Panel((7.6, 3.4), 1.3 if count > 1 else 3.0, left=0.85), title)
-    for j, ((name, unit), (over_time, over_lag)) in enumerate(zip(equations, rows, strict=True)):
-        own = curves.equation == j
+    for j, (over_time, over_lag) in zip(shown, rows, strict=True):
+        (name, unit), own = result.equations[j], curves.equation == j
         time, log, e = curves.time[own], curves.log[own], residual[own]
         over_time.axhline(0.0, color=GREY, linewidth=0.6)
         draw_values(over_time, timeline, time, log, e)
-        timeline.dress(over_time, bottom=j == count - 1)
+        timeline.dress(over_time, bottom=j == shown[-1])
         value_axis(over_time, f"{_QUANTITIES.get(unit, 'value')} [{unit}]")
         rms, worst = (significant(float(x), 3) for x in (np.sqrt(np.mean(e**2)), np.abs(e).max()))
         head(over_time, name, f"rms {rms} {unit}, largest {worst} {unit}")
-        _draw_autocorrelation(over_lag, time, log, e, bottom=j == count - 1)
+        _draw_autocorrelation(over_lag, time, log, e, bottom=j == shown[-1])
     band = Patch(color=BAND, label="99 % of the autocorrelation of white noise")
     legend_below(figure, [*values_legend(int(np.bincount(curves.equation).max())), band])
     return figure

@@ -188,6 +188,14 @@ def test_one_equation_of_one_log(result: Identification, draw: object) -> None:
     assert "time in one [s]" in [ax.get_xlabel() for ax in figure.axes]
 
 
+@pytest.mark.parametrize("draw", [torques_figure, residuals_figure])
+def test_a_joint_that_rests_has_no_rows_and_no_panel(result: Identification, draw: object) -> None:
+    moving = np.flatnonzero(result.observations.equation != 2)
+    figure = draw(observing(result, result.observations.rows(moving)))
+    assert {"q1", "q2"} <= set(texts_of(figure))
+    assert "slide" not in texts_of(figure)
+
+
 def test_residuals_and_their_autocorrelation_are_drawn(result: Identification) -> None:
     figure = residuals_figure(result)
     observations = result.observations
