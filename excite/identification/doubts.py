@@ -110,8 +110,8 @@ def _untold_load(result: Identification, target: IdentificationTarget) -> Doubt 
         return None
     return Doubt(
         f"the robot seems to carry something that its description lacks: {load[1]}",
-        "the parameters are those of the robot with that load",
-        "identify again from a log without it, or say with `identify_payload` what it is",
+        "either it does, and the parameters are those of the robot with that load, or its description has wrong masses",
+        "identify again from a log without a load, or say with `identify_payload` what it is; if there was none, go on",
     )
 
 

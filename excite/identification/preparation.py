@@ -114,7 +114,8 @@ def _usable_rows(log: Log, robot: Robot, target: IdentificationTarget, recipe: R
     names = target.robot.joint_names
     if absent := [name for name in names if name not in log.joints]:
         raise InputError(
-            f"{log.source} has the joints {', '.join(log.joints)}, but not {', '.join(absent)}, which the model moves"
+            f"{log.source} has the joints {', '.join(log.joints)}, but not {', '.join(absent)}, which the model moves; "
+            "record them too, or choose the joints (`joints`) or the part of the robot (`tip`) that the log has"
         )
     moving = log.of(names)
     if recipe.rows == AUTO:
@@ -275,7 +276,8 @@ def _held_joints(log: Log, robot: Robot, target: IdentificationTarget) -> list[s
         if abs(q.mean() - rest[k]) > HELD:
             raise InputError(
                 f"{log.source}: joint {name} rests at {q.mean():.4g} {unit}, "
-                f"but the model holds it at {rest[k]:.4g} {unit}"
+                f"but the model holds it at {rest[k]:.4g} {unit}; record it there, let the model move it too (`joints`), or "
+                "choose a part of the robot without it (`base_link`, `tip`)"
             )
     absent = [n for n in robot.joint_names if n not in target.robot.joint_names and n not in log.joints]
     return [f"{', '.join(absent)}: not in the log, assumed to stand still"] if absent else []

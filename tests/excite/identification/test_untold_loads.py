@@ -58,6 +58,9 @@ def test_a_verdict_names_the_load_that_the_log_has_or_lacks() -> None:
         assert float(mass) == pytest.approx(HEAVY[0], rel=0.05)
         assert whose in verdict.against[-1]
     assert verify(loaded, logs[2]).verdict.holds
+    (warning,) = loaded.warnings
+    assert "carry something" in warning.what
+    assert "or its description has wrong masses" in warning.cause  # which look alike
 
 
 @pytest.mark.slow

@@ -105,7 +105,7 @@ def test_without_choices_an_identification_is_what_it_was() -> None:
         excite.identify("irp6", clean(), choose=("speed",))
     log = clean().of(["q1", "q3"])
     for choose_them in (True, False):
-        with pytest.raises(InputError, match="LOG has the joints q1, q3, but not q2, which the model moves"):
+        with pytest.raises(InputError, match="LOG has the joints q1, q3, but not q2, which the model moves; record"):
             excite.identify("irp6", log, choose=choose_them)
 
 
