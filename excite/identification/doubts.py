@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,6 +33,7 @@ from excite.identification.log_faults import every_joint_moves, load_that_explai
 from excite.identification.noise import residual_diagnostics
 from excite.identification.observations import GroupFactors, Observations
 from excite.identification.prediction import LogPrediction, fit_error, prediction
+from excite.identification.preparation import HELD
 from excite.identification.spoilt_log import spoilt_log
 from excite.information.target import IdentificationTarget
 from excite.logs.signals.method import interpolated
@@ -74,7 +76,9 @@ def _found(result: Identification, target: IdentificationTarget) -> tuple[Doubt,
     if residual is None:  # else the others follow from it
         if target.base.names == result.names:
             poses = allowed_poses(target.robot, _motions(result).q)
-            checks.append(mass_matrix_check(target, result.estimate, poses, _tried(result), noisy))
+            mass = mass_matrix_check(target, result.estimate, poses, _tried(result), noisy)
+            rest = _resting(result)
+            checks.append(replace(mass, cause=rest.what, cure=rest.cure) if mass and rest else mass)
         checks.append(
             impossible_parameters(result.estimate, result.target.base, _shares(result), noisy, _tried(result))
         )
@@ -90,9 +94,22 @@ def warnings_of(result: Identification) -> tuple[Doubt, ...]:
     if target.base.names == result.names and _residual_size(result) <= LARGEST:  # a larger one is no noise
         errors = expected_error(target, result.observations, result.estimate, _motions(result))
         method, tried = result.estimate.method, _tried(result)
-        checks.append(few_data(len(result.prepared), *errors, method, _excess(result), tried=tried))
+        few = few_data(len(result.prepared), *errors, method, _excess(result), tried=tried)
+        checks.append(_resting(result) or few)  # which follows from it
         checks.append(_untold_load(result, target))
     return tuple(warning for warning in checks if warning is not None)
+
+
+def _resting(result: Identification) -> Doubt | None:
+    """Why some parameters do not show where joints of the model rest in all logs."""
+    target, way = result.target_of_instants, np.ptp(_motions(result).q, axis=0)
+    names = zip(target.robot.joint_names, way, strict=True)
+    still = [name for name, x in names if x <= HELD and name not in target.robot.base_joints]
+    if not still or not every_joint_moves(target):
+        return None
+    cure = "add a log in which every joint moves, or, where they rest at zero, leave them out of the model (`joints`)"
+    what = f"{listed_names(still)} {'rests' if len(still) == 1 else 'rest'} in all logs"
+    return Doubt(what, "nothing shows the inertia and the friction there", cure)
 
 
 def _untold_load(result: Identification, target: IdentificationTarget) -> Doubt | None:

@@ -276,8 +276,8 @@ def _held_joints(log: Log, robot: Robot, target: IdentificationTarget) -> list[s
         if abs(q.mean() - rest[k]) > HELD:
             raise InputError(
                 f"{log.source}: joint {name} rests at {q.mean():.4g} {unit}, "
-                f"but the model holds it at {rest[k]:.4g} {unit}; record it there, let the model move it too (`joints`), or "
-                "choose a part of the robot without it (`base_link`, `tip`)"
+                f"but the model holds it at {rest[k]:.4g} {unit}; record it there, let the model move it too "
+                "(`joints`), or choose a part of the robot without it (`base_link`, `tip`)"
             )
     absent = [n for n in robot.joint_names if n not in target.robot.joint_names and n not in log.joints]
     return [f"{', '.join(absent)}: not in the log, assumed to stand still"] if absent else []

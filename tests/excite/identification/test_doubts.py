@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 from observed import observations_of, robot_model
 from pinocchio_chains import chain_model
-from played import EXACT, TASK, found, noisy, played, three_joints
+from played import EXACT, TASK, found, noisy, periodic, played, three_joints
 from recordings import REAL, real_log
 
 from excite.identification.doubts import answers, expected_error, few_data, known_text, other_motion, unknown_texts
@@ -288,6 +288,14 @@ def test_other_motions_stay_within_the_ranges() -> None:
         for name in ("dq", "ddq"):
             size, given = (np.sqrt(np.mean(getattr(s, name) ** 2, axis=0)) for s in (other, motion))
             assert np.all(size <= given * (1 + 1e-9))
+
+
+def test_a_joint_that_rests_is_why_a_log_is_too_little() -> None:
+    log = noisy(played(periodic(np.eye(5)[:2], 1), 3, seconds=4.0), 0.3, 1e-5, 1)
+    result = found(TASK, log, recipe=Recipe())
+    said = [doubt.text for doubt in (*result.doubts, *result.warnings)]
+    assert [text for text in said if text.startswith("q3 rests in all logs")]
+    assert not any("too little" in text for text in said)
 
 
 def test_one_log_that_is_too_little_is_said() -> None:

@@ -86,7 +86,7 @@ def test_joints_that_the_model_holds_must_rest_where_it_holds_them() -> None:
     at = played(three_joints(), 5)
     q = at.q.copy()
     q[:, 4] = 0.3
-    with pytest.raises(InputError, match=r"LOG: joint q5 rests at 0\.3 rad, but the model holds it at 0 rad; record it"):
+    with pytest.raises(InputError, match=r"q5 rests at 0\.3 rad, but the model holds it at 0 rad; record it"):
         found(TASK, replace(at, q=q))
     assert found(TASK, at).condition_number > 1.0
 
