@@ -186,7 +186,7 @@ class _Guessing:
         chosen, joints = chosen_channels(groups, robot, self.ask)
         mapping, time = None, ""
         if (position := chosen.get("position")) is None:
-            names = [stream.title(name) for stream in self.contents.streams for name in stream.columns]
+            names = [stream.title(name) or name for stream in self.contents.streams for name in stream.columns]
             which = "Which columns are the positions of the joints? None was recognised among"
             self.ask(_WHOLE, f"{which} {first_names(names)}")
         elif position.stream not in self.clocks and not self._find_rate(position, chosen.get("velocity")):
