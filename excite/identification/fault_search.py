@@ -67,12 +67,14 @@ class FaultSearch(Instants):
         fits += [self._at_best(partial(gain_fault, names, j), _GAINS, 0.6, xatol=0.01) for j in range(n)]
         return [fit for fit in fits if fit.kind != NO_FAULT.kind]
 
-    def gain_of_zeros(self, none: Fault) -> float:
-        """What zeros of all joints explain beside ``none``, linear in their changes."""
+    def gain_of_zeros(self) -> float:
+        """What zeros of all joints explain that free bodies do not, linear in their changes."""
+        free, W = replace(self, described=None), self.columns  # zeros explain what a description has wrong, too
+        none = Equations.of(free, self.samples, W, self.measured).fit(NO_FAULT)
         x = none.parameters[: self.target.base.rank]
         moved = (replace(self.samples, q=self.samples.q + _STEP * unit) for unit in np.eye(self.samples.q.shape[1]))
-        K = np.stack([(self.columns_of(samples) - self.columns) @ x / _STEP for samples in moved], axis=2)
-        return none.size - Equations.of(self, self.samples, self.columns, self.measured, K).fit(NO_FAULT).size
+        K = np.stack([(self.columns_of(samples) - W) @ x / _STEP for samples in moved], axis=2)
+        return none.size - Equations.of(free, self.samples, W, self.measured, K).fit(NO_FAULT).size
 
     def late_joints(self, none: Fault) -> list[Fault]:
         """The torques of one joint late, in motion (friction that reverses late looks like them), beside ``none``."""

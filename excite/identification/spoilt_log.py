@@ -52,7 +52,8 @@ def spoilt_log(
         cause = "its friction would be so many times that described, and no other is"
         return Doubt(f"{SPOILT} {fault.what}", cause, fault.cure, about="torques")
     noisy = np.any(none.errors > np.maximum(_NOISY * search.noise, _SMALL))
-    if not (doubtful or noisy or search.gain_of_zeros(none) > _GAIN_OF_ZERO):
+    zeros = search.gain_of_zeros()
+    if not (doubtful or noisy or zeros > _GAIN_OF_ZERO):
         return None
     fits = [*search.fits(), *FaultSearch.of(target, parts, friction, _IN_MOTION).late_joints(none)]
     fits += [search.with_load()] if target.robot.is_chain else []
@@ -61,21 +62,21 @@ def spoilt_log(
     if best.kind == "gravity":  # of which, to joints that are parallel, a tilt sideways only takes a part
         fits.append(search.with_other_masses())
     fits += [] if np.all(best.errors < _WHITE * search.noise) else [search.with_lengths()]
-    return named(none, fits, search.noise)
+    return named(none, fits, search.noise, zeros)
 
 
 def _of_faults(fits: list[Fault]) -> list[Fault]:
     return [fit for fit in fits if fit.kind != NO_FAULT.kind]
 
 
-def named(none: Fault, fits: list[Fault], noise: Array) -> Doubt | None:
+def named(none: Fault, fits: list[Fault], noise: Array, zeros: float) -> Doubt | None:
     """Doubt of the best fault, or of the best two if they concern the same joint and explain the same."""
     ranked = sorted(_of_faults(fits), key=lambda fit: fit.size)
     if not ranked:
         return None
     best = ranked[0]
     off = best.kind == "zero" and best.positions is not None and np.abs(best.positions[1]).max() > _LEAST_ZERO
-    gain, fine = none.size - best.size, off and bool(np.all(best.errors < _WHITE * noise))
+    gain, fine = none.size - best.size, off and zeros > _GAIN_OF_ZERO and bool(np.all(best.errors < _WHITE * noise))
     margins = {"zero": _MARGIN_OF_ZERO} if fine else {}
     others = min(MARGIN, gain / 2) if fine else MARGIN
     close = [fit for fit in ranked[1:] if fit.size - best.size <= margins.get(fit.kind, others)]

@@ -163,13 +163,19 @@ def test_a_clock_that_jumps_is_named_and_a_real_gap_is_not() -> None:
     assert not any("clock" in doubt.what for doubt in found(TASK, gap, recipe=Recipe(rows="all")).doubts)
 
 
-def ur10e_log() -> Log:
+def ur10e_log(masses: tuple[float, ...] = (1.0,) * 6, noise: float = 0.02) -> Log:
+    """Torques of the described bodies times factors."""
     robot = built_in("ur10e")
     motion = periodic(np.eye(6), 3, 0.6).samples(np.arange(800) / 200)
     model = DifferentialModel(robot)
+    links = dict(zip((f"{k}" for k in range(1, 7)), masses, strict=True))
+    factors = [
+        links[c.name.lstrip("mI")[0]] if c.name[0] in "mI" and c.name[1].isdigit() else 1.0 for c in model.columns
+    ]
     known = standard_values(robot)
-    y = (model.instants(motion) @ [known.get(column.name, 0.0) for column in model.columns]).reshape(motion.q.shape)
-    y += 0.02 * np.sqrt(np.mean(y**2, axis=0)) * np.random.default_rng(0).normal(size=y.shape)
+    theta = [known.get(column.name, 0.0) * f for column, f in zip(model.columns, factors, strict=True)]
+    y = (model.instants(motion) @ theta).reshape(motion.q.shape)
+    y += noise * np.sqrt(np.mean(y**2, axis=0)) * np.random.default_rng(0).normal(size=y.shape)
     return Log("LOG", "other", robot.joint_names, motion.time, motion.q, effort=y)
 
 
@@ -179,6 +185,15 @@ def test_a_zero_that_is_little_off_is_named_where_all_else_is_white_noise() -> N
     (doubt,) = estimate_parameters(built_in("ur10e"), Task("ur10e"), (off,), EXACT).doubts
     assert numbers("the zero of elbow_joint is off by (.+) degrees$", doubt.what) == pytest.approx([-3.0], abs=0.3)
     assert estimate_parameters(built_in("ur10e"), Task("ur10e"), (log,), EXACT).doubts == ()
+
+
+def test_zeros_explain_a_zero_that_is_off_and_no_masses_that_are() -> None:
+    log = ur10e_log((1.08, 0.86, 0.72, 0.71, 1.19, 1.25), noise=0.003)
+    off = replace(log, q=log.q + np.deg2rad([0.0, 0.0, 3.0, 0.0, 0.0, 0.0]), sha256="off")
+    for one, explained in ((log, False), (off, True)):
+        result = estimate_parameters(built_in("ur10e"), Task("ur10e"), (one,), EXACT)
+        search = FaultSearch.of(result.target, result.prepared, result.friction)
+        assert (search.gain_of_zeros() > 0.08) is explained
 
 
 def test_another_robot_of_the_family_is_named_with_its_lengths() -> None:
@@ -217,5 +232,5 @@ def test_a_sound_log_is_not_accused(seed: int) -> None:
     search = FaultSearch.of(result.target, result.prepared, result.friction)
     none = search.plain.fit(NO_FAULT)
     fits = [*search.fits(), *search.late_joints(none), search.with_lengths()]
-    assert named(none, fits, search.noise) is None
+    assert named(none, fits, search.noise, search.gain_of_zeros()) is None
     assert none.size - min(fit.size for fit in fits) < GAIN / 2
