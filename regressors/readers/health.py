@@ -87,21 +87,23 @@ def _rates(part: MovingPart) -> Iterator[Finding]:
 
 def _placeholders(tree: UrdfTree, part: MovingPart) -> Iterator[Finding]:
     """Limits that leave a joint hardly any speed, room or torque, or more speed than there is."""
-    speeds, narrow, weak = {}, {}, {}
+    slow, fast, narrow, weak = dict[str, str](), dict[str, str](), dict[str, str](), dict[str, str]()
     for joint in part.moving:
         unit = "m" if joint.kind == "prismatic" else "rad"
         lower, upper = range_of(joint)
         speed, effort = joint.bounds.get("velocity"), joint.bounds.get("effort")
         if speed and not _SLOWEST[unit] <= speed <= _FASTEST:
-            speeds[joint.name] = f"a velocity limit of {speed:g} {unit}/s"
+            (slow if speed < _FASTEST else fast)[joint.name] = f"a velocity limit of {speed:g} {unit}/s"
         if upper - lower < _NARROWEST[unit]:
             narrow[joint.name] = f"a range of {upper - lower:.2g} {unit}"
         if effort and unit == "rad" and effort < _WEAKEST * (weight := _weight(tree, joint)):
             weak[joint.name] = (
                 f"an effort limit of {effort:g} Nm, but what it carries weighs on it with {weight:.2g} Nm"
             )
+    advice = "it may be a placeholder, or in another unit: give `velocity`, or write it into the file"
+    yield from _of("assumed", "joint", list(fast), next(iter(fast.values()), ""), advice)  # no motion fails by it
     for told, advice in (
-        (speeds, "it may be a placeholder, or in another unit: give `velocity`, or write it into the file"),
+        (slow, "it may be a placeholder: give `velocity`, or write it into the file"),
         (narrow, "it may be a placeholder, or in another unit: give `position`, or write it into the file"),
         (weak, "masses may be in grams, or the limit is a placeholder"),
     ):
@@ -133,7 +135,7 @@ def _doubtful(tree: UrdfTree, part: MovingPart, bodies: Sequence[Body]) -> Itera
 
 
 def _of(
-    kind: Literal["found", "missing", "suspicious"], part: str, names: list[str], what: str, advice: str = ""
+    kind: Literal["found", "assumed", "missing", "suspicious"], part: str, names: list[str], what: str, advice: str = ""
 ) -> Iterator[Finding]:
     """What was noticed of some joints, or of some links; nothing if there are none."""
     if names:
