@@ -7,7 +7,7 @@ smooth.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -158,24 +158,26 @@ def upwards(robot: Robot) -> Array:
     return np.where(np.abs(up) < 1e-12, 0.0, up)
 
 
-def why_not_mounted(robot: Robot, parts: Sequence[Part], surface: Obstacle) -> str | None:
-    """Why a robot does not stand on a surface, judged by what its description says; None if it may.
-
-    At position zero, or as near to it as the limits allow, no link reaches further below the plane than 5 cm; and in at
-    least 5 % of random poses within the limits all are above it.
-    """
+def moving_heights(robot: Robot, parts: Sequence[Part], surface: Obstacle) -> dict[str, Array]:
+    """Heights above a surface of the links that joints raise or lower, at position zero and in random poses."""
     assert isinstance(surface.shape, HalfSpace)
     low, high = finite_ranges(robot)
     q = np.vstack([np.clip(0.0, low, high), np.random.default_rng(0).uniform(low, high, (_POSES, robot.n))])
     height = {link: values - surface.shape.offset for link, values in _heights(robot, parts, surface.shape, q).items()}
-    moving = {link: values for link, values in height.items() if np.ptp(values) > 1e-9}
-    if not moving:
-        return "no joint changes a height above it"
-    deepest = min(moving, key=lambda link: float(moving[link][0]))
-    depth = -float(moving[deepest][0])
+    return {link: values for link, values in height.items() if np.ptp(values) > 1e-9}
+
+
+def why_not_mounted(height: Mapping[str, Array]) -> str | None:
+    """Why a robot does not stand on a surface, judged by the heights of what moves above it; None if it may.
+
+    At position zero, or as near to it as the limits allow, no link reaches further below the plane than 5 cm; and in at
+    least 5 % of random poses within the limits all are above it.
+    """
+    deepest = min(height, key=lambda link: float(height[link][0]))
+    depth = -float(height[deepest][0])
     if depth > _DEEP:
         return f"at position zero {deepest} is {depth:.2g} m below the base, so the base does not stand on it"
-    share = float(np.mean(np.min(list(moving.values()), axis=0)[1:] > 0.0))
+    share = float(np.mean(np.min(list(height.values()), axis=0)[1:] > 0.0))
     if share < _SHARE:
         return f"the robot is above it in {percent(share)} of its poses, so the base does not stand on it"
     return None

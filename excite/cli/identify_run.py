@@ -16,6 +16,7 @@ from excite.cli.progress import interrupted_status, one_interrupt, progress_of_r
 from excite.cli.streams import in_options, remark, say, tell
 from excite.cli.summary import Drawn, print_verdict, print_view, show
 from excite.design.design_json import find_design
+from excite.design.interruption import signal_answered
 from excite.errors import LostWorkersError
 from excite.export.models.exported_model import model_of_result
 from excite.identification.identification import Identification
@@ -209,6 +210,7 @@ def repeat_and_write(result: Identification, out: Path, given: Mapping[str, Any]
             result = replace(result, kept=result.facts, repetitions=summary_of(repeated_runs))
             amend_result_file(out, result)
     except KeyboardInterrupt:
+        signal_answered()
         say("excite: interrupted; the result is saved, without repetitions")
         return result, interrupted_status()
     except InputError as error:

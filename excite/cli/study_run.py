@@ -68,8 +68,9 @@ def bound_and_write(
     design = excite.load_design(folder, parts)
     known = None if force else stored_bound(design)
     files: list[Path] = []
+    remarks: tuple[str, ...] = ()
     if known is not None and {each.name for each in known.criteria} >= set(criteria):
-        result = known
+        result, remarks = known, (f"bounds are read from {NAME}; --force computes them again",)
         if known.sensitivity is None and what_ifs:
             result = replace(known, sensitivity=sensitivity(design, tell))
             files = result.save(_place(folder))
@@ -79,9 +80,7 @@ def bound_and_write(
         result = replace(result, criteria=(*result.criteria, *others))
         files = result.save(_place(folder))
     view = view_of(result)
-    if not files:
-        view = replace(view, remarks=(f"read from {NAME}; --force computes it again", *view.remarks))
-    show(view, files, content=lambda: json_of(result))
+    show(replace(view, remarks=(*remarks, *view.remarks)), files, content=lambda: json_of(result))
     if (interruption := current_interruption()) is not None and interruption.number is not None:
         sys.exit(interruption.status)  # the bound so far is kept
 

@@ -241,7 +241,7 @@ def _between(use: Array, count: int) -> Index:
     second = np.abs(use[:, 2:] - 2.0 * use[:, 1:-1] + use[:, :-2])
     rise = np.empty_like(use)
     rise[:, 1:-1], rise[:, 0], rise[:, -1] = second, second[:, 0], second[:, -1]
-    highest = (use + _RISE * rise).max(axis=0) > _NEAR
+    highest = (use + _RISE * rise).max(axis=0, initial=-np.inf) > _NEAR
     near = highest.copy()  # the part of the grid that begins at each coarse instant
     near[:-1] |= highest[1:]
     first = _COARSE * np.flatnonzero(near)

@@ -146,6 +146,12 @@ def repeat_lost_signal() -> None:
         _current.repeat()
 
 
+def signal_answered() -> None:
+    """State that the first signal has ended what it was to end, so that it is not raised again."""
+    if _current is not None:
+        _current.caught()
+
+
 @contextmanager
 def answered_signals() -> Iterator[Interruption]:
     """Answer signals in the block, except those that this process ignores, as below ``nohup``."""

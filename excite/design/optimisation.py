@@ -25,7 +25,7 @@ from excite.design.blueprint import TYPICAL_STARTS, search_seconds
 from excite.design.design import Design
 from excite.design.formulation import LIKELY_CAUSE, Formulation, formulate
 from excite.design.initial_guesses import best_random_value
-from excite.design.interruption import current_interruption
+from excite.design.interruption import signal_answered
 from excite.design.problem import Problem
 from excite.design.search_rounds import COMBINED, Rounds, RunningRounds, design_with_harmonics
 from excite.design.start_results import BestStarts, Progress as Progress, StartResult, best_starts
@@ -203,8 +203,7 @@ def solve(
         at_end()
     except KeyboardInterrupt:
         interrupted = True
-        if (answered := current_interruption()) is not None:
-            answered.caught()
+        signal_answered()
     results = best_starts(kept.folder, rounds.planned)
     if not results.best:
         raise KeyboardInterrupt if interrupted else NoFeasibleMotionError(_NONE)

@@ -18,6 +18,7 @@ import numpy as np
 
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
+from excite.design.interruption import signal_answered
 from excite.design.start_results import (
     HarmonicsTrial,
     Kind,
@@ -255,6 +256,7 @@ def design_with_harmonics(robot: Robot, task: Task, prepare: Prepare, solve: Sol
             end = f"{number} harmonics are not possible: {error}"
             break
         except KeyboardInterrupt:
+            signal_answered()
             best = replace(best, interrupted=True)
             break
         trials.append(_trial(design))

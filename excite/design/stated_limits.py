@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from constraints.clearance import assumed_radius, mounting_surface, skeleton, upwards, why_not_mounted
+from constraints.clearance import assumed_radius, mounting_surface, moving_heights, skeleton, upwards, why_not_mounted
 from constraints.closed_loops import loop_limits
 from constraints.collision_limits import Clearance, SelfCollisions
 from constraints.geometry import HalfSpace, Obstacle, World
@@ -157,7 +157,9 @@ def stated_world(robot: Robot, task: Task) -> StatedWorld:
     given = task.limits.known_world
     known, notes = _parts(robot, task) if given is None else (given.parts, ())
     parts = skeleton(robot, assumed_radius(robot)) if isinstance(known, Unchecked) else known
-    surface = _surface(robot, task, parts)
+    point = task.limits.tool_point
+    tool = (Part(robot.links[robot.last_link("a tool")].name, Capsule(point, point, _TOOL)),) if any(point) else ()
+    surface = _surface(robot, task, parts, tool)
     objects = (surface,) if isinstance(surface, Obstacle) else ()
     unchecked = (surface,) if isinstance(surface, Unchecked) else ()
     reason = Unchecked("self-collision", "left out on request") if not task.limits.self_collision else known
@@ -167,9 +169,7 @@ def stated_world(robot: Robot, task: Task) -> StatedWorld:
     apart = given is None and not isinstance(reason, Unchecked)
     if not objects and not apart:
         return StatedWorld(None, unchecked)
-    if any(point := task.limits.tool_point):
-        parts = (*parts, Part(robot.links[robot.last_link("a tool")].name, Capsule(point, point, _TOOL)))
-    world = World(parts, objects, _CONTACT, self_collision=apart)
+    world = World((*parts, *tool), objects, _CONTACT, self_collision=apart)
     try:
         world.check(robot)
     except InputError as error:
@@ -178,7 +178,7 @@ def stated_world(robot: Robot, task: Task) -> StatedWorld:
     return StatedWorld(world, unchecked, (*notes, *(_surface_note(each, robot, assumed=assumed) for each in objects)))
 
 
-def _surface(robot: Robot, task: Task, parts: tuple[Part, ...]) -> Obstacle | Unchecked | None:
+def _surface(robot: Robot, task: Task, *bodies: tuple[Part, ...]) -> Obstacle | Unchecked | None:
     """The surface that the robot is mounted on, or why it is not checked; None where a plane of the world is it."""
     mount, floor, world = task.installation.mount, task.limits.floor, task.limits.known_world
     name = mount if isinstance(mount, str) else "floor"
@@ -189,7 +189,12 @@ def _surface(robot: Robot, task: Task, parts: tuple[Part, ...]) -> Obstacle | Un
     if any(isinstance(shape, HalfSpace) and np.dot(shape.normal, normal) > _ALIKE for shape in shapes):
         return None
     surface = mounting_surface(name, normal, floor if isinstance(floor, float) else _lowest(task, normal))
-    if isinstance(floor, float) or (reason := why_not_mounted(robot, parts, surface)) is None:
+    heights = next(filter(None, (moving_heights(robot, parts, surface) for parts in bodies)), None)
+    if heights is None:
+        return Unchecked(
+            name, "no joint raises or lowers a known shape; shapes of links, or `tool_point`, tell of others"
+        )
+    if isinstance(floor, float) or (reason := why_not_mounted(heights)) is None:
         return surface
     return Unchecked(name, f"{reason}; `floor` states its height above the base's origin")
 

@@ -14,6 +14,7 @@ import numpy as np
 from excite.design.blueprint import restricted_limits
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
+from excite.design.interruption import signal_answered
 from excite.design.problem_identity import NotComparable, content_sha256, plain_options
 from excite.errors import BrokenLimitError, ConicSolverError
 from excite.information.target import target_of
@@ -212,10 +213,13 @@ def bound(
         except KeyboardInterrupt:
             if not best:
                 raise
+            signal_answered()
             said = (*said, "the work was interrupted: without that, the bound may be better")
         else:
-            with suppress(KeyboardInterrupt):
+            try:
                 changes = sensitivity(design, progress) if what_ifs else None
+            except KeyboardInterrupt:
+                signal_answered()
     found, problem = tuple(best.values()), bounded_problem_sha256(design)
     return DesignBound(design.name, problem, found, said, design.coefficients_sha256, changes)
 

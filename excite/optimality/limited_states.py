@@ -49,7 +49,7 @@ class LimitedStates:
     @property
     def middle(self) -> Array:
         """Middle of the positions' range, shape (m,); NaN where it is not bounded."""
-        return np.where(np.isfinite(self.high - self.low), 0.5 * (self.low + self.high), np.nan)
+        return np.asarray(0.5 * (np.where(np.isfinite(self.radius), self.low, np.nan) + self.high))
 
     @property
     def radius(self) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
+from excite.design.interruption import signal_answered
 from excite.design.optimisation import Progress, search_folder, solve
 from excite.design.problem import Problem
 from excite.design.starts import KeptStarts, keep_starts
@@ -138,6 +139,7 @@ def search_for_precision(
         try:
             obstacles = out_of_reach(best, run, forecast, report)
         except KeyboardInterrupt:
+            signal_answered()
             search.interrupted = True
     found = PrecisionSearch(
         asked=run.precision.to_dict(),

@@ -18,6 +18,7 @@ import numpy as np
 
 from excite.design.design import Design
 from excite.design.formulation import Formulation
+from excite.design.interruption import signal_answered
 from excite.errors import NoFeasibleMotionError
 from excite.information.precision_forecast import FrontPoint, RunInformation, TriedPeriod
 from excite.tasks.stored_files import InitialDesign
@@ -62,6 +63,7 @@ class PeriodSearch:
         except KeyboardInterrupt:
             if not self.trials:
                 raise
+            signal_answered()
             self.interrupted = True
         if not self.trials:
             raise self.refusals[-1]

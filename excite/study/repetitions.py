@@ -19,7 +19,7 @@ import scipy
 
 from excite.design.executors.dask_cluster import DaskCluster, check_versions, unit_executor, versions_of
 from excite.design.executors.unit_executor import SHORT, InProcesses, InThisProcess, LostUnit, UnitExecutor
-from excite.design.interruption import current_interruption
+from excite.design.interruption import signal_answered
 from excite.design.problem_identity import NotComparable, package_versions, plain_value
 from excite.errors import LostWorkersError
 from excite.identification.equations import predicted_rows
@@ -229,8 +229,7 @@ def _repeated(
         if len(found) < FEWEST:
             raise
         interrupted = True
-        if (answered := current_interruption()) is not None:
-            answered.caught()
+        signal_answered()
     except LostWorkersError as error:
         remedy = "repeat with fewer `workers`, or with another `executor`"
         if kept.save(found, now=True):

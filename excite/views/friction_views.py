@@ -116,7 +116,8 @@ def _coordinate(plan: FrictionPlan, c: CoordinatePlan) -> Iterator[str]:
         yield f"{c.label}: gravity: {nowhere}; `fit_friction` subtracts it by the model"
     for use in c.broken:
         excess = f"{use.extreme:.4g} {use.unit} beyond {use.bound:.4g} at {use.time:.2f} s"
-        yield f"{c.label}: {use.label} does not hold: {excess}; lower `acceleration`"
+        cure = "lower `acceleration`, or where the weight alone exceeds it, give another `pose` or check the limit"
+        yield f"{c.label}: {use.label} does not hold: {excess}; {cure}"
     yield from _nearness(plan, c)
     if c.torques_unchecked:
         yield f"{c.label}: torque limits are not checked: {c.torques_unchecked}"

@@ -19,6 +19,7 @@ from regressors.robot.plausibility import principal_moments
 
 _FAR = 50.0  # m between two neighbouring joints
 _SLOWEST = {"rad": 0.01, "m": 0.001}  # per second; the slowest joints of example-robot-data have 0.32 and 0.013
+_FASTEST = 100.0  # rad/s or m/s; the joints there have less, or 1000 and more, which is none
 _NARROWEST = {"rad": 0.1, "m": 0.001}  # there 0.52 and 0.01
 _WEAKEST = 0.02  # of the torque of the weight that a joint carries at zero; there 0.18
 _GRAVITY = 9.81
@@ -85,20 +86,22 @@ def _rates(part: MovingPart) -> Iterator[Finding]:
 
 
 def _placeholders(tree: UrdfTree, part: MovingPart) -> Iterator[Finding]:
-    """Limits that leave a joint hardly any speed, room or torque."""
-    slow, narrow, weak = {}, {}, {}
+    """Limits that leave a joint hardly any speed, room or torque, or more speed than there is."""
+    slow, fast, narrow, weak = dict[str, str](), dict[str, str](), dict[str, str](), dict[str, str]()
     for joint in part.moving:
         unit = "m" if joint.kind == "prismatic" else "rad"
         lower, upper = range_of(joint)
         speed, effort = joint.bounds.get("velocity"), joint.bounds.get("effort")
-        if speed and speed < _SLOWEST[unit]:
-            slow[joint.name] = f"a velocity limit of {speed:g} {unit}/s"
+        if speed and not _SLOWEST[unit] <= speed <= _FASTEST:
+            (slow if speed < _FASTEST else fast)[joint.name] = f"a velocity limit of {speed:g} {unit}/s"
         if upper - lower < _NARROWEST[unit]:
             narrow[joint.name] = f"a range of {upper - lower:.2g} {unit}"
         if effort and unit == "rad" and effort < _WEAKEST * (weight := _weight(tree, joint)):
             weak[joint.name] = (
                 f"an effort limit of {effort:g} Nm, but what it carries weighs on it with {weight:.2g} Nm"
             )
+    advice = "it may be a placeholder, or in another unit: give `velocity`, or write it into the file"
+    yield from _of("assumed", "joint", list(fast), next(iter(fast.values()), ""), advice)  # no motion fails by it
     for told, advice in (
         (slow, "it may be a placeholder: give `velocity`, or write it into the file"),
         (narrow, "it may be a placeholder, or in another unit: give `position`, or write it into the file"),
@@ -132,7 +135,7 @@ def _doubtful(tree: UrdfTree, part: MovingPart, bodies: Sequence[Body]) -> Itera
 
 
 def _of(
-    kind: Literal["found", "missing", "suspicious"], part: str, names: list[str], what: str, advice: str = ""
+    kind: Literal["found", "assumed", "missing", "suspicious"], part: str, names: list[str], what: str, advice: str = ""
 ) -> Iterator[Finding]:
     """What was noticed of some joints, or of some links; nothing if there are none."""
     if names:

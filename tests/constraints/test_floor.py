@@ -12,7 +12,15 @@ from public_arms import ARMS
 from slow_dynamics import random_chain
 
 import excite
-from constraints.clearance import CLEARANCE, assumed_radius, mounting_surface, skeleton, upwards, why_not_mounted
+from constraints.clearance import (
+    CLEARANCE,
+    assumed_radius,
+    mounting_surface,
+    moving_heights,
+    skeleton,
+    upwards,
+    why_not_mounted,
+)
 from constraints.collision_limits import Clearance, SelfCollisions
 from constraints.enclosure import enclose
 from constraints.geometry import HalfSpace, Obstacle, Part, World
@@ -67,7 +75,6 @@ STANDING = {  # chain, height of the lowest point of its base as the meshes, box
 NOT_STANDING = {
     "talos-left-arm-alone": "arm_left_7_link is 0.72 m below the base",
     "alexander-leg": "RIGHT_ANKLE_Y_LINK is 0.89 m below the base",
-    "two-dofs": "no joint changes a height above it",
 }
 
 
@@ -78,7 +85,7 @@ def of_public(name: str, **options: object) -> Task:
 
 def some(rows: dict[str, object]) -> list[object]:
     """Rows as parameters; reading the meshes of large robots takes seconds."""
-    small = ("panda-hand", "ur10", "xarm7", "z1", "kinova", "alexander-leg", "two-dofs")
+    small = ("panda-hand", "ur10", "xarm7", "z1", "kinova", "alexander-leg")
     return [pytest.param(*row, id=row[0], marks=[pytest.mark.slow] * (row[0] not in small)) for row in rows.items()]
 
 
@@ -97,6 +104,14 @@ def test_what_hangs_below_its_base_does_not_stand_there(name: str, why: str) -> 
     assert surface(of_public(name, self_collision=False, floor=-1.5)) is not None
 
 
+def test_where_no_joint_raises_a_known_shape_a_stated_floor_is_not_checked_either(tmp_path: Path) -> None:
+    path = tmp_path / "post.urdf"
+    path.write_text(URDF.format('<sphere radius="1"/>'), encoding="utf-8")
+    for floor in ("auto", -1.5):
+        assert "no joint raises or lowers a known shape" in reason(Task(str(path), floor=floor))
+        assert surface(Task(str(path), floor=floor, tool_point=(0.3, 0.0, 0.0))) is not None
+
+
 def test_a_share_of_the_poses_must_be_above_it(tmp_path: Path) -> None:
     """A level boom that can hardly be raised hangs from its post, one that can stands on it."""
     path = tmp_path / "post.urdf"
@@ -105,7 +120,8 @@ def test_a_share_of_the_poses_must_be_above_it(tmp_path: Path) -> None:
     for lower in (-0.01, -0.1):
         path.write_text(URDF.format('<sphere radius="1"/>').replace('lower="-1"', f'lower="{lower}"'), encoding="utf-8")
         robot = excite.load_robot(str(path))
-        reasons.append(why_not_mounted(robot, parts, mounting_surface("floor", upwards(robot), 0.99)))
+        heights = moving_heights(robot, parts, mounting_surface("floor", upwards(robot), 0.99))
+        reasons.append(why_not_mounted(heights))
     assert reasons == [reasons[0], None]
     assert "% of " in reasons[0]
 

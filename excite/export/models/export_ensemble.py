@@ -8,6 +8,7 @@ from hashlib import sha256
 from math import ceil
 from pathlib import Path
 
+from excite.design.interruption import signal_answered
 from excite.export.exported import Exported
 from excite.export.models.export_model import ModelFormat, chosen_format, comment_of
 from excite.export.models.exported_model import model_of_result, model_of_sample
@@ -117,6 +118,7 @@ def export_ensemble(
                 notes = notes if number else tuple(dict.fromkeys((*notes, *own)))
                 progress(paths + number + 1, paths + samples)
         except KeyboardInterrupt:
+            signal_answered()
             interrupted = True
         listed = {
             "schema": SCHEMA,

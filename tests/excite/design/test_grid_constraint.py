@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from slow_dynamics import random_chain
 
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
@@ -201,6 +202,15 @@ def test_a_search_overlooks_no_peak_of_the_grid(family: str) -> None:
             looked += instants.size < values.shape[1]
     assert tight > 5
     assert looked > 10
+
+
+def test_a_tool_on_the_axis_of_the_only_joint_has_one_place() -> None:
+    family, robot = Fourier(7.0, 3), random_chain("r", np.random.default_rng(0))
+    box = tool_box(robot, np.zeros(3), np.full(3, -5.0), np.full(3, 5.0))
+    limit = GridConstraint.on_joints(box, GridJoints(family.on_grid(64), of_joints(robot, [0])))
+    _, values, use = limit.sampled(motion(family, 0)[:1])
+    np.testing.assert_allclose(np.ptp(values, axis=1), 0.0, atol=1e-12)
+    assert use.max() < 1.0
 
 
 def test_rows_of_the_programme_forbid_what_they_linearise() -> None:

@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import signal
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,8 +19,10 @@ from commands import Here
 import excite
 from constraints.certificate import limit_uses
 from excite.cli.main import cli
+from excite.design import interruption
 from excite.design.design_json import load_design
 from excite.design.formulation import formulate
+from excite.design.interruption import answered_signals
 from excite.design.problem import Problem
 from excite.optimality import design_bound
 from excite.optimality.cutting_planes import BOUNDED
@@ -61,6 +64,24 @@ def test_interrupted_changes_leave_the_bound(folder: Path, monkeypatch: pytest.M
     assert excite.bound(load_design(folder), rounds=1, what_ifs=False).criteria[0].value == found.criteria[0].value
 
 
+@pytest.mark.parametrize("stopped", ["sensitivity", "proven_factor"])
+def test_a_signal_that_stopped_it_is_not_raised_again(
+    stopped: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls, own = list[int](), getattr(design_bound, stopped)
+
+    def interrupted(*given: Any) -> Any:
+        calls.append(1)
+        return signal.raise_signal(signal.SIGTERM) if stopped == "sensitivity" or len(calls) == 2 else own(*given)
+
+    monkeypatch.setattr(design_bound, stopped, interrupted)
+    monkeypatch.setattr(interruption, "_AGAIN", 0.05)
+    with answered_signals():
+        found = excite.bound(load_design(folder), rounds=2)
+        time.sleep(0.3)
+    assert found.sensitivity is None
+
+
 def test_a_stopped_command_keeps_the_bound_and_says_by_its_status_that_it_was_stopped(
     folder: Path, monkeypatch: pytest.MonkeyPatch, here: Here
 ) -> None:
@@ -70,6 +91,8 @@ def test_a_stopped_command_keeps_the_bound_and_says_by_its_status_that_it_was_st
     assert ended.returncode == 143
     assert "written: one/bound.json" in ended.stdout
     assert stored_bound(load_design(here.cwd / "one")) is not None
+    monkeypatch.undo()
+    assert "bounds are read from bound.json; --force computes them again" in here.run("bound", "one").stdout
 
 
 def test_an_interrupted_bound_is_what_was_proven_so_far(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -180,6 +180,15 @@ def test_drawn_states_are_inside_and_reach_the_limits() -> None:
     drawn = states(HARMONICS * OMEGA).drawn(2000, np.random.default_rng(1))
     assert np.all(states(HARMONICS * OMEGA).hold(drawn))
     assert np.abs(drawn[:, 4:] @ states(None).directions.T / A).max() == pytest.approx(1.0, abs=1e-3)
+
+
+@np.errstate(invalid="raise")
+def test_states_of_a_joint_that_turns_without_end_are_drawn() -> None:
+    endless = np.array([np.inf, 0.6])
+    free = replace(states(HARMONICS * OMEGA), low=-endless, high=endless)
+    drawn = free.drawn(200, np.random.default_rng(2))
+    assert np.ptp(drawn[:, 0]) > 2.0 * R[0]
+    assert np.all(free.hold(drawn))
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -291,6 +291,13 @@ def test_limits_that_leave_hardly_anything_are_told(text: str, message: str) -> 
     assert message in found
 
 
+def test_a_velocity_that_no_joint_reaches_is_told_but_not_suspected_where_no_motion_is_found() -> None:
+    robot = parse_urdf(limited(velocity=180))
+    message = "joint j: a velocity limit of 180 rad/s; it may be a placeholder, or in another unit: give `velocity`"
+    assert [note.startswith(message) for note in told(robot, "assumed")] == [True]
+    assert told(robot, "suspicious") == []
+
+
 @pytest.mark.parametrize(
     "text",
     [

@@ -144,8 +144,10 @@ def test_torques_that_are_not_there_are_said_to_be_broken() -> None:
     robot = built_in("irp6")
     limits = robot.transmission.limits
     weak = robot.replace(transmission=replace(robot.transmission, limits=replace(limits, torque=limits.torque * 0.35)))
-    (c,) = planned(weak, SHORT, drives=("2",)).coordinates
-    assert [use.label for use in c.broken] == ["drive z2 torque"]
+    plan = planned(weak, SHORT, drives=("2",))
+    assert [use.label for use in plan.coordinates[0].broken] == ["drive z2 torque"]
+    cure = "where the weight alone exceeds it, give another `pose`"
+    assert any(cure in remark for remark in friction_plan_view(plan).remarks)
     (unknown,) = planned(built_in("iiwa7"), SHORT, joints=("1",)).coordinates
     assert "need the inertias of all links" in unknown.torques_unchecked
 
