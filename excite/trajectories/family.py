@@ -12,7 +12,7 @@ import numpy as np
 from constraints.certificate import Extrema, LimitUse
 from constraints.linear import Constraint, LinearConstraint
 from excite.registry import BUILT_IN, OwnPart, built_in
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.models.partial import PartialMotion
 from regressors.quantities import check
 from regressors.samples import Array, Index, Samples
@@ -257,8 +257,7 @@ def stored_trajectory(series: Mapping[str, Any], joints: int, family: Family | N
     if family is None:
         if ":" in name:
             raise OwnPart("trajectory", name).missing()
-        if name not in BUILT_IN["trajectory"]:
-            raise UnknownName("trajectory family", name, BUILT_IN["trajectory"])
+        check_names("trajectory family", [name], BUILT_IN["trajectory"])
         kind = built_in("trajectory", name)
         family = kind(series["period"], *(series[option] for option in kind.options))
     return family.stored(series, joints)
