@@ -48,6 +48,8 @@ class Family(ABC):
         Task options that the constructor takes after the period; attributes of the same names.
     richness_option : str
         The option that makes its motions richer.
+    terms : str
+        What its motions consist of, with its attributes in braces, such as ``{harmonics} harmonics``.
     samples_per_term : int
         Samples per unit of that option up to which a motion cannot be distinguished from a poorer one.
     """
@@ -58,6 +60,7 @@ class Family(ABC):
     linear: bool
     options: ClassVar[tuple[str, ...]] = ("harmonics",)
     richness_option: ClassVar[str] = "harmonics"
+    terms: ClassVar[str] = "{harmonics} harmonics"
     samples_per_term: ClassVar[int] = 2
 
     def __repr__(self) -> str:
@@ -65,14 +68,14 @@ class Family(ABC):
         return f"<{type(self).__name__}: {self.described} over {self.duration:g} s>"
 
     @property
-    @abstractmethod
     def richness(self) -> int:
         """Approximate number of harmonics of a motion, which determines its sampling."""
+        return int(getattr(self, self.richness_option))
 
     @property
-    @abstractmethod
     def described(self) -> str:
         """Short description of its terms, such as ``5 harmonics``."""
+        return self.terms.format(**vars(self))
 
     @property
     def harmonic_frequencies(self) -> Array | None:
