@@ -16,7 +16,7 @@ from inspect import Parameter, signature
 from pathlib import Path
 from typing import Any
 
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, UnknownName, check_names
 from regressors.quantities import shown
 
 BUILT_IN: Mapping[str, Mapping[str, str]] = {
@@ -204,8 +204,7 @@ class OwnPart:
 
 def built_in(kind: str, name: str) -> Any:
     """Class or function that a name stands for."""
-    if name not in BUILT_IN[kind]:
-        raise UnknownName(kind, name, BUILT_IN[kind])
+    check_names(kind, [name], BUILT_IN[kind])
     return _attribute(BUILT_IN[kind][name])
 
 

@@ -41,6 +41,8 @@ def reading(what: str) -> Iterator[None]:
     """Turn what reading a file raises in the block into `InputError`."""
     try:
         yield
+    except UnicodeDecodeError as error:
+        raise InputError(f"cannot read {what}: not a text file in UTF-8 (byte {error.start + 1})") from error
     except (OSError, ValueError) as error:
         raise InputError(f"cannot read {what}: {getattr(error, 'strerror', None) or error}") from error
 

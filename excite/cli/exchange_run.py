@@ -18,7 +18,7 @@ from excite.cli.summary import show
 from excite.export.exported import Exported
 from excite.registry import MODEL_FORMATS, MOTION_FORMATS, built_in
 from excite.tasks.further_settings import EnsembleSettings
-from excite.views.view import View, ViewTable, texts
+from excite.views.view import View, ViewTable, text_of, texts
 
 _DESIGN, _RESULT, _SERVOS = "design.json", "result.json", "servos.json"
 
@@ -87,7 +87,7 @@ def _show(exported: Exported) -> None:
         files = [str(file) for file in exported.files]
         return {"format": exported.format, "files": files, **exported.facts, "notes": notes}
 
-    facts = tuple((name.replace("_", " "), _shown(value)) for name, value in exported.facts.items())
+    facts = tuple((name.replace("_", " "), text_of(value)) for name, value in exported.facts.items())
     moves = {"rate", "samples", "duration", "joints"} <= exported.facts.keys()
     view = View(
         title=str(exported.files[0]),
@@ -124,14 +124,6 @@ def _played(exported: Exported) -> str:
     """Rate and duration of a motion, in one line."""
     samples, rate, duration, joints = (exported.facts[name] for name in ("samples", "rate", "duration", "joints"))
     return f"{samples} samples at {rate:g} Hz over {duration:g} s; {', '.join(joints)}"
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, list):
-        return ", ".join(map(_shown, value)) or "none"
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    return "-" if value is None else str(value)
 
 
 def write_page(paths: Sequence[Path], out: Path, robot_file: Path | None, parts: tuple[str, ...], force: bool) -> None:

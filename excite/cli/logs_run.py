@@ -12,10 +12,11 @@ import excite
 from excite.cli.options import robot_file_of
 from excite.cli.streams import tell
 from excite.cli.summary import show
-from excite.logs.guess.log_guess import LogGuess, check_mapping_free, write_mapping_file
+from excite.logs.guess.log_guess import LogGuess, write_mapping_file
 from excite.logs.log import counted
+from excite.storage.result_folder import check_free
 from excite.views.view import View
-from regressors.errors import printable
+from regressors.errors import listed_names, printable
 
 _NAMED = 8  # columns
 _STREAMS, _FACTS = 4, 5  # lines of the summary
@@ -25,7 +26,7 @@ def show_recording(file: Path, **given: Any) -> None:
     """Show what a recording holds, and write the mapping that reads it, where one is asked for."""
     written: Path | None = given["write_mapping"]
     if written is not None:
-        check_mapping_free(written, replace=given["force"])
+        check_free(written, replace=given["force"])
     tell(f"reading {file}")
     read = robot_file_of(given)
     robot = None if given["robot"] is None else excite.load_robot(given["robot"], read.pop("base_link", None), **read)
@@ -86,8 +87,7 @@ def _print(guess: LogGuess, written: Path | None) -> None:
     lines = [f"{guess.contents.source}: {guess.contents.format}"]
     for one in guess.summaries:
         lines.append(f"  {one.stream}: {_rate(one)}")
-        more = f" and {len(one.columns) - _NAMED} more" if len(one.columns) > _NAMED else ""
-        lines.append(f"    {', '.join(one.columns[:_NAMED])}{more}")
+        lines.append(f"    {listed_names(one.columns, _NAMED)}")
     lines += [f"  note: {note}" for note in guess.contents.notes]
     lines += ["recognised:", *(f"  {text}" for text in guess.recognised)] if guess.recognised else []
     lines += ["questions:", *(f"  {text}" for text in guess.questions)] if guess.questions else []

@@ -29,7 +29,7 @@ from excite.tasks.task import Task
 from excite.trajectories.closed import stored_motion
 from excite.trajectories.sequence import WholeRobotMotion
 from regressors.arguments import checked
-from regressors.errors import InputError
+from regressors.errors import InputError, about, reading
 from regressors.input_files import read_text
 from regressors.readers.documents import parse_document
 from regressors.readers.library import built_in_names
@@ -248,13 +248,8 @@ def read_task_motion(place: str | Path) -> TaskMotion:
 
 def read_precision_target(path: Path) -> dict[str, Any]:
     """Read a file such as ``share: 0.05`` and ``parameters: {X5: 0.1}``."""
-    try:
+    with about("precision: expected a share such as 5%, or a file"), reading(str(path)):
         text = read_text(path)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"precision: expected a share such as 5%, or a file, and cannot read {path}: "
-            f"{getattr(error, 'strerror', None) or error}"
-        ) from error
     document = parse_document(text, str(path))
     assert isinstance(document.content, dict)
     content = {str(name): value for name, value in document.content.items()}

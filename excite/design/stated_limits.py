@@ -22,7 +22,7 @@ from excite.tasks.limit_choice import TORQUE_MARGIN
 from excite.tasks.option import MOUNTS, NONE
 from excite.tasks.stored_files import StoredRobot
 from excite.tasks.task import Task
-from regressors.errors import InputError
+from regressors.errors import InputError, listed_names
 from regressors.models.partial import PartialMotion, of_joints
 from regressors.readers.library import load_robot
 from regressors.robot.inertia import rotation_from_rpy
@@ -123,7 +123,7 @@ def _parts(robot: Robot, task: Task) -> tuple[tuple[Part, ...] | Unchecked, tupl
     if not left_out:
         return tuple(parts), ()
     links, radius = tuple(dict.fromkeys(link for link, _ in left_out)), assumed_radius(robot)
-    shown = ", ".join(links[:_NAMED]) + (f" and {len(links) - _NAMED} more" if len(links) > _NAMED else "")
+    shown = listed_names(links, _NAMED)
     note = f"shape of {shown} assumed: a capsule of radius {radius:.2g} m along each link, because {left_out[0][1]}"
     return (*parts, *skeleton(robot, radius, links)), (note,)
 

@@ -22,7 +22,7 @@ from excite.logs.log_checks import check_log
 from excite.logs.mapping import LogMapping
 from excite.tasks.reference import MotionSource
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.numerical import numerical_work, one_thread
 from regressors.readers.library import load_robot
 from regressors.robot.robot import Robot, transmission_of
@@ -155,7 +155,6 @@ def _wanted(
         return None
     numbers = {str(number): drive.name for number, drive in enumerate(transmission_of(robot).drives, 1)}
     names = tuple(numbers.get(name, name) for name in drives)
-    for name in names:
-        if plan is not None and runs is not None and name not in runs:
-            raise UnknownName(f"drive in {_name(plan)}", name, tuple(runs))
+    if plan is not None and runs is not None:
+        check_names(f"drive in {_name(plan)}", names, runs)
     return names

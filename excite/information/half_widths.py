@@ -32,7 +32,7 @@ from excite.information.prior import base_sizes, prior_of
 from excite.information.target import IdentificationTarget
 from excite.tasks.precision_target import PrecisionTarget, TaskTorques
 from excite.tasks.stored_files import TaskMotion
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.robot.columns import COMBINATION, FIRST_MOMENT, FRICTION_KINDS, INERTIA, MASS, ROTOR, Column
 from regressors.samples import Array, Samples
 
@@ -117,8 +117,7 @@ def _share(precision: PrecisionTarget, column: Column) -> float:
 
 
 def _place(names: tuple[str, ...], name: str) -> int:
-    if name not in names:
-        raise UnknownName("base parameter", name, names)
+    check_names("base parameter", [name], names)
     return names.index(name)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -139,12 +140,7 @@ def si_channel(columns: Sequence[int]) -> Channel:
 
 def twice(names: Sequence[str]) -> str | None:
     """First name that occurs twice, None if there is none."""
-    seen: set[str] = set()
-    for name in names:
-        if name and name in seen:
-            return name
-        seen.add(name)
-    return None
+    return next((name for name, count in Counter(names).items() if name and count > 1), None)
 
 
 def listed(names: Sequence[str]) -> str:

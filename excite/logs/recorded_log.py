@@ -21,7 +21,7 @@ from excite.logs.log import Log, Removed, counted, held_values
 from excite.logs.mapping import SECONDS, Column, LogMapping
 from excite.logs.recordings.formats import binary_format, recording_sha256
 from excite.logs.recordings.recording import Contents, Numbers, RecordingFormat, StreamContents
-from excite.logs.table import Table, table_of
+from excite.logs.table import Table, later_rows, table_of
 from excite.logs.text import text_of
 from regressors.errors import InputError, check_names, cut
 from regressors.samples import Array, Index
@@ -216,34 +216,15 @@ def _kept(
         asked = np.flatnonzero((base.rows >= only[0]) & (base.rows <= only[1]))
     if asked.size < 2:
         raise InputError(f"{source}: fewer than two rows are left")
-    later = _later(source, base, asked, drop)
+    later = later_rows(base.time[asked], lambda k: f"{source}, {base.stream}, row {base.rows[asked[k]]}", drop)
     if repeated := int(np.sum(~later)):
         notes.append(f"{counted(repeated, 'row')} with time repeated")
         return asked[later], (Removed(DROPPED, base.rows[asked[~later]]),)
     return asked, ()
 
 
-def _later(source: str, one: Sampled, asked: Index, drop: frozenset[str]) -> NDArray[np.bool_]:
-    """Which samples are later than those before; earlier ones are refused."""
-    time, rows = one.time[asked], one.rows[asked]
-    step = np.diff(time)
-    if np.any(step < 0):
-        k = int(np.argmax(step < 0))
-        raise InputError(
-            f"{source}, {one.stream}: time runs backwards at row {rows[k + 1]}, from {time[k]:.9f} to "
-            f"{time[k + 1]:.9f} s; is this the right clock, and one recording? `rows` chooses rows of the positions"
-        )
-    if "repeated" not in drop and np.any(step == 0):
-        k = int(np.argmax(step == 0))
-        raise InputError(
-            f"{source}, {one.stream}: time {time[k]:.9f} s is repeated at row {rows[k + 1]}; "
-            f"{counted(int(np.sum(step == 0)), 'row')} like this (`drop='repeated'` leaves them out)"
-        )
-    return np.concatenate([[True], step > 0])
-
-
 def _in_order(source: str, one: Sampled, drop: frozenset[str]) -> Sampled:
-    later = _later(source, one, np.arange(one.time.size), drop)
+    later = later_rows(one.time, lambda k: f"{source}, {one.stream}, row {one.rows[k]}", drop)
     return one if later.all() else replace(one, time=one.time[later], values=one.values[later], rows=one.rows[later])
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Self
 
 import numpy as np
@@ -50,7 +50,8 @@ class Table:
     def measured(self) -> Self:
         """The same table, limited to rows of measurements, each later than the one before."""
         self.keep(self.finite(), "with cells that are empty, NaN or infinite")
-        self.keep(self.later(), "with time repeated")
+        later = later_rows(self.clock, lambda k: self._place(self.lines[k], self.layout.time), self.drop)
+        self.keep(later, "with time repeated")
         self.check_left(self.lines.size)
         return self
 
@@ -99,26 +100,26 @@ class Table:
             )
         return np.asarray(whole)
 
-    def later(self) -> NDArray[np.bool_]:
-        """Which rows are later than the row before; earlier ones are refused, and repeated ones unless dropped."""
-        time, lines = self.clock, self.lines
-        step = np.diff(time)
-        if np.any(step < 0):
-            k = int(np.argmax(step < 0))
-            raise InputError(
-                f"{self._place(lines[k + 1], self.layout.time)}: time runs backwards, from {time[k]:.17g} to "
-                f"{time[k + 1]:.17g}; are these two recordings in one file? `rows` chooses the rows of one of them"
-            )
-        if "repeated" not in self.drop and np.any(step == 0):
-            k = int(np.argmax(step == 0))
-            raise InputError(
-                f"{self._place(lines[k + 1], self.layout.time)}: time {time[k]:.17g} is repeated; "
-                f"{counted(int(np.sum(step == 0)), 'row')} like this (`drop='repeated'` leaves them out)"
-            )
-        return np.concatenate([[True], step > 0])
-
     def _place(self, line: int, column: int) -> str:
         return f"{self.source}, row {line - self.layout.first}, column {cut(self.layout.names[column])}"
+
+
+def later_rows(time: Array, place: Callable[[int], str], drop: Collection[str]) -> NDArray[np.bool_]:
+    """Which rows are later than the row before; earlier ones are refused, and repeated ones unless dropped."""
+    step = np.diff(time)
+    if np.any(step < 0):
+        k = int(np.argmax(step < 0))
+        raise InputError(
+            f"{place(k + 1)}: time runs backwards, from {time[k]:.16g} to {time[k + 1]:.16g}; is this the right clock, "
+            "and one recording? `rows` chooses the rows of one of several"
+        )
+    if "repeated" not in drop and np.any(step == 0):
+        k = int(np.argmax(step == 0))
+        raise InputError(
+            f"{place(k + 1)}: time {time[k]:.16g} is repeated; {counted(int(np.sum(step == 0)), 'row')} like this "
+            "(`drop='repeated'` leaves them out)"
+        )
+    return np.concatenate([[True], step > 0])
 
 
 class TextTable(Table):

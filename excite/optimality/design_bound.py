@@ -32,7 +32,7 @@ from excite.storage.records import Shown, check_replaceable, read_record, write_
 from excite.storage.result_folder import result_folder
 from excite.tasks.criteria import TorqueCriterion
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.numerical import numerical_work, one_thread
 from regressors.samples import Array
 
@@ -191,8 +191,7 @@ def bound(
     excite.errors.ConicSolverError
         The relaxation could not be solved.
     """
-    if unknown := [name for name in criteria if name not in BOUNDED]:
-        raise UnknownName("criterion", unknown[0], BOUNDED)
+    check_names("criterion", criteria, BOUNDED)
     _check_bounded(design)
     if design.broken:
         raise BrokenLimitError(

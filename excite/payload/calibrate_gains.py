@@ -25,7 +25,7 @@ from excite.storage.records import Shown
 from excite.tasks.installation import Installation
 from excite.tasks.robot_of_task import robot_and_task
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName, percent
+from regressors.errors import InputError, check_names, percent
 from regressors.numerical import numerical_work, one_thread
 from regressors.quantities import Tips, check
 from regressors.robot.robot import Robot
@@ -125,8 +125,7 @@ def calibrate_gains(
     InputError
         Logs that do not fit, or a load that does not show the gains.
     """
-    if kind not in KINDS:
-        raise UnknownName("kind of gains", kind, KINDS)
+    check_names("kind of gains", [kind], KINDS)
     check("known_mass", mass, "`mass`")
     choice = logs if logs is not None else LogChoice()
     whole, task = robot_and_task(robot, base_link, tip, installation, snap_angles, xacro)

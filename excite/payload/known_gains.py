@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,9 @@ import numpy as np
 from pydantic import BaseModel, Field
 
 from excite.storage.atomic import write_bytes
-from excite.storage.result_folder import replace_files, result_file, settle_files
+from excite.storage.result_folder import check_free, result_file, settle_files
 from regressors.arguments import checked
-from regressors.errors import InputError, TakenError, UnknownName, percent
+from regressors.errors import InputError, check_names, percent
 from regressors.readers.documents import read_document, validate
 from regressors.samples import Array
 
@@ -93,9 +94,7 @@ class KnownGains:
         UnknownName
             A drive without a gain.
         """
-        for name in drives:
-            if name not in self.drives:
-                raise UnknownName("drive with a calibrated gain", name, self.drives)
+        check_names("drive with a calibrated gain", drives, self.drives)
         index = [self.drives.index(name) for name in drives]
         chosen = np.ix_(index, index)
         return KnownGains(tuple(drives), self.factor[index], self.covariance[chosen], self.origin, self.logs)
@@ -136,14 +135,8 @@ class _Gains(BaseModel, extra="forbid", allow_inf_nan=False):
 def save_gains(path: Path, *, replace: bool = False) -> Iterator[Callable[..., None]]:
     """Be the only writer of a file of gains, and get what writes it, whole or not at all."""
     with result_file(path):
-        if path.exists() and not replace:
-            raise TakenError(f"{path} already exists")
-
-        def write(gains: KnownGains, **more: Any) -> None:
-            with replace_files(path) as staged:
-                write_gains(gains, staged / path.name, **more)
-
-        yield write
+        check_free(path, replace=replace)
+        yield partial(write_gains, path=path)
 
 
 def write_gains(gains: KnownGains, path: Path, *, robot: str, mass: float) -> None:

@@ -22,7 +22,7 @@ from excite.tasks.robot_of_task import robot_and_task
 from excite.tasks.search import Output, Search
 from excite.tasks.trajectory_choice import TrajectoryChoice
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.quantities import Tips, check
 from regressors.robot.robot import Robot, finite_ranges
 from regressors.robot.symbolic.kinematics import link_motions, sparse
@@ -127,8 +127,7 @@ def design_payload_motion(
     excite.errors.NoFeasibleMotionError
         No motion was found within the limits.
     """
-    if sensor not in SENSORS:
-        raise UnknownName("sensor", sensor, SENSORS)
+    check_names("sensor", [sensor], SENSORS)
     check("period", period)
     described, task = robot_and_task(robot, base_link, tip, installation, snap_angles, xacro)
     described.check_open("a motion for a payload")

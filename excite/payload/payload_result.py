@@ -18,7 +18,7 @@ from excite.payload.load_estimate import LoadEstimate
 from excite.storage.atomic import write_bytes
 from excite.storage.records import NUMBERS, Shown, every, write_record
 from excite.storage.result_folder import check_not_taken, result_folder
-from regressors.errors import UnknownName
+from regressors.errors import check_names
 from regressors.models.load import LOAD_PARAMETERS
 from regressors.robot.robot import Robot
 from regressors.samples import Array
@@ -308,8 +308,7 @@ class PayloadResult(Shown):
 
     def text_for(self, controller: str) -> str:
         """The payload in a controller's own words, see `excite.payload.payload_result`."""
-        if controller not in _FILES:
-            raise UnknownName("controller", controller, CONTROLLERS)
+        check_names("controller", [controller], CONTROLLERS)
         return _FILES[controller][1](self.body, self.frame.name)
 
     def texts(self, controllers: Collection[str]) -> dict[str, dict[str, str]]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from excite.simulation.plant import Plant
 from excite.tasks.reference import GivenTorque
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import drives_with_friction, friction_rows, smooth_direction
 from regressors.robot.robot import Robot
@@ -202,8 +202,7 @@ class RampedDrive:
     def _coupling(self) -> Array:
         """Rows of C of the moving drives, this one first."""
         rows = dict(drives_with_friction(self.model.robot))
-        if self.drive not in rows:
-            raise UnknownName("drive" if self.model.robot.transmission else "joint", self.drive, rows)
+        check_names("drive" if self.model.robot.transmission else "joint", [self.drive], rows)
         return np.array([rows[self.drive], *(row for name, row in rows.items() if name != self.drive)])
 
     def command(self, q: ca.SX, command: ca.SX, torque: ca.SX, is_open: ca.SX) -> ca.SX:

@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.tasks.option import essential, option
 from regressors.arguments import checked
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.quantities import check, check_options
 from regressors.robot.robot import Robot
 from regressors.samples import Array
@@ -59,9 +59,7 @@ Impacts = Callable[[Array], Array]  # joint torques over time
 
 def impacts_on(robot: Robot, pulses: Sequence[ImpactPulse], wait: float = 0.0) -> Impacts:
     """Joint torques of all impacts over time, ``wait`` after their own, shape (N, n) [Nm or N]."""
-    for pulse in pulses:
-        if pulse.joint not in robot.joint_names:
-            raise UnknownName("moving joint for an impact", pulse.joint, robot.joint_names)
+    check_names("moving joint for an impact", (pulse.joint for pulse in pulses), robot.joint_names)
 
     def torques(time: Array) -> Array:
         tau = np.zeros((time.size, robot.n))
@@ -206,8 +204,7 @@ class SimulationSettings:
     seed: int = essential(0, "integer", "Seed of noise and model error.", metavar="N")
 
     def __post_init__(self) -> None:
-        if self.controller not in CONTROLLERS:
-            raise UnknownName("controller", self.controller, CONTROLLERS)
+        check_names("controller", [self.controller], CONTROLLERS)
         check_options(self, (field.name for field in fields(self) if field.name not in _NO_NUMBERS))
         if 0.0 in self.torque_gain:
             raise InputError("`torque_gain` must not be zero: measured torques would all be zero")

@@ -19,11 +19,11 @@ from excite.storage.codec import content_of
 from excite.storage.commit import read_settled
 from excite.storage.manifest import check_files, sha256_of
 from excite.storage.migrations import schema_of
-from excite.storage.result_folder import replace_files, result_file
+from excite.storage.result_folder import check_free, replace_files, result_file
 from excite.storage.sampled_motion import SEGMENT, read_table
 from excite.tasks.reference import GivenTorque, MotionSource, SampledMotion
 from excite.tasks.task import Task
-from regressors.errors import InputError, TakenError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.robot.friction.load_and_temperature import drives_with_friction
 from regressors.robot.robot import Robot
 from regressors.samples import Samples
@@ -92,9 +92,7 @@ def read_motion(path: Path, joints: Sequence[str]) -> SampledMotion:
     """Read a motion from a file, with quintics between its samples."""
     header, table, _ = read_table(path, RATES)
     column = {name: table[:, k] for k, name in enumerate(header)}
-    for name in ("time", *(f"{joint}.{rate}" for joint in joints for rate in RATES)):
-        if name not in column:
-            raise UnknownName(f"column in {path}", name, header)
+    check_names(f"column in {path}", ("time", *(f"{joint}.{rate}" for joint in joints for rate in RATES)), header)
     for name, values in column.items():
         joint, _, what = name.rpartition(".")
         if what == "position" and joint not in joints and values.size and np.ptp(values) > _STILL:
@@ -123,9 +121,8 @@ def read_torque(path: Path, robot: Robot) -> GivenTorque | None:
     if len(efforts) > 1:
         raise InputError(f"{path}: one drive at a time can be given torques, there are columns {', '.join(efforts)}")
     drive, known = efforts[0].removesuffix(_EFFORT), [name for name, _ in drives_with_friction(robot)]
-    if drive not in known:
-        kind = "drive" if robot.transmission else "joint"
-        raise UnknownName(f"{kind} for column {efforts[0]} of {path}", drive, known)
+    kind = "drive" if robot.transmission else "joint"
+    check_names(f"{kind} for column {efforts[0]} of {path}", [drive], known)
     before = ["", *text[:-1]]
     begins = ramping & np.array([a != b for a, b in zip(before, text, strict=True)])
     number = np.where(ramping, np.cumsum(begins), 0)
@@ -138,9 +135,7 @@ def paths_of(log: Path, *, wrench: bool, replace: bool = False) -> list[tuple[Pa
         raise InputError(f"{log}: expected a name that ends in .csv")
     logs = [log, log.with_suffix(".wrench.csv")] if wrench else [log]
     pairs = [(path, sidecar_path(path)) for path in logs]
-    there = [str(path) for pair in pairs for path in pair if path.exists()]
-    if there and not replace:
-        raise TakenError(f"{', '.join(there)} already there")
+    check_free(*(path for pair in pairs for path in pair), replace=replace)
     return pairs
 
 

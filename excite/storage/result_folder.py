@@ -134,10 +134,13 @@ def write_file(path: Path, content: bytes, *, replace: bool) -> None:
         write_bytes(path, content)
 
 
-def check_free(path: Path, *, replace: bool) -> None:
-    """Raise `InputError` where a file is there that is not to be replaced."""
-    if path.exists() and not replace:
-        raise InputError(f"{str(path)!r} is there already; `replace` replaces it, or choose another name")
+def check_free(*paths: Path, replace: bool) -> None:
+    """Raise `TakenError` where files are there that are not to be replaced, `InputError` where one is a folder."""
+    there = [path for path in paths if path.exists()]
+    if folder := next((path for path in there if path.is_dir()), None):
+        raise InputError(f"cannot write {str(folder)!r}: it is a folder; name a file in it")
+    if there and not replace:
+        raise TakenError(f"{', '.join(map(str, there))} already there")
 
 
 @contextmanager

@@ -77,9 +77,6 @@ class Installation:
             raise InputError("`mount` is for a base that stands still; leave it out where the log has a moving base")
         if self.gravity is not None and self.mount is not None:
             raise InputError("`gravity` and `mount` both set the direction of gravity; give one of them")
-        if self.gravity is not None and len(self.gravity) != 3:
-            given = ", ".join(f"{x:g}" for x in self.gravity)
-            raise InputError(f"gravity needs three finite numbers, given {given}")
         if isinstance(self.payload, str | tuple):
             from excite.tasks.payload import checked_payload
 

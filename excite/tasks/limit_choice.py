@@ -144,8 +144,6 @@ class LimitChoice:
         box, point = self.tool_box, self.tool_point
         if box is not None and (len(box) != 3 or any(len(side) != 2 for side in box)):
             raise InputError("tool_box needs a lower and an upper bound for each of x, y, z")
-        if len(point) != 3:
-            raise InputError(f"tool_point needs three finite numbers, given {', '.join(map(str, point))}")
         if any(point) and box is None and self.tool_speed is None and self.floor == NONE:
             raise InputError(
                 "`tool_point` needs a limit of the tool, but none is given; give `tool_box`, `tool_speed` or `floor`"

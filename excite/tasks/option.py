@@ -150,7 +150,7 @@ def _sequence(value: Any) -> Sequence[Any]:
 
 
 def _numbers(value: object) -> tuple[float, ...]:
-    return (_number(value),) if isinstance(value, Real) else _triple(value)
+    return (_number(value),) if isinstance(value, Real) else tuple(map(_number, _sequence(value)))
 
 
 def _ranges(value: object) -> tuple[tuple[float, float], ...]:
@@ -165,7 +165,10 @@ def _box(value: object) -> tuple[tuple[float | None, ...], ...]:
 
 
 def _triple(value: object) -> tuple[float, ...]:
-    return tuple(_number(x) for x in _sequence(value))
+    numbers = _numbers(value)
+    if len(numbers) != 3:
+        raise Unfit
+    return numbers
 
 
 def _name(value: object) -> object:
@@ -220,15 +223,6 @@ def _folders(value: object) -> tuple[object, ...]:
 
 def _or_word(words: Container[str], convert: Callable[[Any], Any]) -> Callable[[Any], Any]:
     return lambda value: value if isinstance(value, str) and value in words else convert(value)
-
-
-def _mount(value: object) -> str | tuple[float, ...]:
-    if isinstance(value, str) and value in MOUNTS:
-        return value
-    angles = _numbers(value)
-    if len(angles) != 3:
-        raise Unfit
-    return angles
 
 
 def _payload(value: object) -> object:
@@ -287,7 +281,7 @@ _KINDS: dict[Kind, tuple[Callable[[Any], Any], str]] = {  # conversion, and what
     "prior": (_prior, "a relative uncertainty, or parameters with value and deviation"),
     "margin": (_or_word(MARGINS, _number), f"a number, {' or '.join(MARGINS)}"),
     "count": (_or_word(COUNTS, rule_of(int)[0]), f"a whole number, or {AUTO}"),
-    "mount": (_mount, f"{', '.join(MOUNTS)}, or roll, pitch and yaw"),
+    "mount": (_or_word(MOUNTS, _triple), f"{', '.join(MOUNTS)}, or roll, pitch and yaw"),
     "payload": (_payload, "a list of numbers, or the name of a file"),
     "drives": (_drives, "all, none, or names or numbers of drives"),
     "parameters": (_parameters, "standard parameters, each with a finite number"),

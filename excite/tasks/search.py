@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from excite.registry import STARTS
 from excite.tasks.option import essential, option, strict
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 
 Executor = Callable[..., None]
 RANDOM_STARTS = 4  # of a search that adapts their number
@@ -77,9 +77,7 @@ class Search:
 
     def __post_init__(self) -> None:
         strict(self)
-        for name in self.start:
-            if not isinstance(name, str) or name not in STARTS:
-                raise UnknownName("start", str(name), STARTS)
+        check_names("start", self.start, STARTS)
 
     @property
     def first(self) -> int:

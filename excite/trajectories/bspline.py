@@ -41,6 +41,7 @@ class BSpline(LinearFamily):
     """
 
     name = "bspline"
+    terms = "B-splines of order {order} on {intervals} intervals"
     options = ("intervals", "order")
     richness_option = "intervals"
     samples_per_term = 1
@@ -63,11 +64,6 @@ class BSpline(LinearFamily):
     def richness(self) -> int:
         """Half the number of intervals: a rise and a fall per harmonic."""
         return -(-self.intervals // 2)
-
-    @property
-    def described(self) -> str:
-        """Order and number of intervals, as text."""
-        return f"B-splines of order {self.order} on {self.intervals} intervals"
 
     def breaks(self, x: Array) -> Array:
         """Ends of the intervals."""

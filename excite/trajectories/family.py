@@ -12,7 +12,7 @@ import numpy as np
 from constraints.certificate import Extrema, LimitUse
 from constraints.linear import Constraint, LinearConstraint
 from excite.registry import BUILT_IN, OwnPart, built_in
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError, check_names
 from regressors.models.partial import PartialMotion
 from regressors.quantities import check
 from regressors.samples import Array, Index, Samples
@@ -48,6 +48,8 @@ class Family(ABC):
         Task options that the constructor takes after the period; attributes of the same names.
     richness_option : str
         The option that makes its motions richer.
+    terms : str
+        What its motions consist of, with its attributes in braces, such as ``{harmonics} harmonics``.
     samples_per_term : int
         Samples per unit of that option up to which a motion cannot be distinguished from a poorer one.
     """
@@ -58,6 +60,7 @@ class Family(ABC):
     linear: bool
     options: ClassVar[tuple[str, ...]] = ("harmonics",)
     richness_option: ClassVar[str] = "harmonics"
+    terms: ClassVar[str] = "{harmonics} harmonics"
     samples_per_term: ClassVar[int] = 2
 
     def __repr__(self) -> str:
@@ -65,14 +68,14 @@ class Family(ABC):
         return f"<{type(self).__name__}: {self.described} over {self.duration:g} s>"
 
     @property
-    @abstractmethod
     def richness(self) -> int:
         """Approximate number of harmonics of a motion, which determines its sampling."""
+        return int(getattr(self, self.richness_option))
 
     @property
-    @abstractmethod
     def described(self) -> str:
         """Short description of its terms, such as ``5 harmonics``."""
+        return self.terms.format(**vars(self))
 
     @property
     def harmonic_frequencies(self) -> Array | None:
@@ -257,8 +260,7 @@ def stored_trajectory(series: Mapping[str, Any], joints: int, family: Family | N
     if family is None:
         if ":" in name:
             raise OwnPart("trajectory", name).missing()
-        if name not in BUILT_IN["trajectory"]:
-            raise UnknownName("trajectory family", name, BUILT_IN["trajectory"])
+        check_names("trajectory family", [name], BUILT_IN["trajectory"])
         kind = built_in("trajectory", name)
         family = kind(series["period"], *(series[option] for option in kind.options))
     return family.stored(series, joints)

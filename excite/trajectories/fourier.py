@@ -55,16 +55,6 @@ class Fourier(LinearFamily):
         self._Z = self._rest_basis()
 
     @property
-    def richness(self) -> int:
-        """Number of harmonics."""
-        return self.harmonics
-
-    @property
-    def described(self) -> str:
-        """Number of harmonics, as text."""
-        return f"{self.harmonics} harmonics"
-
-    @property
     def harmonic_frequencies(self) -> Array:
         """``w, 2 w, ..., K w``."""
         return np.asarray(self.omega * np.arange(1.0, self.harmonics + 1.0))
@@ -156,6 +146,7 @@ class FourierQuintic(WavesAndQuintic, LinearFamily):
     """
 
     name = "fourier-quintic"
+    terms = "{harmonics} harmonics and a quintic"
     nodes_per_instant = 4  # they bound less tightly than equal steps do for a Fourier series
     parts = ("cosine", "sine", "chebyshev")
     form = (
@@ -176,11 +167,6 @@ class FourierQuintic(WavesAndQuintic, LinearFamily):
         phase = np.outer(time, order) + derivative * np.pi / 2
         values = chebyshev_terms(time, self.duration, _QUINTIC, derivative)
         return np.hstack([order**derivative * np.cos(phase), order**derivative * np.sin(phase), values])
-
-    @property
-    def described(self) -> str:
-        """Its terms, as text."""
-        return f"{self.harmonics} harmonics and a quintic"
 
     def _rest_basis(self) -> Array:
         """Coefficients of motions at rest at both ends, scaled to equal velocities, shape (2K + 6, 2K + 1)."""
@@ -226,15 +212,11 @@ class Cosine(Fourier):
     """
 
     name = "cosine"
+    terms = "{harmonics} cosines"
 
     def __init__(self, period: float, harmonics: int) -> None:
         super().__init__(period, harmonics)
         self.size = harmonics
-
-    @property
-    def described(self) -> str:
-        """Number of cosines, as text."""
-        return f"{self.harmonics} cosines"
 
     def _rest_basis(self) -> Array:
         """Orthonormal coefficients (c, a_1 .. a_K, 0 .. 0) of motions at rest at t = 0, shape (2K + 1, K)."""

@@ -35,6 +35,7 @@ class Polynomial(LinearFamily):
     """
 
     name = "polynomial"
+    terms = "polynomials of degree {degree}"
     form = "q(t) = sum_k coefficients_k T_k(2 t / period - 1), T_k Chebyshev's polynomials"
     samples_per_term = 4
 
@@ -44,16 +45,6 @@ class Polynomial(LinearFamily):
         self.degree = 4 * self.harmonics + 5
         self._Z = self._rest_basis()
         self.size = self._Z.shape[1]
-
-    @property
-    def richness(self) -> int:
-        """Approximate number of harmonics."""
-        return self.harmonics
-
-    @property
-    def described(self) -> str:
-        """The degree, as text."""
-        return f"polynomials of degree {self.degree}"
 
     def _rest_basis(self) -> Array:
         """Coefficients of motions at rest at both ends, at the same pose, shape (degree + 1, size).

@@ -43,6 +43,7 @@ class Sines(WavesAndQuintic, NonlinearFamily):
     """
 
     name = "sines"
+    terms = "{harmonics} sines of free frequency and a quintic"
     nodes_per_instant = 2
 
     def __init__(self, period: float, harmonics: int) -> None:
@@ -53,11 +54,6 @@ class Sines(WavesAndQuintic, NonlinearFamily):
         self.lowest, self.highest = _LOWEST * unit, harmonics * unit
         self._turn = 0.5 * self.duration * (self.highest - self.lowest)  # phase shift of a sine per unit of s
         self._weight = 1.0 / np.arange(1, harmonics + 1)  # equal coefficients mean about equal velocities
-
-    @property
-    def described(self) -> str:
-        """Its terms, as text."""
-        return f"{self.harmonics} sines of free frequency and a quintic"
 
     @property
     def constant(self) -> Array:

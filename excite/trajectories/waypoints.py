@@ -45,6 +45,7 @@ class Waypoints(NonlinearFamily):
     """
 
     name = "waypoints"
+    terms = "quintic splines on {intervals} intervals of free duration"
     options = ("intervals",)
     richness_option = "intervals"
     samples_per_term = 1
@@ -59,16 +60,6 @@ class Waypoints(NonlinearFamily):
         self.size = 3 * intervals - 2
         self._least = _SHORTEST / intervals
         self._S = self._knot_states()
-
-    @property
-    def richness(self) -> int:
-        """Number of intervals: position, velocity and acceleration of each are free."""
-        return self.intervals
-
-    @property
-    def described(self) -> str:
-        """Number of intervals, as text."""
-        return f"quintic splines on {self.intervals} intervals of free duration"
 
     def _knot_states(self) -> Array:
         """Position, velocity and acceleration at every knot, from coefficients in units of position."""

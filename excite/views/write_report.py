@@ -11,7 +11,7 @@ from excite.design.design import Design
 from excite.identification.identification import Identification
 from excite.storage.atomic import write_bytes
 from excite.storage.records import complete
-from excite.storage.result_folder import replace_files, result_file
+from excite.storage.result_folder import check_free, result_file
 from excite.views.campaign_view import designs_of
 from excite.views.identification_view import side_by_side_view
 from excite.views.page_text import PageSection, page_text
@@ -20,7 +20,7 @@ from excite.views.player_log import Appearance
 from excite.views.sections import comparison_section, section_of
 from excite.views.subjects import Filed, Subject, subjects_of
 from regressors.arguments import checked
-from regressors.errors import ExciteError, InputError, TakenError
+from regressors.errors import ExciteError, InputError
 
 _ENDINGS = (".html", ".htm")
 
@@ -70,11 +70,8 @@ def write_report(
     if page.suffix.lower() not in _ENDINGS:
         raise InputError(f"{page}: expected a name that ends in .html")
     with result_file(page):
-        if page.exists() and not replace:
-            raise TakenError(f"{page} already there")
-        text = report_text(paths_or_objects, robot_file=robot_file, part=part)
-        with replace_files(page) as staged:
-            write_bytes(staged / page.name, text.encode("utf-8"))
+        check_free(page, replace=replace)
+        write_bytes(page, report_text(paths_or_objects, robot_file=robot_file, part=part).encode("utf-8"))
     return page
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regressors.errors import Finding, InputError, UnknownName, about
+from regressors.errors import Finding, InputError, UnknownName, about, reading
 from regressors.input_files import read_text
 from regressors.readers.description_schema import AggregatesSection, Description, LinkSection, coefficient_value, limits
 from regressors.readers.documents import Document, FieldPath, parse_document, validate
@@ -27,12 +27,8 @@ Problems = Iterator[tuple[FieldPath, str]]
 
 def read_description(path: str | Path) -> Robot:
     """Robot described by a YAML file."""
-    try:
+    with reading(repr(str(path))):
         text = read_text(path)
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a text file in UTF-8 (byte {error.start + 1})") from error
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot read {str(path)!r}: {getattr(error, 'strerror', None) or error}") from error
     return parse_description(text, str(path))
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from regressors.errors import LONGEST_NAME, InputError, UnknownName, about, reading, shortened
+from regressors.errors import LONGEST_NAME, InputError, about, check_names, reading, shortened
 from regressors.input_files import read_text
 from regressors.readers.urdf_elements import number_of
 from regressors.robot.gears import ConstantRatio
@@ -122,8 +122,7 @@ def _column(title: str, place: str) -> tuple[str, str]:
     """Name of a column and its unit."""
     match = re.fullmatch(r"\s*(\w+)\s*(?:\[(.*)\])?\s*", title)
     name, unit = (match[1], match[2] or "") if match else (title.strip(), "")
-    if name not in _COLUMNS and name not in _TEXTS:
-        raise UnknownName(f"column in {place}", name, (*_TEXTS, *_COLUMNS))
+    check_names(f"column in {place}", [name], (*_TEXTS, *_COLUMNS))
     if unit and unit not in _COLUMNS.get(name, {}):
         raise InputError(f"{place}: {name}: no unit {unit!r}; available: {', '.join(_COLUMNS.get(name, {})) or 'none'}")
     return name, unit

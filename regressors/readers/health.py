@@ -10,10 +10,10 @@ from typing import Literal
 
 import numpy as np
 
-from regressors.errors import Finding
+from regressors.errors import Finding, listed_names
 from regressors.readers.description import range_findings, range_of
 from regressors.readers.moving_part import MovingPart, carried, resting_rotation
-from regressors.readers.urdf_tree import TreeJoint, UrdfTree, listing
+from regressors.readers.urdf_tree import TreeJoint, UrdfTree
 from regressors.robot.inertia import Array
 from regressors.robot.plausibility import principal_moments
 
@@ -27,7 +27,7 @@ _GRAVITY = 9.81
 
 def health(tree: UrdfTree, part: MovingPart) -> tuple[Finding, ...]:
     """Findings on what moves of a URDF."""
-    names = ", ".join(listing(joint.name for joint in part.moving))
+    names = listed_names(joint.name for joint in part.moving)
     found = f"{len(part.moving)} moving joint(s): {names}"
     bodies = list(_bodies(tree, part))
     paths = [tree.path(part.base, tip) or () for tip in part.tips]
@@ -134,20 +134,18 @@ def _doubtful(tree: UrdfTree, part: MovingPart, bodies: Sequence[Body]) -> Itera
     yield from _of("missing", "link", unknown, "no <inertial>: its parameters are unknown", advice)
 
 
-def _of(
-    kind: Literal["found", "assumed", "missing", "suspicious"], part: str, names: list[str], what: str, advice: str = ""
-) -> Iterator[Finding]:
-    """What was noticed of some joints, or of some links; nothing if there are none."""
+_Kind = Literal["found", "assumed", "missing", "suspicious"]
+
+
+def _of(kind: _Kind, part: str, names: list[str], what: str, advice: str = "", most: int = 20) -> Iterator[Finding]:
+    """What was noticed of some joints, or of some links, the first of which are named; nothing if there are none."""
     if names:
-        yield Finding(kind, f"{part}{'s' * (len(names) > 1)} {', '.join(listing(names))}", what, advice)
+        yield Finding(kind, f"{part}{'s' * (len(names) > 1)} {listed_names(names, most)}", what, advice)
 
 
 def _doubts(names: list[str], what: str) -> Iterator[Finding]:
-    """What is doubtful of some links, the first of which are named."""
-    if names:
-        more = f" and {len(names) - _FEW} more" if len(names) > _FEW else ""
-        where = f"link{'s' * (len(names) > 1)} {', '.join(names[:_FEW])}{more}"
-        yield Finding("suspicious", where, what, _ADVICE)
+    """What is doubtful of some links."""
+    return _of("suspicious", "link", names, what, _ADVICE, _FEW)
 
 
 _HEAVY = 1e5  # kg

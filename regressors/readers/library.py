@@ -9,7 +9,7 @@ from importlib import import_module, resources
 from pathlib import Path
 
 from regressors.arguments import checked
-from regressors.errors import LIKE, InputError, UnknownName, shortened
+from regressors.errors import LIKE, InputError, check_names, shortened
 from regressors.quantities import Tips
 from regressors.readers.urdf_elements import MJCF, URDF, XACRO, xml_kind
 from regressors.robot.plausibility import check_sizes
@@ -36,8 +36,7 @@ def built_in(name: str) -> Robot:
     """Robot that comes with this package."""
     from regressors.readers.description import parse_description
 
-    if name not in built_in_names():
-        raise UnknownName("built-in robot", name, built_in_names())
+    check_names("built-in robot", [name], built_in_names())
     file = resources.files(_DESCRIPTIONS) / f"{name}.yaml"
     return parse_description(file.read_text(encoding="utf-8"), f"built-in robot {name}")
 

@@ -12,7 +12,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from regressors.errors import InputError, TooLargeError
+from regressors.errors import InputError, TooLargeError, reading
 from regressors.input_files import FILE, in_bytes, opened, read_bytes, regular_size
 from regressors.quantities import Tips
 from regressors.readers.mjcf_tree import (
@@ -106,14 +106,11 @@ def compiled(path: Path) -> Any:
             f"{path.name}: an MJCF is compiled by MuJoCo, which is not installed; "
             "pip install 'excite-trajectories[mujoco]'"
         ) from error
-    try:
+    with reading(repr(str(path))):
         regular_size(path)  # a device or a pipe would be read for ever
-        check_mjcf_size(path)
+    check_mjcf_size(path)
+    try:
         return on_feet(mujoco.MjModel.from_xml_path(str(path)), path)
-    except InputError:
-        raise
-    except OSError as error:
-        raise InputError(f"cannot read {str(path)!r}: {error.strerror}") from error
     except ValueError as error:
         raise InputError(f"{path.name}: MuJoCo does not compile it: {' '.join(str(error).split())}") from error
 

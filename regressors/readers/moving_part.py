@@ -12,10 +12,10 @@ from itertools import groupby
 
 import numpy as np
 
-from regressors.errors import Finding, InputError, UnknownName
+from regressors.errors import Finding, InputError, UnknownName, listed_names
 from regressors.quantities import Tips
 from regressors.readers.description import range_of
-from regressors.readers.urdf_tree import MOVING, TreeJoint, UrdfTree, listing
+from regressors.readers.urdf_tree import MOVING, TreeJoint, UrdfTree
 from regressors.robot.inertia import Array
 from regressors.robot.moving_base import STANDS_STILL
 from regressors.robot.robot import Joint, JointKind
@@ -90,7 +90,7 @@ def _with_followers(tree: UrdfTree, part: MovingPart) -> MovingPart:
 def _known(tree: UrdfTree, link: str) -> str:
     if link not in tree.links:
         near = difflib.get_close_matches(link, tree.links, 3)
-        raise UnknownName(f"link in {tree.source}", link, listing(tree.links), near)
+        raise UnknownName(f"link in {tree.source}", link, tree.links, near)
     return link
 
 
@@ -138,7 +138,7 @@ def _by_default(tree: UrdfTree, base: str) -> MovingPart:
     fork = shared[-1].child
     below = [[joint.name for joint in tree.path(fork, tip) or () if joint.kind != "fixed"] for tip in tips]
     fingers = list(dict.fromkeys(names[0] for names in below))
-    what = f"the chain ends here, where fingers part; {', '.join(listing(fingers))} are held at zero"
+    what = f"the chain ends here, where fingers part; {listed_names(fingers)} are held at zero"
     note = Finding("assumed", f"link {fork!r}", what, "`tip` chooses another end")
     return _without_gripper(tree, base, fork, (note,), tuple(fingers))
 
@@ -198,7 +198,7 @@ def _moves_gripper(tree: UrdfTree, joint: TreeJoint) -> bool:
 
 
 def _held(tree: UrdfTree, held: Sequence[TreeJoint], what: str, advice: str) -> tuple[Finding, ...]:
-    where = f"joint {', '.join(listing(joint.name for joint in held))}"
+    where = f"joint {listed_names(joint.name for joint in held)}"
     note = Finding("assumed", where, f"{what}: held at zero and left out", advice)
     ranges = ((joint.name, rest(tree, joint)[0], range_of(joint)) for joint in held)
     if outside := [name for name, position, (lower, upper) in ranges if not lower <= position <= upper]:
@@ -317,7 +317,7 @@ def rest(tree: UrdfTree, joint: TreeJoint) -> tuple[float, str]:
         if leader is None:
             return position, joint.mimic.joint
         if leader.name in visited:
-            names = ", ".join(listing(sorted(visited)))
+            names = listed_names(sorted(visited))
             raise InputError(f"{tree.source}: joint {joint.name!r} mimics itself by way of {names}")
         visited.add(leader.name)
         joint = leader

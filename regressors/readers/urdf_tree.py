@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from regressors.errors import Finding, InputError
+from regressors.errors import Finding, InputError, listed_names
 from regressors.readers.angles import AngleReader
 from regressors.readers.urdf_elements import XmlElement, check_words, robot_element
 from regressors.robot.inertia import Array, from_centre_of_mass, pose_of
 
 MOVING = ("revolute", "continuous", "prismatic")
 JOINT_TYPES = (*MOVING, "fixed", "floating", "planar")
-_LISTED = 20
-
-
-def listing(names: Iterable[str]) -> list[str]:
-    """First names of a long list, then an ellipsis, for messages."""
-    names = list(names)
-    return names if len(names) <= _LISTED else [*names[:_LISTED], "..."]
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +158,7 @@ def _root(source: str, above: Mapping[str, TreeJoint], below: Mapping[str, list[
     """Name of the one link that hangs on no joint, provided that all others hang below it."""
     roots = [name for name in below if name not in above]
     if len(roots) > 1:
-        names = ", ".join(listing(roots))
+        names = listed_names(roots)
         raise InputError(
             f"{source}: expected one root link, given {len(roots)} that are the child of no joint: {names}"
         )
@@ -174,7 +167,7 @@ def _root(source: str, above: Mapping[str, TreeJoint], below: Mapping[str, list[
         reached.extend(joint.child for joint in below[link])
     loop = sorted(set(below) - set(reached))
     if loop:
-        raise InputError(f"{source}: expected a tree, given a loop of joints through links: {', '.join(listing(loop))}")
+        raise InputError(f"{source}: expected a tree, given a loop of joints through links: {listed_names(loop)}")
     return roots[0]
 
 
@@ -196,7 +189,7 @@ def parse_tree(text: str | bytes, source: str, *, snap_angles: bool = True) -> U
         joint = _joint(element, angles)
         for role, link in (("parent", joint.parent), ("child", joint.child)):
             if link not in links:
-                element.fail(f"<{role}>: no link named {link!r}; available: {', '.join(listing(links))}")
+                element.fail(f"<{role}>: no link named {link!r}; available: {listed_names(links)}")
         if joint.name in names:
             element.fail("two joints share this name")
         if joint.child in above:

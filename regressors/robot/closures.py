@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from regressors.errors import InputError, UnknownName, check_names
+from regressors.errors import InputError, check_names
 from regressors.robot.inertia import is_rotation
 from regressors.robot.shapes import Vector, check_finite
 
@@ -85,9 +85,8 @@ def check_closures(
     """Raise `InputError` for closures of bodies, or passive joints, that a robot does not have."""
     for closure in closures:
         what, known = ("joint", joints) if isinstance(closure, MimicJoint) else ("body", bodies)
-        for end in closure.joints if isinstance(closure, MimicJoint) else closure.bodies:
-            if end not in known:
-                raise UnknownName(f"{what} of robot {robot!r}, in {closure.label},", end, known)
+        ends = closure.joints if isinstance(closure, MimicJoint) else closure.bodies
+        check_names(f"{what} of robot {robot!r}, in {closure.label},", ends, known)
     check_names(f"passive joint of robot {robot!r}", passive, joints)
     if passive and not closures:
         raise InputError(

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regressors.arguments import checked
-from regressors.errors import Finding, InputError, UnknownName, check_names, listed_names, long_name
+from regressors.errors import Finding, InputError, check_names, listed_names, long_name
 from regressors.quantities import place_of
 from regressors.robot.closures import Closure, MimicJoint, check_closures
 from regressors.robot.gears import ConstantRatio, GearFunction
@@ -523,8 +523,7 @@ def _check_tree(robot: Robot) -> None:
         )
     carriers = [BASE, *(link.name for link in robot.links)]
     for branch in robot.branches:
-        if branch.parent not in carriers:
-            raise UnknownName(f"link or earlier branch, as parent of branch {branch.name!r},", branch.parent, carriers)
+        check_names(f"link or earlier branch, as parent of branch {branch.name!r},", [branch.parent], carriers)
         if branch.coupling.size != robot.n:
             raise InputError(
                 f"{here}, branch {branch.name!r}: the coupling must have {robot.n} numbers, one per joint, "

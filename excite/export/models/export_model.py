@@ -14,8 +14,7 @@ from excite.export.models.servo_model import ServoRobot, servos_in
 from excite.identification.identification import Identification
 from excite.identification.servo_result import ServoResult
 from excite.registry import check_name, instance, name_of
-from excite.storage.atomic import write_bytes
-from excite.storage.result_folder import check_free, replace_files, result_file
+from excite.storage.result_folder import check_free, write_file
 from excite.study.sample_posterior import chosen_result
 from regressors.arguments import checked
 from regressors.errors import InputError, shortened
@@ -68,7 +67,7 @@ def export_model(
     chosen = chosen_format(format)
     path, template = Path(out), None if robot_file is None else Path(robot_file)
     chosen.check_template(template)
-    _check_free(path, replace=replace)
+    check_free(path, replace=replace)
     if (servos := servos_in(result)) is not None:
         own, written = servos.notes, chosen.servo_text(servos, template)
     else:
@@ -76,10 +75,7 @@ def export_model(
         model = model_of_result(chosen_result(result))
         own = (*chosen.left_out(model.features), *model.notes)
         written = chosen.text(model, comment_of(model, own), template)
-    with result_file(path):
-        _check_free(path, replace=replace)
-        with replace_files(path) as staged:
-            write_bytes(staged / path.name, written.encoded)
+    write_file(path, written.encoded, replace=replace)
     facts = {} if servos is None else {"servos": list(servos.robot.joint_names)}
     return Exported(name_of(format), (path,), (*own, *written.notes), facts)
 
@@ -101,12 +97,6 @@ def chosen_format(given: str | ModelFormat) -> ModelFormat:
     if not isinstance(chosen, ModelFormat):
         raise InputError(f"format: expected a ModelFormat, given {shortened(repr(given))}")
     return chosen
-
-
-def _check_free(path: Path, *, replace: bool) -> None:
-    if path.is_dir():
-        raise InputError(f"cannot write {str(path)!r}: it is a folder; name a file in it")
-    check_free(path, replace=replace)
 
 
 @dataclass(frozen=True)

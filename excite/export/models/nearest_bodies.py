@@ -21,6 +21,7 @@ from excite.errors import ConicSolverError
 from excite.identification.estimators.physical import nearest_possible
 from excite.identification.estimators.possible_set import StandardProblem, problem_of_factor
 from excite.information.target import IdentificationTarget
+from regressors.errors import listed_names
 from regressors.models.base import random_states, triangular_factor
 from regressors.robot.inertia import from_pseudo_inertia, pseudo_inertia
 from regressors.robot.robot import Structure
@@ -187,8 +188,7 @@ def own_part(group: Array, others: Sequence[tuple[Array, Array]]) -> tuple[Array
 
 def held_note(link: str, others: Sequence[str], factor: float) -> str:
     """What to say of the bodies that moved with another one."""
-    names = ", ".join(others[:_LISTED]) + (f" and {len(others) - _LISTED} more" if len(others) > _LISTED else "")
     what = ": they keep the inertia of their description"
     if factor != 1.0:
         what = f", and their described inertia would leave it no possible one: they have {factor:.3g} of it"
-    return f"{names} did not move against {link}{what}, and {link} has the rest"
+    return f"{listed_names(others, _LISTED)} did not move against {link}{what}, and {link} has the rest"

@@ -24,9 +24,9 @@ from excite.export.motions.sampled_design import SampledDesign
 from excite.logs.mapping import MAPPING
 from excite.registry import instance, name_of
 from excite.storage.atomic import write_bytes, writing
-from excite.storage.result_folder import replace_files, result_file
+from excite.storage.result_folder import check_free, replace_files, result_file
 from regressors.arguments import checked
-from regressors.errors import InputError, TakenError
+from regressors.errors import InputError
 from regressors.quantities import check
 
 _RECORDS = (".xml", ".yaml")  # what an older export in another format may have left
@@ -92,9 +92,7 @@ def export_motion(
             contents[f"{out.name}.record{recorder.suffix}"] = recorder.content.encode()
         contents[f"{out.name}{MAPPING}"] = recorder.mapping_text(motion).encode()
         paths = [*(out.parent / name for name in contents), *(out / name for name in file.folder)]
-        there = [str(path) for path in paths if path.exists()]
-        if there and not replace:
-            raise TakenError(f"{', '.join(there)} already there")
+        check_free(*paths, replace=replace)
         with replace_files(out, remove=[f"{out.name}.record{suffix}" for suffix in _RECORDS]) as staged:
             for name, content in contents.items():
                 write_bytes(staged / name, content)

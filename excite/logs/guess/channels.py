@@ -11,6 +11,7 @@ import numpy as np
 from excite.logs.guess.units import Clock
 from excite.logs.log import WRENCH, integrate_rates
 from excite.logs.recordings.recording import SAGE, ColumnName, Contents, Recording, StreamContents, parsed_name
+from regressors.errors import listed_names
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -237,7 +238,7 @@ def _unit(values: Array) -> Array:
     return np.asarray(np.divide(values, size, out=np.zeros_like(values), where=size > 1e-9 * max(1.0, size.max())))
 
 
-_SHOWN, _MOST_NAMES = 4, 12
+_SHOWN, MOST_NAMES = 4, 12
 Ask = Callable[[str, str], None]  # a quantity, empty for the whole, and a question about it
 
 
@@ -272,12 +273,6 @@ def _spans(groups: Sequence[ChannelGroup], between: str) -> str:
     return between.join(group.span for group in groups[:_SHOWN])
 
 
-def first_names(names: Sequence[str]) -> str:
-    """Names in a question, the last of many left out."""
-    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
-    return ", ".join(names[:_MOST_NAMES]) + more
-
-
 def _plain(names: Iterable[str]) -> list[str]:
     return ["".join(character for character in name.lower() if character.isalnum()) for name in names]
 
@@ -301,7 +296,7 @@ def _joint_names(group: ChannelGroup, robot: Robot | None, ask: Ask) -> tuple[st
     own = [known.get(joint, "") for joint in _plain(group.joints)]
     if all(own):
         return tuple(own)
-    listed, names = first_names(group.joints), ", ".join(robot.joint_names)
+    listed, names = listed_names(group.joints, MOST_NAMES), ", ".join(robot.joint_names)
     if len(group.joints) < robot.n:
         which = f"Which of the {robot.n} joints of {robot.name} ({names}) are the {len(group.joints)} of the recording"
         ask("", f"{which} ({listed})? Name them in this order (joints: [...])")

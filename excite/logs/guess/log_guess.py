@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.logs.guess.channels import ChannelGroup, channel_groups, chosen_channels, first_names, numbered_groups
+from excite.logs.guess.channels import MOST_NAMES, ChannelGroup, channel_groups, chosen_channels, numbered_groups
 from excite.logs.guess.units import (
     CERTAIN,
     FASTEST,
@@ -36,10 +36,9 @@ from excite.logs.mapping import SECONDS, LogMapping, PositionSection, VelocitySe
 from excite.logs.recorded_log import seconds_of
 from excite.logs.recordings.formats import preloaded, recording_format
 from excite.logs.recordings.recording import JOINT_STATE, SAGE, SI_UNITS, Contents, Recording, RecordingFormat
-from excite.storage.atomic import replacing
-from excite.storage.result_folder import replace_files, result_file
+from excite.storage.result_folder import write_file
 from regressors.arguments import checked
-from regressors.errors import InputError, printable
+from regressors.errors import InputError, listed_names, printable
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -188,7 +187,7 @@ class _Guessing:
         if (position := chosen.get("position")) is None:
             names = [stream.title(name) or name for stream in self.contents.streams for name in stream.columns]
             which = "Which columns are the positions of the joints? None was recognised among"
-            self.ask(_WHOLE, f"{which} {first_names(names)}")
+            self.ask(_WHOLE, f"{which} {listed_names(names, MOST_NAMES)}")
         elif position.stream not in self.clocks and not self._find_rate(position, chosen.get("velocity")):
             of_rows = "a mapping may state a rate of rows: `time: {rate: HZ}`"
             self.ask(_WHOLE, f"When was each row taken? No column of {position.stream} increases; {of_rows}")
@@ -379,21 +378,8 @@ def _value(value: Any) -> str:
     return json.dumps(value, ensure_ascii=not (isinstance(value, str) and value.isprintable()))
 
 
-def check_mapping_free(path: Path, *, replace: bool) -> None:
-    """Refuse to write a mapping where a file is, unless it is to be replaced."""
-    if path.is_dir():
-        raise InputError(f"{path} is a folder; give the name of a file for the mapping")
-    if path.exists() and not replace:
-        raise InputError(f"{path} exists; give another name, or `replace=True`")
-
-
 def write_mapping_file(guess: LogGuess, path: str | Path, *, replace: bool = False) -> None:
     """Write the mapping of a guess, with what is known and what is asked as comments."""
-    text = mapping_text(guess)
-    path = Path(path)
-    if not path.name:
+    if not Path(path).name:
         raise InputError("the name of the mapping to write is empty")
-    with result_file(path):
-        check_mapping_free(path, replace=replace)
-        with replace_files(path) as staged, replacing(staged / path.name) as stream:
-            stream.write(text)
+    write_file(Path(path), mapping_text(guess).encode("utf-8"), replace=replace)

@@ -222,7 +222,7 @@ REFUSED = {
     "missing": (("logs", "absent"), "cannot read log absent: No such file or directory"),
     "empty": (("logs", "empty"), "empty is an empty file of no known format"),
     "words": (("logs", "words"), "words holds no table of numbers"),
-    "there already": (("logs", "run", "--write-mapping", "words"), "words exists; give another name, or --force"),
+    "there already": (("logs", "run", "--write-mapping", "words"), "words already there; --force replaces it"),
     "no positions": (("logs", "plain", "--write-mapping", "map"), "no mapping can be written; Which columns"),
 }
 

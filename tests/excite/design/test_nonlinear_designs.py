@@ -277,7 +277,7 @@ def test_bad_options(here: Here) -> None:
 def test_bad_tasks() -> None:
     for options, message in (
         ({"tool_box": ((0, 1), (0, 1))}, "tool_box needs a lower and an upper bound for each of x, y, z"),
-        ({"tool_point": (0, 1), "tool_speed": 1.0}, "tool_point needs three finite numbers, given 0.0, 1.0"),
+        ({"tool_point": (0, 1), "tool_speed": 1.0}, r"tool_point: expected three numbers, given \(0, 1\)"),
         ({"tool_point": (0, np.nan, 1), "tool_speed": 1.0}, "`tool_point` must be a number from -10000 to 10000 m"),
     ):
         with pytest.raises(InputError, match=message):

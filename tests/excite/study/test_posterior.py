@@ -292,7 +292,7 @@ def test_files_of_schema_1_are_the_same_samples(suffix: str) -> None:
 
 def test_what_is_there_is_not_replaced(tmp_path: Path) -> None:
     path = drawn().save(tmp_path / "samples.npz")
-    with pytest.raises(excite.InputError, match="is there already; `replace`"):
+    with pytest.raises(excite.InputError, match="already there; `replace`"):
         drawn().save(path)
 
 

@@ -261,7 +261,7 @@ def test_refuses_files_that_cannot_be_read(tmp_path: Path) -> None:
         read_description(tmp_path)
     path = tmp_path / "binary.yaml"
     path.write_bytes(b"name: \xff\n")
-    with pytest.raises(InputError, match=r"binary\.yaml: not a text file in UTF-8 \(byte 7\)"):
+    with pytest.raises(InputError, match=r"binary\.yaml': not a text file in UTF-8 \(byte 7\)"):
         read_description(path)
 
 

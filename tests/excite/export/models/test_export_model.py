@@ -209,7 +209,7 @@ BAD: tuple[tuple[dict[str, Any], str], ...] = (
     ({"format": "urdf", "robot_file": "a.yaml"}, "takes one that ends in .urdf, .xml"),
     ({"format": "urdf", "robot_file": "missing.urdf"}, "cannot read"),
     ({"out": "."}, "it is a folder"),
-    ({"out": "there.urdf"}, "is there already; `replace` replaces it"),
+    ({"out": "there.urdf"}, "already there; `replace` replaces it"),
     ({"result": 3}, "expected a result of `identify`"),
     ({"result": "nowhere"}, "holds no result"),
 )

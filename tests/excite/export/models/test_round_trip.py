@@ -237,7 +237,7 @@ def test_written_file_and_what_is_in_the_way(tmp_path: Path) -> None:
     path = tmp_path / "own.yaml"
     write_robot(built_in("irp6"), path)
     assert load_robot(str(path)).sha256() == built_in("irp6").sha256()
-    with pytest.raises(InputError, match="is there already; `replace` replaces it"):
+    with pytest.raises(InputError, match="already there; `replace` replaces it"):
         write_robot(built_in("panda"), path)
     write_robot(built_in("panda"), path, replace=True)
     assert load_robot(str(path)).sha256() == built_in("panda").sha256()

@@ -220,7 +220,7 @@ SPOILT_SERVOS = {  # file, its last lines, what is said, the kind to drop
     "null": ("control", 'CONTROL,6e6,"[null, 1, 2]"', "line 602: a row with numbers that are NaN", "nan"),
     "other length": ("control", 'CONTROL,6e6,"[1, 2]"', "line 602: a row without a list of 3 numbers in", "garbage"),
     "no list": ("control", 'CONTROL,6e6,"7"\nCONTROL,7e6,"[1, 2, 3]"', "line 602: a row without a list", "garbage"),
-    "repeated": ("control", 'CONTROL,5990000.0,"[1, 2, 3]"', "control: time .* is repeated at row 601", "repeated"),
+    "repeated": ("control", 'CONTROL,5990000.0,"[1, 2, 3]"', "control, row 601: time .* is repeated", "repeated"),
 }
 
 
