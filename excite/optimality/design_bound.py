@@ -28,8 +28,7 @@ from excite.storage.atomic import Destination, read_json
 from excite.storage.codec import Beside
 from excite.storage.commit import read_settled
 from excite.storage.migrations import is_of_kind
-from excite.storage.records import Shown, check_replaceable, read_record, write_record
-from excite.storage.result_folder import result_folder
+from excite.storage.records import Shown, read_record, write_beside
 from excite.tasks.criteria import TorqueCriterion
 from regressors.arguments import checked
 from regressors.errors import InputError, check_names
@@ -119,9 +118,7 @@ class DesignBound(Shown):
         InputError
             The folder cannot be written to, or holds a file of this name that is something else.
         """
-        with result_folder(Path(folder)):
-            check_replaceable(Path(folder), KIND, KIND)
-            return write_record(self, KIND, Path(folder), KIND)
+        return write_beside(self, KIND, Path(folder), KIND)
 
 
 def stored_bound(design: Design) -> DesignBound | None:

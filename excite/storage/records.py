@@ -125,6 +125,13 @@ def check_replaceable(folder: Path, kind: str, stem: str) -> None:
     raise InputError(f"{path} is already there, and is not a {kind}; choose another `folder`")
 
 
+def write_beside(record: object, kind: str, folder: Path, stem: str, figures: Collection[str] = ()) -> list[Path]:
+    """Write a record beside other results, where no file of the user's own has its name."""
+    with result_folder(folder):
+        check_replaceable(folder, kind, stem)
+        return write_record(record, kind, folder, stem, figures)
+
+
 def read_record(
     path: Path, record: type[Record], kind: str, objects: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None
 ) -> Record:

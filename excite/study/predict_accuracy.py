@@ -18,8 +18,7 @@ from excite.identification.recipe import Recipe
 from excite.registry import name_of
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate
-from excite.storage.records import Shown, check_replaceable, write_record
-from excite.storage.result_folder import result_folder
+from excite.storage.records import Shown, write_beside
 from excite.study.rehearsal import (
     FREE,
     Rehearsal,
@@ -256,6 +255,4 @@ class AccuracyPrediction(Shown):
         InputError
             The folder cannot be written to, or holds a file of the name that is no such prediction.
         """
-        with result_folder(Path(folder)):
-            check_replaceable(Path(folder), KIND, KIND)
-            return write_record(self, KIND, Path(folder), KIND)
+        return write_beside(self, KIND, Path(folder), KIND)

@@ -178,56 +178,43 @@ def friction_content(curves: FrictionCurves) -> dict[str, Any]:
 
 def friction_text(curves: FrictionCurves) -> str:
     """Text of a friction file that reads back to the same numbers."""
-    lines = [f"schema: {SCHEMA}", *_UNITS, "drives:"]
+    lines = [f"schema: {SCHEMA}", *_UNITS, "drives:" if curves.curves else "drives: {}"]
     for name, curve in curves.curves.items():
         assert isinstance(curve, FrictionCurve)
-        uncertain = [] if name not in curves.uncertainty else _uncertain(curves.uncertainty[name])
-        lines += [f"  {_quoted(name)}:", *(f"    {line}" for line in (*_lines(curve), *uncertain))]
-    if not curves.curves:
-        lines[-1] = "drives: {}"
+        lines += [f"  {_quoted(name)}:", *(f"    {field}: {_flow(value)}" for field, value in _entry(curve).items())]
+        if (known := curves.uncertainty.get(name)) is not None:
+            rows = (f"        - {_flow(row)}" for row in known.covariance.tolist())
+            lines += ["    uncertainty:", f"      parameters: {_flow(known.parameters)}", "      covariance:", *rows]
     return "\n".join(lines) + "\n"
 
 
-def _lines(curve: FrictionCurve) -> list[str]:
+def _entry(curve: FrictionCurve) -> dict[str, Any]:
     if isinstance(curve, Loaded):
-        forward, backward = map(_number, curve.shares)
-        share = forward if forward == backward else f"{{forward: {forward}, backward: {backward}}}"
-        return [*_lines(curve.curve), f"load: {share}"]
+        return _entry(curve.curve) | {"load": _sides(*curve.shares)}
     if isinstance(curve, Warm):
-        return [*_lines(curve.curve), f"temperature: {{{', '.join(_temperature(curve))}}}"]
+        slopes = _sides(asdict(curve.forward), asdict(curve.backward))
+        measured = {} if curve.range is None else {"range": curve.range}
+        return _entry(curve.curve) | {"temperature": {"reference": curve.reference, **slopes, **measured}}
     if isinstance(curve, FunctionFriction):
         curve = curve.table()
     if isinstance(curve, TableFriction):
-        numbers = (("speed", curve.speed), ("torque", curve.friction))
-        return ["model: table", *(f"{name}: [{', '.join(map(_number, x.tolist()))}]" for name, x in numbers)]
-    if isinstance(curve, CoulombViscous):
-        return ["model: coulomb-viscous", *_entries(curve)]
-    if isinstance(curve, Stribeck):
-        rows = (f"{side}: {{{', '.join(_entries(getattr(curve, side)))}}}" for side in _SIDES)
-        return ["model: stribeck", *rows, f"offset: {_number(curve.offset)}"]
+        return {"model": "table", "speed": curve.speed.tolist(), "torque": curve.friction.tolist()}
+    if isinstance(curve, (CoulombViscous, Stribeck)):
+        return {"model": "stribeck" if isinstance(curve, Stribeck) else "coulomb-viscous", **asdict(curve)}
     raise InputError(f"a friction file holds no curve of type {type(curve).__name__}; available: {', '.join(_FIELDS)}")
 
 
-def _entries(part: CoulombViscous | Side | Slope) -> list[str]:
-    return [f"{name}: {_number(value)}" for name, value in asdict(part).items()]
+def _sides(*sides: Any) -> Any:
+    return sides[0] if sides[0] == sides[1] else dict(zip(_SIDES, sides, strict=True))
 
 
-def _uncertain(uncertainty: CurveUncertainty) -> list[str]:
-    rows = (f"    - [{', '.join(map(_number, row))}]" for row in uncertainty.covariance.tolist())
-    return ["uncertainty:", f"  parameters: [{', '.join(uncertainty.parameters)}]", "  covariance:", *rows]
-
-
-def _temperature(curve: Warm) -> list[str]:
-    alike = curve.forward == curve.backward
-    sides = [f"{side}: {{{', '.join(_entries(getattr(curve, side)))}}}" for side in _SIDES]
-    return [
-        f"reference: {_number(curve.reference)}",
-        *(_entries(curve.forward) if alike else sides),
-        *([] if curve.range is None else [f"range: [{', '.join(map(_number, curve.range))}]"]),
-    ]
-
-
-def _number(value: float) -> str:
+def _flow(value: Any) -> str:
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{field}: {_flow(each)}' for field, each in value.items())}}}"
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_flow, value))}]"
+    if isinstance(value, str):
+        return value
     if not np.isfinite(value):
         raise NumericalError("a friction curve has a parameter that is not finite, so that no file can hold it")
     return yaml_float(value)

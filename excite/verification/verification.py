@@ -13,8 +13,7 @@ from excite.identification.preparation import PreparedLog
 from excite.logs.event import Spans
 from excite.simulation.replay import Replay
 from excite.storage.codec import INLINE
-from excite.storage.records import Shown, check_replaceable, chosen, every, short, write_record
-from excite.storage.result_folder import result_folder
+from excite.storage.records import Shown, chosen, every, short, write_beside
 from excite.tasks.further_settings import Tolerances
 from excite.verification.simulated_motion import MotionError
 from excite.verification.verdict import CorrectedError, TorqueError, Verdict
@@ -207,6 +206,4 @@ class Verification(Shown):
             that is not a verification.
         """
         stem = name if name is not None else f"verification-{Path(self.log.file).stem}"
-        with result_folder(Path(folder)):
-            check_replaceable(Path(folder), KIND, stem)
-            return write_record(self, KIND, Path(folder), stem, [f"{stem}_{part}" for part in FIGURES])
+        return write_beside(self, KIND, Path(folder), stem, [f"{stem}_{part}" for part in FIGURES])

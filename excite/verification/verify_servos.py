@@ -18,8 +18,7 @@ from excite.identification.servo_windows import ServoMotion, servo_motion
 from excite.logs.log import LogReference
 from excite.logs.mapping import LogMapping
 from excite.simulation.servo_motion import followed
-from excite.storage.records import Shown, check_replaceable, every, short, write_record
-from excite.storage.result_folder import result_folder
+from excite.storage.records import Shown, every, short, write_beside
 from regressors.arguments import checked
 from regressors.errors import InputError, listed_names
 from regressors.models.servo import ServoModel
@@ -172,9 +171,7 @@ class ServoVerification(Shown):
             Of the file, without its ending; ``verification-LOG`` if not given.
         """
         stem = name if name is not None else f"verification-{Path(self.log.file).stem}"
-        with result_folder(Path(folder)):
-            check_replaceable(Path(folder), KIND, stem)
-            return write_record(self, KIND, Path(folder), stem, [f"{stem}_motion"])
+        return write_beside(self, KIND, Path(folder), stem, [f"{stem}_motion"])
 
     def __repr__(self) -> str:
         """One line."""

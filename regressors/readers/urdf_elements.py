@@ -124,16 +124,22 @@ def read_document(text: str | bytes, source: str) -> XmlElement:
         parent.children.append(element)
         open_elements.append(element)
 
-    def refuse(*_: object) -> None:
-        raise InputError(
-            f"{source}, line {parser.CurrentLineNumber}: a DOCTYPE or ENTITY declaration is refused, "
-            "expected plain URDF; remove the declaration"
-        )
-
     parser.StartElementHandler = start
     parser.EndElementHandler = lambda _: open_elements.pop()
-    parser.StartDoctypeDeclHandler = refuse
-    parser.EntityDeclHandler = refuse
+    parse_safely(parser, text, source)
+    return top.children[0]
+
+
+def parse_safely(parser: expat.XMLParserType, text: str | bytes, source: str) -> None:
+    """Let a parser read a document, in which nothing may be declared."""
+
+    def refuse(*_: object) -> None:
+        raise InputError(
+            f"{source}, line {parser.CurrentLineNumber}: a DOCTYPE or ENTITY declaration is refused; "
+            "remove the declaration"
+        )
+
+    parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = refuse
     try:
         parser.Parse(text, True)
     except expat.ExpatError as error:
@@ -143,7 +149,6 @@ def read_document(text: str | bytes, source: str) -> XmlElement:
         raise
     except (LookupError, ValueError) as error:  # an encoding that Python or expat does not know
         raise InputError(f"{source}: cannot decode the text: {error}") from error
-    return top.children[0]
 
 
 URDF, XACRO, MJCF = "URDF", "xacro", "MJCF"

@@ -18,6 +18,7 @@ from excite.export.models.identified_model import DrivenRobot
 from excite.export.models.nearest_bodies import held_note, own_part
 from regressors.errors import InputError, shortened
 from regressors.readers.moving_part import carried, kind_of
+from regressors.readers.urdf_elements import parse_safely
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree
 from regressors.robot.robot import Joint, Robot
 from regressors.samples import Array
@@ -93,17 +94,9 @@ class XmlDocument:
             else:
                 element.close, element.end = at, self.content.index(b">", at) + 1
 
-        def refuse(*_: object) -> None:
-            raise InputError(f"{self.source}: a DOCTYPE declaration is refused; remove it")
-
-        parser.StartDoctypeDeclHandler = refuse
         parser.XmlDeclHandler = declared
         parser.StartElementHandler, parser.EndElementHandler = begin, end
-        try:
-            parser.Parse(self.content, True)
-        except expat.ExpatError as error:
-            reason = expat.ErrorString(error.code)
-            raise InputError(f"{self.source}, line {error.lineno}: not well-formed XML: {reason}") from error
+        parse_safely(parser, self.content, self.source)
         return roots[0]
 
     def _after_tag(self, at: int, tag: str) -> int:

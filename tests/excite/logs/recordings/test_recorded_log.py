@@ -173,10 +173,7 @@ SWAPPED, REPEATED = STAMP[[*range(100), 101, 100, *range(102, 500)]], STAMP[[*ra
 NEXT_DAY = START + 86400 * NS + np.arange(196) * 25_000_000
 FAULTS = {
     "backwards": ({"js__header__stamp": SWAPPED}, "/js, row 102: time runs backwards"),
-    "repeated": (
-        {"js__header__stamp": REPEATED},
-        r"/js, row 101: .* is repeated; 1 row like this \(`drop='rep",
-    ),
+    "repeated": ({"js__header__stamp": REPEATED}, r"/js, row 101: .* is repeated; 1 row like this \(`drop='rep"),
     "infinite": ({"js__b__position": np.where(np.arange(500) == 7, np.inf, 0.0)}, "/js/b/position: row 8 is infinite"),
     "nothing": ({"motor__a__effort": np.full(196, np.nan)}, "/motor/a/effort: 0 values"),
     "other day": ({"motor__header__stamp": NEXT_DAY}, "one clock should have stamped both"),
