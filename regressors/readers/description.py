@@ -35,6 +35,8 @@ def read_description(path: str | Path) -> Robot:
 def parse_description(text: str, source: str) -> Robot:
     """Robot described by a YAML text."""
     document = parse_document(text, source)
+    if isinstance(document.content, dict) and "robot" in document.content and "joints" not in document.content:
+        raise InputError(f"{source} names a robot and describes none; give that robot, and this file as `task`")
     description = validate(document, Description)
     links = description.links or [LinkSection(name=f"link{k}") for k in range(1, len(description.joints) + 1)]
     branches = tuple(branch.branch() for branch in description.branches)

@@ -218,6 +218,7 @@ WHOLE = [
     ("name: !!python/object:os.system x\n", "f.yaml: name (line 1): YAML tags are not supported, given 'tag:yaml.org"),
     ("name: &a x\nsource: *a\n", "f.yaml: name (line 1): anchors and aliases (&name, *name) are not supported"),
     ("? [a, b]\n: 1\n", "f.yaml: the file (line 1): a field's name must be text (line 1)"),
+    ("robot: irp6\nperiod: 5\n", "f.yaml names a robot and describes none; give that robot, and this file as `task`"),
     ("[" * 500, "f.yaml: lists and mappings are nested too deeply"),
     (MINIMAL + "drives: [{name: y}, {name: z}]\n", "f.yaml: drives (line 5): 2 drives of 1 joints need a coupling"),
     (MINIMAL + "coupling: [[1]]\n", "f.yaml: coupling (line 5): a coupling needs drives"),
