@@ -141,7 +141,7 @@ def _steps(joint: Joint, q: Array) -> Array:
 
 
 CLEARANCE = 0.02  # m
-_DEEP = 0.05  # m: arms on a table reach less below it at position zero, legs and hanging arms 0.15 m and more
+DEEP = 0.05  # m: arms on a table reach less below it at position zero, legs and hanging arms 0.15 m and more
 _SHARE = 0.05  # of random poses: arms on a table are above it in 44 % and more, legs and hanging arms in at most 1 %
 _POSES = 500
 
@@ -175,7 +175,7 @@ def why_not_mounted(height: Mapping[str, Array]) -> str | None:
     """
     deepest = min(height, key=lambda link: float(height[link][0]))
     depth = -float(height[deepest][0])
-    if depth > _DEEP:
+    if depth > DEEP:
         return f"at position zero {deepest} is {depth:.2g} m below the base, so the base does not stand on it"
     share = float(np.mean(np.min(list(height.values()), axis=0)[1:] > 0.0))
     if share < _SHARE:

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from constraints.clearance import Frames, Gap, gaps
+from constraints.clearance import DEEP, Frames, Gap, gaps
 from constraints.geometry import Obstacle, Shape, World
 from constraints.nonlinear import Limit, NonlinearConstraint, motion_symbols
 from regressors.arguments import checked
@@ -214,6 +214,9 @@ def _above_mounting(pair: Pair, distance: Array, notes: list[str]) -> list[Pair]
         notes.append(
             f"{pair.label} is checked in part: some of its shape is closer than allowed in all of {_POSES} random poses"
         )
+    if (depth := -distance[0, still].min(initial=np.inf)) > DEEP:
+        where = f"in every pose some of its shape, which no joint raises, is {depth:.2g} m below it"
+        notes.append(f"{pair.label} is not checked in full: {where}; check its height (`floor`)")
     kept, column = [], iter(~(still | near))
     for capsule in pair.capsules:
         ends = [capsule.start] if capsule.length == 0 else [capsule.start, capsule.end]

@@ -194,6 +194,9 @@ def _surface(robot: Robot, task: Task, *bodies: tuple[Part, ...]) -> Obstacle | 
         return Unchecked(
             name, "no joint raises or lowers a known shape; shapes of links, or `tool_point`, tell of others"
         )
+    highest = max(heights, key=lambda link: float(heights[link].max()))
+    if isinstance(floor, float) and (reached := float(heights[highest].max())) < 0.0:
+        raise InputError(f"`floor`: no pose is above it, {highest} stays {-reached:.3g} m below; state another height")
     if isinstance(floor, float) or (reason := why_not_mounted(heights)) is None:
         return surface
     return Unchecked(name, f"{reason}; `floor` states its height above the base's origin")

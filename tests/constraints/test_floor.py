@@ -145,6 +145,17 @@ def test_its_height_can_be_given_and_it_can_be_left_out() -> None:
         assert reason(task) == "left out on request"
 
 
+def test_a_height_that_no_pose_keeps_is_refused_and_what_is_always_below_it_is_told() -> None:
+    with pytest.raises(InputError, match=r"`floor`: no pose is above it, wrist_3_link stays 1\.5\d m below"):
+        stated(Task("ur10e", self_collision=False, floor=3.0))
+    world = stated(task := Task("ur10e", self_collision=False, floor=0.4)).world
+    notes = low_limits(installed_robot(task), world).notes
+    assert [note.split(":")[0] for note in notes] == [
+        f"{link} to floor is not checked in full" for link in ("shoulder_link", "upper_arm_link")
+    ]
+    assert "0.37 m below it" in notes[0]
+
+
 def test_left_out_it_is_the_first_of_what_is_not_checked() -> None:
     made = formulate(built_in("irp6"), Task("irp6", floor="none", self_collision=False, harmonics=3))
     assert [each.limit for each in made.unchecked] == ["floor", "self-collision", "jerk", "obstacles"]
