@@ -94,6 +94,8 @@ def _explanation(limits: Sequence[LinearConstraint], A: Array, lower: Array, upp
 
 
 _NOTHING = 1e-4  # of a limit's scale
+_REACH, _CLOSE, _LESS = 0.5, 1e-7, 0.999  # of a step at first and at last [rad or m]; what a step leaves at most
+_STEPS = 100
 
 
 def smallest_relaxation(
@@ -106,37 +108,45 @@ def smallest_relaxation(
     """Least sum of relaxations, each in its limit's scale, for which a pose at rest keeps all limits.
 
     ``min sum e`` over poses s and ``e >= 0`` with ``lower + (room - e) scale <= g(s) <= upper - (room - e) scale`` and
-    the linear position limits as they are; by sequential quadratic programming from each of the given poses.
+    the linear position limits as they are; by linear programs in turn, of steps that are not farther than the last
+    ones told, from each of the given poses [Fletcher 1987, section 14.4].
     """  # poses (m, k); result (k,)
     sides = _Sides(nonlinear, motion)
-    k, m = poses.shape[1], len(sides.bound)
-    A, lower, upper = _positions(linear, k)
-    turns = np.full(k, 4 * np.pi)  # two either way for unbounded coordinates
-    rows, least, most = np.vstack([np.eye(k), A]), np.concatenate([-turns, lower]), np.concatenate([turns, upper])
-    constraints = [
-        {
-            "type": "ineq",
-            "fun": lambda x: sides.room(x[:k]) + x[k:] - room,
-            "jac": lambda x: np.hstack([sides.slopes(x[:k]), np.eye(m)]),
-        },
-        {
-            "type": "ineq",
-            "fun": lambda x: np.concatenate([most - rows @ x[:k], rows @ x[:k] - least]),
-            "jac": lambda x: np.hstack([np.vstack([-rows, rows]), np.zeros((2 * len(rows), m))]),
-        },
-    ]
-    gradient = np.concatenate([np.zeros(k), np.ones(m)])
-    best, where = np.full(m, np.inf), poses[0]
+    A, lower, upper = _positions(linear, poses.shape[1])
+    turns = np.full(poses.shape[1], 4 * np.pi)  # two either way for unbounded coordinates
+    rows = np.vstack([np.eye(turns.size), A])
+    least, most = (np.clip(np.append(*ends), -_WIDE, _WIDE) for ends in ((-turns, lower), (turns, upper)))
+    best, where = np.full(sides.bound.size, np.inf), poses[0]
     for pose in poses:
-        start = np.concatenate([pose, np.maximum(room - sides.room(pose), 0.0)])
-        minimum = scipy.optimize.minimize(
-            lambda x: float(np.sum(x[k:])), start, jac=lambda x: gradient, method="SLSQP", constraints=constraints,
-            bounds=[(None, None)] * k + [(0.0, None)] * m,
-        )  # fmt: skip
-        e = np.maximum(room - sides.room(minimum.x[:k]), 0.0)
-        if e.sum() < best.sum():
-            best, where = e, minimum.x[:k]
+        lacking, slopes, reach = room - sides.room(pose), sides.slopes(pose), _REACH
+        for _ in range(_STEPS):
+            if np.all(lacking <= 0.0) or reach < _CLOSE:
+                break
+            tried = pose + _step(lacking, slopes, rows, least, most, pose, reach)
+            further = room - sides.room(tried)
+            if np.maximum(further, 0.0).sum() < _LESS * np.maximum(lacking, 0.0).sum():
+                pose, lacking, slopes = tried, further, sides.slopes(tried)
+            else:
+                reach /= 4
+        if np.maximum(lacking, 0.0).sum() < best.sum():
+            best, where = np.maximum(lacking, 0.0), pose
+        if not best.any():
+            break
     return where, sides.relaxations(best)
+
+
+def _step(lacking: Array, slopes: Array, rows: Array, least: Array, most: Array, pose: Array, reach: float) -> Array:
+    """Step within reach for which the sum of what is lacking is least, to first order."""
+    near = lacking + reach * np.abs(slopes).sum(axis=1) > 0  # others keep their room
+    k, J, m = pose.size, slopes[near], int(np.count_nonzero(near))
+    result = scipy.optimize.linprog(
+        np.append(np.zeros(k), np.ones(m)),
+        A_ub=np.block([[-J, -np.eye(m)], [rows, np.zeros((len(rows), m))], [-rows, np.zeros((len(rows), m))]]),
+        b_ub=np.concatenate([-lacking[near], most - rows @ pose, rows @ pose - least]),
+        bounds=[(-reach, reach)] * k + [(0.0, None)] * m,
+        method="highs",
+    )
+    return np.zeros(k) if result.x is None else np.asarray(result.x[:k])
 
 
 class _Sides:
