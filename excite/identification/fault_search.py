@@ -221,9 +221,9 @@ class FaultSearch(Instants):
         robot, down = self.target.robot, self.target.robot.gravity
         across = scipy.linalg.null_space(down[None])
         gravities = np.array([down, np.column_stack([down, across]) @ _OBLIQUE, across[:, 0], np.zeros(3)])
-        models = [self.target.model, *(self.target.model.on(robot.replace(gravity=g)) for g in gravities[1:])]
+        models = [self.target.model.on(robot.replace(gravity=g)) for g in gravities]
         base = base_parameters(models[1], states=random_states(robot, few_states(models[1])))
-        own = replace(self.target, base=base)
+        own = replace(self.target, base=base, model=models[0])
         search = replace(self, target=own, described=described_coefficients(own), signs=signs_of_bodies(base))
         W = np.array([replace(search, target=replace(own, model=model)).columns_of(self.samples) for model in models])
         affine = np.linalg.inv(np.column_stack([gravities, np.ones(len(models))]))

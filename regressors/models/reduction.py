@@ -82,12 +82,9 @@ def free_parameters(structure: Structure, names: Sequence[str]) -> tuple[list[st
     leader = {name: group[0] for group in structure.equal for name in group[1:]}
     tied = {name: terms for name, terms in structure.mirrored.items() if terms.keys() <= set(names)}
     free = [name for name in names if not (name in structure.zero or name in leader or name in tied)]
-    own, place = np.zeros((len(names), len(free))), {name: k for k, name in enumerate(names)}
-    of_free = {name: k for k, name in enumerate(free)}
-    for name in names:
-        if (first := leader.get(name, name)) in of_free:
-            own[place[name], of_free[first]] = 1.0
-    S = own.copy()
+    leaders = np.array([leader.get(name, name) for name in names], dtype=str)
+    own = (leaders[:, None] == np.array(free, dtype=str)).astype(float)
+    S, place = own.copy(), {name: k for k, name in enumerate(names)}
     for name, row in place.items():
         terms = {} if name in structure.zero else tied.get(leader.get(name, name), {})
         for one, coefficient in terms.items():
