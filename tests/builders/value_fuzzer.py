@@ -412,6 +412,8 @@ def _alarm(patience: float, pressed: list[str]) -> Iterator[None]:
 
     clocks = ((signal.SIGPROF, signal.ITIMER_PROF, patience), (signal.SIGALRM, signal.ITIMER_REAL, 10 * patience))
     before = [(number, signal.signal(number, ring)) for number, _, _ in clocks]
+    hook = sys.unraisablehook  # Ctrl-C that a callback of the collector has lost is raised again
+    sys.unraisablehook = lambda lost: None if issubclass(lost.exc_type, KeyboardInterrupt) else hook(lost)
     for _, clock, limit in clocks:
         signal.setitimer(clock, limit)
     try:
@@ -419,6 +421,7 @@ def _alarm(patience: float, pressed: list[str]) -> Iterator[None]:
     finally:
         for _, clock, _ in clocks:
             signal.setitimer(clock, 0)
+        sys.unraisablehook = hook
         for number, handler in before:
             signal.signal(number, handler)
 
