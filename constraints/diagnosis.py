@@ -108,8 +108,8 @@ def smallest_relaxation(
     """Least sum of relaxations, each in its limit's scale, for which a pose at rest keeps all limits.
 
     ``min sum e`` over poses s and ``e >= 0`` with ``lower + (room - e) scale <= g(s) <= upper - (room - e) scale`` and
-    the linear position limits as they are; by linear programs in turn, of steps that are not farther than the last
-    ones told, from each of the given poses [Fletcher 1987, section 14.4].
+    the linear position limits as they are; by sequential linear programming with a trust region, from each of the
+    given poses [Fletcher 1987, section 14.4].
     """  # poses (m, k); result (k,)
     sides = _Sides(nonlinear, motion)
     A, lower, upper = _positions(linear, poses.shape[1])

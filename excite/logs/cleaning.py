@@ -50,7 +50,8 @@ def _without_wraps(log: Log, robot: Robot) -> Log:
         if np.ptp(q[:, k]) <= _TURN:
             q[1:, k] -= _TURN * np.cumsum(np.sign(step) * (np.abs(step) > (1 - _MOVED) * _TURN))
         ends = np.array([q[:, k].min(), q[:, k].max()])
-        turns = _TURN * np.round((ends.mean() - (lower + upper) / 2) / _TURN) if np.isfinite(upper - lower) else 0.0
+        bounded = bool(np.isfinite(upper - lower))  # more than one turn off is another unit
+        turns = _TURN * np.clip(np.round((ends.mean() - (lower + upper) / 2) / _TURN), -1, 1) if bounded else 0.0
         if not lower <= ends[0] <= ends[1] <= upper and lower <= ends[0] - turns <= ends[1] - turns <= upper:
             q[:, k] -= turns
     if not (wrapped := [name for name, moved in zip(log.joints, np.any(q != log.q, axis=0), strict=True) if moved]):

@@ -188,6 +188,11 @@ def test_positions_that_wrap_around_go_on_within_the_limits(least, middle):
     assert cleaned(log, robot)[0].left_out == ()
 
 
+def test_positions_in_degrees_are_not_turned_into_the_limits():
+    log = replace(LOG, q=LOG.q + 20 * np.pi)
+    np.testing.assert_array_equal(cleaned(log, PANDA)[0].q, log.q)
+
+
 @pytest.mark.parametrize("rows", [slice(2000, 2001), slice(2000, 2004)])
 def test_wrong_readings_are_left_out(rows):
     log = without_spikes(moved(rows, 0.3), PANDA)
