@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, Field
 
-from excite.storage.atomic import write_bytes
-from excite.storage.result_folder import check_free, result_file, settle_files
+from excite.storage.result_folder import check_free, result_file, settle_files, write_file
 from regressors.arguments import checked
 from regressors.errors import InputError, check_names, percent
 from regressors.readers.documents import read_document, validate
@@ -151,7 +150,7 @@ def write_gains(gains: KnownGains, path: Path, *, robot: str, mass: float) -> No
     lines.append("correlation:")
     lines += [f"  - {json.dumps([round(x, 12) for x in row])}" for row in correlation.tolist()]
     lines.append(f"logs: {json.dumps(list(gains.logs))}")
-    write_bytes(path, ("\n".join(lines) + "\n").encode())
+    write_file(path, ("\n".join(lines) + "\n").encode(), replace=True)
 
 
 def read_gains(path: Path) -> KnownGains:

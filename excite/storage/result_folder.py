@@ -131,7 +131,8 @@ def write_file(path: Path, content: bytes, *, replace: bool) -> None:
     """Write one file; one that is there is replaced only where that is asked for."""
     with result_file(path):
         check_free(path, replace=replace)
-        write_bytes(path, content)
+        with replace_files(path) as staged:
+            write_bytes(staged / path.name, content)
 
 
 def check_free(*paths: Path, replace: bool) -> None:

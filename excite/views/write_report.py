@@ -9,9 +9,8 @@ from constraints.geometry import World
 from excite.design.campaign import Campaign
 from excite.design.design import Design
 from excite.identification.identification import Identification
-from excite.storage.atomic import write_bytes
 from excite.storage.records import complete
-from excite.storage.result_folder import check_free, result_file
+from excite.storage.result_folder import check_free, result_file, write_file
 from excite.views.campaign_view import designs_of
 from excite.views.identification_view import side_by_side_view
 from excite.views.page_text import PageSection, page_text
@@ -71,7 +70,8 @@ def write_report(
         raise InputError(f"{page}: expected a name that ends in .html")
     with result_file(page):
         check_free(page, replace=replace)
-        write_bytes(page, report_text(paths_or_objects, robot_file=robot_file, part=part).encode("utf-8"))
+        text = report_text(paths_or_objects, robot_file=robot_file, part=part)
+        write_file(page, text.encode("utf-8"), replace=replace)
     return page
 
 

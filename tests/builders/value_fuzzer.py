@@ -305,7 +305,7 @@ def prepare(folder: Path) -> None:
     for name, text in FILES.items():
         (folder / name).write_text(text, encoding="utf-8")
     for arguments in MADE:
-        ended = run(arguments, folder, clean=False)
+        ended = run(arguments, folder, clean=False, patience=60.0)
         assert ended.status in (0, 1), (arguments, ended)
     shutil.copytree(folder, _copy_of(folder))
 

@@ -152,7 +152,7 @@ ENDLESS = {
 
 @pytest.mark.parametrize(("body", "message"), ENDLESS.values(), ids=ENDLESS)
 def test_endless_documents_end(body: str, message: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(urdf, "CPU", 10)
+    monkeypatch.setattr(urdf, "CPU", 60)
     monkeypatch.setattr(urdf, "MEMORY", 150 * 10**6)
     laughs = ["a0: &a0 [1, 2, 3, 4, 5, 6, 7, 8, 9]"]
     laughs += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 10)]
