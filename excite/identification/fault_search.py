@@ -23,11 +23,13 @@ from excite.identification.log_faults import (
     delay_fault,
     drift_fault,
     gain_fault,
+    gain_or_masses,
     gains_fault,
     gravity_fault,
     is_load,
     late_from_fault,
     lengths_fault,
+    log_gain,
     moved_fault,
     zero_fault,
 )
@@ -52,6 +54,7 @@ _LENGTH_ROUNDS, _COMMON, _STEP = 7, 2, 1e-3  # of their fit, those with one fact
 _LONGER, _SHORTEST = 0.3, 0.3  # most by which a factor changes at once; least and, inverted, largest
 _MASSES = (np.log(0.3), np.log(3.0))
 _ZEROS = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0])
+_REACH = 0.6  # of the logarithm of a gain
 _GAINS = np.log([1e-3, 1e-2, 0.05, 0.1, 0.2, 0.35, 0.6, 0.8, 1.25, 1.6, 2.8, 5.0, 10.0, 20.0, 100.0, 1e3])
 
 
@@ -64,13 +67,30 @@ class FaultSearch(Instants):
         fits = [*map(self.fit, column_faults(names)), self._with_gains(), *self._tilted()]
         fits += [self._delayed(np.ones(n, dtype=int)), self._late_from(), self._drifting(), self._moved()]
         fits += [self._at_best(partial(zero_fault, names, j), _ZEROS, 0.14, maxiter=7) for j in range(n)]
-        fits += [self._at_best(partial(gain_fault, names, j), _GAINS, 0.6, xatol=0.01) for j in range(n)]
-        return [fit for fit in fits if fit.kind != NO_FAULT.kind]
+        return [fit for fit in [*fits, *self._gains_of_one()] if fit.kind != NO_FAULT.kind]
+
+    @cached_property
+    def free(self) -> FaultSearch:
+        """The search with free bodies, which take up what a description has wrong."""
+        return replace(self, described=None)
+
+    def _gains_of_one(self) -> list[Fault]:
+        """The best gain of each joint: as free bodies need it, or else a large one, which the described masses need."""
+        names, found, none = self.target.robot.joint_names, [], self.free.fit(NO_FAULT)
+        for j in range(len(names)):
+            fault = partial(gain_fault, names, j)
+            gain = self._at_best(fault, _GAINS, _REACH, xatol=0.01)
+            own = self.free._at_best(fault, np.array([log_gain(gain)]), _REACH, xatol=0.01)
+            found.append((gain, own, none.size - own.size))
+        most = max(shown for _, _, shown in found)
+        return [
+            self.fit(own) if shown > max(_SHOWN, most - _SHOWN) else gain_or_masses(gain) for gain, own, shown in found
+        ]
 
     def gain_of_zeros(self) -> float:
         """What zeros of all joints explain that free bodies do not, linear in their changes."""
-        free, W = replace(self, described=None), self.columns  # zeros explain what a description has wrong, too
-        none = Equations.of(free, self.samples, W, self.measured).fit(NO_FAULT)
+        free, W = self.free, self.free.columns  # zeros explain what a description has wrong, too
+        none = free.plain.fit(NO_FAULT)
         x = none.parameters[: self.target.base.rank]
         moved = (replace(self.samples, q=self.samples.q + _STEP * unit) for unit in np.eye(self.samples.q.shape[1]))
         K = np.stack([(self.columns_of(samples) - W) @ x / _STEP for samples in moved], axis=2)
@@ -115,15 +135,14 @@ class FaultSearch(Instants):
         share = np.linalg.norm(found, axis=0) / np.linalg.norm(self.measured, axis=0)
         ratio = np.sum(described * found, axis=0) / np.maximum(np.sum(described**2, axis=0), _NOTHING)
         ratio = np.log(np.maximum(ratio, _NOTHING) / max(float(np.median(ratio)), _NOTHING))
-        for log_gain in np.log([1e-3, 1e3]).tolist():
-            odd = np.flatnonzero((np.abs(ratio + log_gain) < np.log(_NEARLY)) & (share > _SHARE))
+        for unit in np.log([1e-3, 1e3]).tolist():
+            odd = np.flatnonzero((np.abs(ratio + unit) < np.log(_NEARLY)) & (share > _SHARE))
             if odd.size == 1 < ratio.size:
-                yield gain_fault(self.target.robot.joint_names, int(odd[0]), log_gain)
+                yield gain_fault(self.target.robot.joint_names, int(odd[0]), unit)
 
     def with_lengths(self) -> Fault:
         """The lengths between joints that fit best, by the Gauss-Newton method with free bodies."""
-        robot, b = self.target.robot, self.target.base.rank
-        search = replace(self, described=None)
+        robot, b, search = self.target.robot, self.target.base.rank, self.free
         described = np.array([joint.translation for joint in robot.joints])
         places = np.nonzero((np.abs(described) > _SHORT) & (np.arange(robot.n) > 0)[:, None])
 

@@ -8,7 +8,7 @@ than nothing does, with a mass and a centre as loads have them, are named as its
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Any
 
@@ -171,9 +171,9 @@ def _undone(what: str, A: Array) -> dict[str, Any]:
 _UNITS = {1e3: ("kNm", "Nm"), 1e-3: ("mNm", "Nm")}  # of factors: what was recorded, and taken for
 
 
-def gain_fault(names: tuple[str, ...], j: int, log_gain: float) -> Fault:
+def gain_fault(names: tuple[str, ...], j: int, log_of_gain: float) -> Fault:
     """True torques of a joint are some times those in the log, unless that is nearly once."""
-    n, gain = len(names), float(np.exp(log_gain))
+    n, gain = len(names), float(np.exp(log_of_gain))
     what = f"the torques of {names[j]} are {1 / gain:.2g} times what the other joints say of it"
     line = f"use `{_each('gain', n, j, f'{gain:.3g}')}` for the torques in the mapping"
     cure = f"check its torque constant and ratio, or {line}, or that factor of the gain that is there"
@@ -182,8 +182,24 @@ def gain_fault(names: tuple[str, ...], j: int, log_gain: float) -> Fault:
             what = f"the torques of {names[j]} are in {unit}, not in {taken}"
             cure = f"use `{_each('unit', n, j, unit, taken)}` for the torques in the mapping"
     torques = np.diag(np.where(np.arange(n) == j, gain, 1.0))
-    kind = "torque gain" if abs(log_gain) > np.log(_ODD_AMONG_OTHERS) else NO_FAULT.kind
+    kind = "torque gain" if abs(log_of_gain) > np.log(_ODD_AMONG_OTHERS) else NO_FAULT.kind
     return Fault(kind, (names[j],), what, cure, torques)
+
+
+_OF_MASSES = 1.5  # more than that a description is seldom off
+
+
+def log_gain(gain: Fault) -> float:
+    """Logarithm of the gain of one joint."""
+    return 0.0 if gain.torques is None else float(np.sum(np.log(np.diag(gain.torques))))
+
+
+def gain_or_masses(gain: Fault) -> Fault:
+    """The gain of a joint that bodies of other masses explain, which is no fault of the log unless it is large."""
+    if abs(log_gain(gain)) < np.log(_OF_MASSES):
+        return NO_FAULT
+    what = gain.what.replace("what the other joints say of it", "what the described masses make of them")
+    return replace(gain, what=what, cure=f"{gain.cure}; or the masses of the description are off by as much")
 
 
 FREEDOM, _FREEDOM_OF_TIME = 0.1, 0.3  # of each value that is fitted; of a change from the best time on

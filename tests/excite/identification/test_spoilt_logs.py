@@ -196,6 +196,28 @@ def test_zeros_explain_a_zero_that_is_off_and_no_masses_that_are() -> None:
         assert (search.gain_of_zeros() > 0.08) is explained
 
 
+GAINS = {
+    "none": (5, 1.0, None),
+    "of a joint before others": (
+        3,
+        0.85,
+        "the torques of wrist_1_joint are 0.85 times what the other joints say of it",
+    ),
+    "small, of the last joint": (5, 0.85, None),
+    "large, of the last joint": (5, 0.6, "the torques of wrist_3_joint are 0.58 times what the described masses make"),
+}
+
+
+@pytest.mark.parametrize("case", GAINS)
+def test_a_gain_of_one_joint_is_named_where_masses_do_not_explain_it(case: str) -> None:
+    j, gain, what = GAINS[case]
+    log = ur10e_log((0.79, 0.86, 1.19, 1.05, 0.79, 0.96), noise=0.003)
+    off = replace(log, effort=log.effort * np.where(np.arange(6) == j, gain, 1.0), sha256=case)
+    doubts = estimate_parameters(built_in("ur10e"), Task("ur10e"), (off,), EXACT).doubts
+    assert len(doubts) == (what is not None)
+    assert all(what in doubt.what for doubt in doubts)
+
+
 def test_another_robot_of_the_family_is_named_with_its_lengths() -> None:
     robot, log = built_in("ur10e"), ur10e_log()
     factors = (1.0, 1.0, 0.7, 0.65, 0.8, 0.9)
