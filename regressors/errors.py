@@ -28,8 +28,8 @@ class NumericalError(ExciteError, ArithmeticError):
 class TakenError(InputError):
     """The destination of a write exists already."""
 
-    def __init__(self, what: str) -> None:
-        super().__init__(f"{what}; `replace` replaces it, or choose another `folder`")
+    def __init__(self, what: str, another: str = "`folder`") -> None:
+        super().__init__(f"{what}; `replace` replaces it, or choose another {another}")
 
 
 class TooLargeError(InputError):

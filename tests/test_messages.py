@@ -58,7 +58,7 @@ def test_messages_are_found() -> None:
     kinds = {message.kind for message in every_message()}
     assert kinds == {"docstring", "error", "help", "text"}
     texts = {message.text for message in every_message()}
-    assert "{}; `replace` replaces it, or choose another `folder`" in texts  # a raised error's base class
+    assert "{}; `replace` replaces it, or choose another {}" in texts  # a raised error's base class
     assert "List built-in robots, or show one: joints, limits, base parameters." in texts
 
 

@@ -141,7 +141,7 @@ def check_free(*paths: Path, replace: bool) -> None:
     if folder := next((path for path in there if path.is_dir()), None):
         raise InputError(f"cannot write {str(folder)!r}: it is a folder; name a file in it")
     if there and not replace:
-        raise TakenError(f"{', '.join(map(str, there))} already there")
+        raise TakenError(f"{', '.join(map(str, there))} already there", "name")
 
 
 @contextmanager
