@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import scipy
@@ -138,13 +138,17 @@ def played_uses(source: MotionSource) -> tuple[tuple[LimitUse, ...], tuple[Limit
 def check_played(source: MotionSource) -> None:
     """Refuse a motion that breaks a limit."""
     if broken := broken_limits(source):
-        worst, more = broken[0], len(broken) - 1
-        others = f"; {more} more limits are broken" if more else ""
-        raise BrokenLimitError(
-            f"the motion breaks a limit: {worst.label} is {worst.extreme:.4g} {worst.unit} at {worst.time:.3f} s, "
-            f"beyond {worst.bound:.4g} {worst.unit} ({100 * worst.use:.4g} % of what is allowed){others}; "
-            "`beyond_limits=True` plays it nevertheless"
-        )
+        refuse_broken(broken, "`beyond_limits=True` plays it nevertheless")
+
+
+def refuse_broken(broken: Sequence[LimitUse], remedy: str) -> NoReturn:
+    """Raise `BrokenLimitError` for limits that a motion breaks, the worst first."""
+    worst, more = broken[0], len(broken) - 1
+    others = f"; {more} more limits are broken" if more else ""
+    raise BrokenLimitError(
+        f"the motion breaks a limit: {worst.label} is {worst.extreme:.6g} {worst.unit} at {worst.time:.3f} s, beyond "
+        f"{worst.bound:.6g} {worst.unit} ({100 * worst.use:.6g} % of what is allowed){others}; {remedy}"
+    )
 
 
 def _torque_limits(source: MotionSource) -> Sequence[Constraint]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
 
+from excite.trajectories import Fourier, Trajectory
 from regressors.samples import Array, Samples
 
 
@@ -34,6 +36,15 @@ def random_sines(n: int, seed: int, waves: int = 3, size: float = 0.4) -> Sines:
     amplitude = size * rng.uniform(0.3, 1.0, (n, waves)) / np.arange(1, waves + 1)
     frequency = np.pi * np.arange(1, waves + 1)
     return Sines(rng.uniform(-0.3, 0.3, n), amplitude, frequency, rng.uniform(0, 2 * np.pi, (n, waves)))
+
+
+@cache
+def random_fourier(
+    n: int = 3, seed: int = 0, duration: float = 4.0, size: float = 0.25, harmonics: int = 4
+) -> Trajectory:
+    """A Fourier series of n joints with normal coefficients."""
+    family = Fourier(duration, harmonics)
+    return Trajectory(family, np.random.default_rng(seed).normal(0.0, size, (n, family.size)))
 
 
 @dataclass(frozen=True, eq=False)

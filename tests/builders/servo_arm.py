@@ -83,10 +83,11 @@ def played(
 
 
 @cache
-def true_servos() -> ServoResult:
-    """The servos as they are, as if they had been identified."""
+def true_servos(**changed: float) -> ServoResult:
+    """The servos as they are, or with other values for all joints, as if they had been identified."""
     t, values = truth(), np.zeros((3, len(SYMBOLS)))
-    for symbol, value in {"K": t.K, "D": t.D, "J": t.J, "Fc": t.Fc, "b": -t.b, "d": t.d, "L": t.L}.items():
+    known = {"K": t.K, "D": t.D, "J": t.J, "Fc": t.Fc, "b": -t.b, "d": t.d, "L": t.L}
+    for symbol, value in {**known, **changed}.items():
         values[:, SYMBOLS.index(symbol)] = value
     return ServoResult(small_arm(), values, 0 * values, (), (), 0)
 

@@ -18,7 +18,7 @@ from constraints.linear import linear_limits
 from excite.design.design import Design
 from excite.errors import BrokenLimitError
 from excite.export.motions.sampled_design import MOST_SAMPLES, SampledDesign, sampled_design
-from excite.tasks.reference import MotionSource, broken_limits
+from excite.tasks.reference import MotionSource, broken_limits, refuse_broken
 from excite.trajectories.transfer import Transfer
 from regressors.errors import InputError, printable
 from regressors.robot.robot import Robot
@@ -235,7 +235,7 @@ def check_formula(motion: SampledDesign) -> None:
     broken = [*broken_limits(source), *(use for use in uses if use.margin < -_ROUNDING * abs(use.bound))]
     remedy = "design it again within the limits"
     if broken:
-        _refuse(broken, remedy)
+        refuse_broken(broken, remedy)
     if design.broken:
         more = f" and {len(design.broken) - 1} more" if len(design.broken) > 1 else ""
         raise BrokenLimitError(f"the design does not keep its limits: {design.broken[0]}{more}; {remedy}")
@@ -270,16 +270,5 @@ def deviation(motion: SampledDesign, interpolation: Interpolation) -> float | No
 def check_interpolated(certificate: Certificate, interpolation: Interpolation) -> None:
     """Raise `BrokenLimitError` where what is interpolated breaks a limit."""
     if broken := closest_first(certificate, broken=True):
-        worst = broken[0]
-        much = f"by {100 * (worst.use - 1.0):.2g} %, of {interpolation.value}"
-        remedy = f"raise `rate`, or design it again with a lower `{worst.quantity}`"
-        _refuse(broken, f"that is {much}; {remedy}")
-
-
-def _refuse(broken: Sequence[LimitUse], remedy: str) -> None:
-    worst, more = broken[0], len(broken) - 1
-    others = f"; {more} more limits are broken" if more else ""
-    raise BrokenLimitError(
-        f"the motion breaks a limit: {worst.label} is {worst.extreme:.6g} {worst.unit} at {worst.time:.3f} s, beyond "
-        f"{worst.bound:.6g} {worst.unit}{others}; {remedy}"
-    )
+        remedy = f"raise `rate`, or design it again with a lower `{broken[0].quantity}`"
+        refuse_broken(broken, f"that is of {interpolation.value}; {remedy}")

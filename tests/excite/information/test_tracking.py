@@ -13,7 +13,7 @@ from servo_arm import JOINTS, small_arm, true_servos
 
 import excite
 from excite.design.formulation import formulate
-from excite.identification.servo_result import ServoResult, task_servos
+from excite.identification.servo_result import MotionFit, ServoResult, task_servos
 from excite.information.tracking import LinearServos
 from excite.tasks.robot_of_task import robot_and_task
 from excite.tasks.stored_files import TaskServos, UnopenedFile
@@ -30,17 +30,8 @@ QUICK: dict[str, Any] = {"joints": JOINTS, "harmonics": 4, "period": PERIOD, "st
 
 
 def servos(**changed: float) -> ServoResult:
-    values = true_servos().values.copy()
-    for symbol, value in changed.items():
-        values[:, SYMBOLS.index(symbol)] = value
-    fits = tuple(excite_fit(name) for name in JOINTS)
-    return replace(true_servos(), values=values, fits=fits)
-
-
-def excite_fit(joint: str) -> Any:
-    from excite.identification.servo_result import MotionFit
-
-    return MotionFit(joint, "rad", 1e-3, 0.1, 0.05, 0.03, 1e-3, 1.0)
+    fits = tuple(MotionFit(joint, "rad", 1e-3, 0.1, 0.05, 0.03, 1e-3, 1.0) for joint in JOINTS)
+    return replace(true_servos(**changed), fits=fits)
 
 
 def task(**options: Any) -> Task:

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
+from motions import random_fourier
 from pinocchio_chains import chain_model
 
 from excite.identification.identification import Identification
@@ -19,7 +20,6 @@ from excite.simulation.settings import ImpactPulse, SimulationSettings, impacts_
 from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
 from excite.tasks.task import Task
-from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError, UnknownName
 from regressors.readers.library import built_in
 from regressors.robot.friction.curve import CoulombViscous, Stribeck
@@ -33,8 +33,7 @@ BLOW = ImpactPulse("q2", 1.0, 400.0, 0.01)
 @cache
 def run(*impacts: ImpactPulse, friction: bool = False) -> Simulation:
     """The first three axes of the IRp-6 under a soft controller, for 2 s."""
-    family = Fourier(2.0, 2)
-    motion = Trajectory(family, np.random.default_rng(0).normal(0.0, 0.05, (3, family.size)))
+    motion = random_fourier(3, 0, 2.0, 0.05, harmonics=2)
     settings = SimulationSettings(rate=2000.0, torque_limits=False, bandwidth=1.0, impact=impacts)
     curves = None if friction else FrictionCurves({f"z{k}": CoulombViscous() for k in range(1, 6)})
     return simulate_motion(built_in("irp6"), Task("irp6"), motion, settings, friction=curves)
@@ -71,8 +70,7 @@ def test_the_torques_of_the_drives_do_not_show_the_impact_at_once() -> None:
 
 def test_friction_is_what_the_torques_do_beyond_the_motion() -> None:
     """With viscous friction alone, of one drive: ``C' f dz``."""
-    family = Fourier(1.0, 2)
-    motion = Trajectory(family, np.random.default_rng(0).normal(0.0, 0.05, (3, family.size)))
+    motion = random_fourier(3, 0, 1.0, 0.05, harmonics=2)
     during = ImpactPulse("q2", 0.5, 400.0, 0.01)
     curves = FrictionCurves({f"z{k}": CoulombViscous(0.0, 3.0 if k == 2 else 0.0) for k in range(1, 6)})
     found = simulate_motion(
@@ -117,9 +115,7 @@ CURVES = FrictionCurves(
 
 @cache
 def found(**chosen: float) -> Simulation:
-    family = Fourier(4.0, 4)
-    motion = Trajectory(family, np.random.default_rng(3).normal(0.0, 0.2, (3, family.size)))
-    settings = SimulationSettings(rate=500.0, torque_limits=False, **chosen)
+    motion, settings = random_fourier(3, 3, size=0.2), SimulationSettings(rate=500.0, torque_limits=False, **chosen)
     return simulate_motion(built_in("irp6"), Task("irp6"), motion, settings, friction=CURVES)
 
 

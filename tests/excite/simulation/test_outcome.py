@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from motions import random_fourier
 
 from excite.simulation.sensors import first_order_noise, sensed_torques, sensor_notes, stepped
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation, simulation_outcome
 from excite.tasks.task import Task
-from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError
 from regressors.readers.library import built_in
 from regressors.robot.robot import Robot
@@ -32,8 +32,7 @@ def weakened(share: float) -> Robot:
 
 @cache
 def run(share: float, torque_limits: bool = True) -> Simulation:
-    family = Fourier(2.0, 3)
-    motion = Trajectory(family, np.random.default_rng(3).normal(0.0, 0.12, (6, family.size)))
+    motion = random_fourier(6, 3, 2.0, 0.12, harmonics=3)
     settings = SimulationSettings(rate=RATE, torque_limits=torque_limits)
     return simulate_motion(weakened(share), Task("ur10e", acceleration=(100.0,)), motion, settings)
 

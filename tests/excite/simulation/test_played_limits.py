@@ -72,9 +72,9 @@ def test_the_message_names_the_limit_when_and_by_how_much() -> None:
     broken = broken_limits(source(2.4))
     first = max(broken, key=lambda use: use.use)
     text = (
-        f"{first.label} is {first.extreme:.4g} {first.unit} at {first.time:.4g} s, "
-        f"beyond {first.bound:.4g} {first.unit} "
-        f"({100 * first.use:.4g} % of what is allowed); {len(broken) - 1} more"
+        f"{first.label} is {first.extreme:.6g} {first.unit} at {first.time:.4g} s, "
+        f"beyond {first.bound:.6g} {first.unit} "
+        f"({100 * first.use:.6g} % of what is allowed); {len(broken) - 1} more"
     )
     with pytest.raises(BrokenLimitError, match=re.escape(text)):
         simulate(source(2.4), rate=200.0)

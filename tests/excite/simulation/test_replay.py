@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
-from motions import order_of
+from motions import order_of, random_fourier
 
 from excite.information.target import IdentificationTarget, target_of
 from excite.simulation.replay import Outcome, Replay, chosen_windows, windowed_motion
@@ -15,7 +15,7 @@ from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
 from excite.tasks.task import Task
-from excite.trajectories import Fourier, Trajectory
+from excite.trajectories import Trajectory
 from regressors.errors import InputError
 from regressors.models.nominal import parameter_values
 from regressors.readers.library import built_in
@@ -27,9 +27,7 @@ CALM = FrictionCurves({f"z{k}": CoulombViscous(0.0, 20.0) for k in range(1, 6)})
 SETTINGS = SimulationSettings(rate=500.0, torque_limits=False)
 
 
-def motion(n: int, duration: float = 2.0) -> Trajectory:
-    family = Fourier(duration, 3)
-    return Trajectory(family, np.random.default_rng(1).normal(0.0, 0.15, (n, family.size)))
+motion = partial(random_fourier, seed=1, duration=2.0, size=0.15, harmonics=3)
 
 
 @cache

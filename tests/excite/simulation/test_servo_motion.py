@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from motions import random_fourier
 from scipy.integrate import solve_ivp
 from servo_arm import JOINTS, played, small_arm, true_servos
 
@@ -29,17 +30,8 @@ RATE, DURATION = 250.0, 6.0
 
 @cache
 def source() -> MotionSource:
-    family = Fourier(DURATION, 4)
-    motion = Trajectory(family, np.random.default_rng(3).normal(0.0, 0.25, (3, family.size)))
+    motion = random_fourier(3, 3, DURATION)
     return MotionSource(small_arm(), Task(small_arm()), motion, None, None, {"design": None, "friction_plan": None})
-
-
-def servos(**changed: float) -> ServoResult:
-    """The servos of the small arm, with other values for all joints."""
-    values = true_servos().values.copy()
-    for symbol, value in changed.items():
-        values[:, SYMBOLS.index(symbol)] = value
-    return replace(true_servos(), values=values)
 
 
 def simulated(result: ServoResult, **options: Any) -> Simulation:
@@ -50,7 +42,7 @@ STIFF = {"K": 5e4, "D": 5e2, "J": 1e-3, "Fc": 0.0, "b": 0.0, "d": 0.0, "L": 1e5}
 
 
 def test_stiff_servos_without_delay_make_what_they_are_told() -> None:
-    simulation = simulated(servos(**STIFF))
+    simulation = simulated(true_servos(**STIFF))
     assert simulation.outcome.tracking[0].error < 0.01 * 2.0
     lag = STIFF["D"] / STIFF["K"] + 0.5 / RATE  # of damping, and of a command that is held
     wanted = source().motion.samples(np.clip(simulation.log.time - lag, 0.0, DURATION)).q
@@ -61,14 +53,14 @@ def test_stiff_servos_without_delay_make_what_they_are_told() -> None:
 
 
 def test_a_delay_shifts_the_motion_and_nothing_else() -> None:
-    early, late = (simulated(servos(**{**STIFF, "d": d})).log.q for d in (0.0, 0.06))
+    early, late = (simulated(true_servos(**{**STIFF, "d": d})).log.q for d in (0.0, 0.06))
     shift = round(0.06 * RATE)
     np.testing.assert_allclose(late[shift:], early[:-shift], atol=1e-5)
 
 
 def test_at_rest_gravity_deflects_the_servos_by_their_torque_over_their_stiffness() -> None:
     resting = replace(source(), motion=Trajectory(Fourier(2.0, 4), np.zeros((3, Fourier(2.0, 4).size))))
-    told = servos(Fc=0.0, b=0.0)
+    told = true_servos(Fc=0.0, b=0.0)
     simulation = excite.simulate(resting, servos=told, rate=RATE)
     bent = simulation.log.command - simulation.log.q
     np.testing.assert_allclose(told.of("K") * bent[-1], simulation.log.effort[-1], atol=2e-3)
@@ -106,7 +98,7 @@ def test_coupled_joints_move_as_one_system_of_equations(name: str, inertia: floa
     """Servos of 5 Hz without friction, against an integration of the whole arm."""
     robot, rate, w = built_in(name), 500.0, 2 * np.pi * 5.0
     n, needs, time = robot.n, arm_torques(robot), np.arange(round(2.0 * rate) + 1) / rate
-    motion = Trajectory(Fourier(2.0, 4), np.random.default_rng(0).normal(0.0, 0.15, (n, Fourier(2.0, 4).size)))
+    motion = random_fourier(n, 0, 2.0, 0.15)
     command, still = motion.samples(time).q, np.zeros((1, n))
     own = np.median(needs(command, 0 * command, 0 * command)[1], axis=0) + inertia
     values = np.zeros((n, len(SYMBOLS)))

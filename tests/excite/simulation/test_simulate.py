@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
-from motions import Polynomials, order_of
+from motions import Polynomials, order_of, random_fourier as motion
 from pinocchio_chains import chain_model, inertia
 from scipy.integrate import solve_ivp
 from slow_dynamics import random_body, random_chain
@@ -30,7 +30,6 @@ from excite.simulation.simulation import Simulation
 from excite.tasks.payload import Payload
 from excite.tasks.reference import Repeated, SampledMotion
 from excite.tasks.task import Task
-from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import base_parameters, random_states
 from regressors.models.differential import DifferentialModel
@@ -48,12 +47,6 @@ from regressors.samples import Array, Samples
 
 NO_FRICTION = FrictionCurves({f"z{k}": CoulombViscous() for k in range(1, 6)})
 LOOSE = SimulationSettings(rate=200.0, torque_limits=False)
-
-
-@cache
-def motion(n: int, seed: int = 0, duration: float = 4.0, size: float = 0.25) -> Trajectory:
-    family = Fourier(duration, 4)
-    return Trajectory(family, np.random.default_rng(seed).normal(0.0, size, (n, family.size)))
 
 
 @cache

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from breakaway_ramps import STICKING
-from motions import order_of
+from motions import order_of, random_fourier
 from scipy.integrate import solve_ivp
 
 from excite.identification.equations import dahl_direction
@@ -27,7 +27,6 @@ from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
 from excite.tasks.reference import SampledMotion
 from excite.tasks.task import Task
-from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError
 from regressors.models.differential import DifferentialModel
 from regressors.readers.library import built_in
@@ -199,10 +198,8 @@ C = np.array([[1.0, 0, 0], [0, 1, 0], [0, 1, 1]])
 
 @cache
 def of_irp6() -> Simulation:
-    family = Fourier(4.0, 4)
-    motion = Trajectory(family, np.random.default_rng(0).normal(0.0, 0.25, (3, family.size)))
     settings = SimulationSettings(rate=1000.0, torque_limits=False, controller="pd", breakaway="auto")
-    return simulate_motion(built_in("irp6"), Task("irp6"), motion, settings, friction=STICKING)
+    return simulate_motion(built_in("irp6"), Task("irp6"), random_fourier(), settings, friction=STICKING)
 
 
 def test_the_energy_balance_closes() -> None:
@@ -251,10 +248,8 @@ def test_every_drive_holds_its_own_torque() -> None:
 
 
 def brief(**options: object) -> Simulation:
-    family = Fourier(1.0, 4)
-    motion = Trajectory(family, np.random.default_rng(1).normal(0.0, 0.05, (3, family.size)))
     settings = replace(SimulationSettings(rate=500.0, torque_limits=False), **options)
-    return simulate_motion(built_in("irp6"), Task("irp6"), motion, settings)
+    return simulate_motion(built_in("irp6"), Task("irp6"), random_fourier(3, 1, 1.0, 0.05), settings)
 
 
 def test_friction_is_smooth_unless_it_is_asked_to_stick() -> None:

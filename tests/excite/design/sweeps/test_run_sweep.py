@@ -36,7 +36,7 @@ grid:
 exclude: [{trajectory: fourier, limits: still}]
 """
 SLOW = """
-common: {starts: 3, harmonics: 5}
+common: {starts: 2, harmonics: 5}
 grid: {robot: [panda], trajectory: [fourier, cosine], seed: [0, 1]}
 """
 
@@ -119,7 +119,7 @@ def test_killed_at_once_and_a_worker_killed(here: Here, undisturbed: dict[str, A
 
     process = start()
     until(lambda: files(out, "cells/*/design.json"))
-    until(lambda: len(finished_starts(out)) > 3)
+    until(lambda: len(finished_starts(out)) > 2)
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     until(lambda: not alive(process.pid))

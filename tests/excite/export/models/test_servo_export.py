@@ -24,15 +24,6 @@ from regressors.models.servo_response import STRIBECK_SPEED, SYMBOLS
 from regressors.samples import Array
 
 
-def servos(**changed: float) -> ServoResult:
-    """The true ones, with other values of some quantities."""
-    result = true_servos()
-    values = result.values.copy()
-    for symbol, value in changed.items():
-        values[:, SYMBOLS.index(symbol)] = value
-    return replace(result, values=values)
-
-
 def exported(result: ServoResult, form: str, folder: Path, **options: object) -> tuple[Exported, str]:
     written = excite.export_model(result, form, folder / f"out.{form}", replace=True, **options)
     return written, written.files[0].read_text(encoding="utf-8")
@@ -71,12 +62,12 @@ def test_mujoco_is_told_what_the_servos_are(tmp_path: Path) -> None:
     np.testing.assert_allclose(model.actuator_forcerange, np.column_stack([-told.L, told.L]))
     np.testing.assert_allclose(model.actuator_delay, told.d + 0.0005)  # half a step
     assert (model.actuator_history[:, 0] * 0.0001 > told.d).all()  # enough where steps are made shorter
-    free = in_mujoco(servos(L=1e5), tmp_path)
+    free = in_mujoco(true_servos(L=1e5), tmp_path)
     assert not free.actuator_forcelimited.any()
 
 
 def test_friction_holds_a_loaded_joint_that_rests(tmp_path: Path) -> None:
-    model = in_mujoco(servos(K=0.1, D=0.0, Fc=2.0), tmp_path)  # gravity takes up to 1.35 Nm
+    model = in_mujoco(true_servos(K=0.1, D=0.0, Fc=2.0), tmp_path)  # gravity takes up to 1.35 Nm
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 5000)
     assert np.abs(data.qpos).max() < 1e-4
@@ -84,7 +75,7 @@ def test_friction_holds_a_loaded_joint_that_rests(tmp_path: Path) -> None:
 
 def test_constant_friction_has_a_part_of_all_that_resists(tmp_path: Path) -> None:
     Fc, K = truth().Fc, truth().K
-    of = lambda **changed: in_mujoco(servos(**changed), tmp_path).dof_frictionloss - Fc  # noqa: E731
+    of = lambda **changed: in_mujoco(true_servos(**changed), tmp_path).dof_frictionloss - Fc  # noqa: E731
     np.testing.assert_allclose(of(delta=0.004), 0.004 * K)
     # the elbow holds 0.3 kg at 0.1 m and 0.02 kg at 0.22 m; angles of both joints are within 2 rad
     angles = np.add.outer(*2 * [np.linspace(-2.0, 2.0, 401)])
@@ -93,7 +84,7 @@ def test_constant_friction_has_a_part_of_all_that_resists(tmp_path: Path) -> Non
 
 
 def test_friction_near_standstill_depends_on_the_speed_and_has_no_control(tmp_path: Path) -> None:
-    model = in_mujoco(servos(Fs=0.2), tmp_path)
+    model = in_mujoco(true_servos(Fs=0.2), tmp_path)
     assert (model.nu, len(model.actuator_trnid)) == (3, 6)
     np.testing.assert_allclose(model.dof_frictionloss, truth().Fc)
     data = mujoco.MjData(model)
@@ -104,7 +95,7 @@ def test_friction_near_standstill_depends_on_the_speed_and_has_no_control(tmp_pa
             mujoco.mj_step(model, data)
         wanted = -np.sign(speed) * 0.2 * np.exp(-((speed / STRIBECK_SPEED) ** 2))
         np.testing.assert_allclose(data.actuator_force[3:], wanted, atol=1e-3)
-    urdf = exported(servos(Fs=0.2), "urdf", tmp_path)[1]
+    urdf = exported(true_servos(Fs=0.2), "urdf", tmp_path)[1]
     assert f'friction="{0.12 + 0.15:.2g}"' in urdf
 
 
@@ -152,10 +143,10 @@ OWN = """<mujoco>
 
 def test_a_copy_of_an_mjcf_has_the_servos_in_the_place_of_its_actuators(tmp_path: Path) -> None:
     (own := tmp_path / "own.xml").write_text(OWN, encoding="utf-8")
-    text = exported(servos(L=1e5), "mjcf", tmp_path, robot_file=own)[1]
+    text = exported(true_servos(L=1e5), "mjcf", tmp_path, robot_file=own)[1]
     assert "<!-- kept -->" in text
     assert '<geom type="plane" size="1 1 1"/>' in text
-    model, fresh = mujoco.MjModel.from_xml_string(text), in_mujoco(servos(L=1e5), tmp_path)
+    model, fresh = mujoco.MjModel.from_xml_string(text), in_mujoco(true_servos(L=1e5), tmp_path)
     assert [model.actuator(k).name for k in range(model.nu)] == ["mine", "elbow", "roll"]
     assert model.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     np.testing.assert_allclose(model.actuator_delay, truth().d + 0.001)
@@ -163,8 +154,8 @@ def test_a_copy_of_an_mjcf_has_the_servos_in_the_place_of_its_actuators(tmp_path
         np.testing.assert_array_equal(getattr(model, name), getattr(fresh, name), err_msg=name)
     for name in ("dof_armature", "dof_damping", "dof_frictionloss"):
         np.testing.assert_array_equal(getattr(model, name), getattr(fresh, name), err_msg=name)
-    (once := tmp_path / "once.xml").write_text(exported(servos(Fs=0.1), "mjcf", tmp_path, robot_file=own)[1])
-    again = mujoco.MjModel.from_xml_string(exported(servos(Fs=0.3), "mjcf", tmp_path, robot_file=once)[1])
+    (once := tmp_path / "once.xml").write_text(exported(true_servos(Fs=0.1), "mjcf", tmp_path, robot_file=own)[1])
+    again = mujoco.MjModel.from_xml_string(exported(true_servos(Fs=0.3), "mjcf", tmp_path, robot_file=once)[1])
     assert (again.nu, len(again.actuator_trnid)) == (3, 6)
     own.write_text(OWN.replace("<!-- kept -->", '<motor joint="lift"/>'), encoding="utf-8")
     with pytest.raises(InputError, match="'lift' has 2 actuators, 2 of them in the file itself; leave one"):
@@ -193,7 +184,7 @@ def test_a_urdf_has_friction_damping_and_limits(copied: bool, tmp_path: Path) ->
 
 
 def test_isaac_labs_groups_have_delays_in_steps(tmp_path: Path) -> None:
-    content = yaml.safe_load(exported(servos(Fs=0.1), "isaac", tmp_path)[1])
+    content = yaml.safe_load(exported(true_servos(Fs=0.1), "isaac", tmp_path)[1])
     (group,) = content["actuators"].values()
     (late,) = content["delayed_actuators"].values()
     assert (group["class_type"], late["class_type"]) == ("ImplicitActuatorCfg", "DelayedPDActuatorCfg")
@@ -206,7 +197,7 @@ def test_isaac_labs_groups_have_delays_in_steps(tmp_path: Path) -> None:
 
 
 def test_the_yaml_has_every_quantity_with_its_unit(tmp_path: Path) -> None:
-    result = replace(servos(L=1e5), half_width=np.where(true_servos().values > 3.0, np.inf, 1e-5))
+    result = replace(true_servos(L=1e5), half_width=np.where(true_servos().values > 3.0, np.inf, 1e-5))
     content = yaml.safe_load(exported(result, "yaml", tmp_path)[1])
     assert content["stribeck_speed"] == STRIBECK_SPEED
     for joint, quantities in result.stated.items():
@@ -224,7 +215,7 @@ def bam_friction(parameters: dict[str, float], external: float, motor: float, dq
 
 
 def test_bams_friction_is_ours(tmp_path: Path) -> None:
-    content = json.loads(exported(servos(Fs=0.2, mu=0.3), "bam", tmp_path)[1])
+    content = json.loads(exported(true_servos(Fs=0.2, mu=0.3), "bam", tmp_path)[1])
     for name, Fc in zip(JOINTS, truth().Fc, strict=True):
         own = content["servos"][name]
         for tau, motor, dq in np.random.default_rng(0).normal(0.0, (1.0, 1.0, 0.1), (20, 3)):
