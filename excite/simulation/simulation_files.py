@@ -50,7 +50,6 @@ def read_source(
 
 def _of_design(design: Design, file: Path | None, *, approach_and_return: bool) -> MotionSource:
     folder, more = design.folder, len(design.sequence.pieces) > 1
-    stated = design.measured.criteria["condition_number"]
     if file is None and approach_and_return and folder is not None and more:
         file = folder / TRAJECTORY
     if file is not None and file.parent == folder:
@@ -58,7 +57,7 @@ def _of_design(design: Design, file: Path | None, *, approach_and_return: bool) 
     origin = {
         "folder": None if folder is None else folder.name,
         "sha256": None if folder is None else sha256_of(folder / DESIGN),
-        "condition_number": stated if isfinite(stated) else None,
+        "condition_number": design.condition_number if isfinite(design.condition_number) else None,
     }
     motion = design.trajectory if file is None else read_motion(file, design.moving.joint_names)
     ramps = None if file is None else read_torque(file, design.moving)

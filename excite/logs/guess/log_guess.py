@@ -122,8 +122,6 @@ def certain_mapping(
         raise
     if guess.mapping is not None and not guess.questions:
         return guess, loaded
-    if guess.mapping is None and otherwise is not None:
-        raise otherwise
     more = f"; and {len(guess.questions) - 1} more" if len(guess.questions) > 1 else ""
     raise InputError(
         f"{path}, {guess.contents.format}, leaves a question: {guess.questions[0]}{more}; `guess_mapping` shows what "
@@ -167,7 +165,7 @@ class _Guessing:
     def __init__(self, contents: Contents, recording: Recording, fields: Mapping[str, object]) -> None:
         self.contents, self.recording, self.fields = contents, recording, fields
         self.told: dict[str, list[str]] = {_WHOLE: [], "time": []}
-        self.asked: dict[str, list[str]] = {}
+        self.asked: dict[str, list[str]] = {_WHOLE: []}
         self.clocks: dict[str, Clock] = {}
         self.rate = 0.0  # of rows that no column has the time of [Hz]
         for stream in contents.streams:

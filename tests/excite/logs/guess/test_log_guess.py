@@ -186,7 +186,7 @@ def test_velocities_tell_the_rate_of_rows_without_a_time(tmp_path: Path, moved: 
     for some, few in ((names, slow), (names[: moved.n], moved.q.tolist())):
         guess = excite.guess_mapping(write_table(tmp_path / "n", some, few))
         assert guess.mapping is None
-        assert guess.questions[-1].endswith("increases; a mapping may state a rate of rows: `time: {rate: HZ}`")
+        assert guess.questions[0].endswith("increases; a mapping may state a rate of rows: `time: {rate: HZ}`")
 
 
 def test_columns_without_names_are_found_by_their_numbers(tmp_path: Path, moved: Motion) -> None:
