@@ -50,6 +50,11 @@ def one_thread() -> Iterator[None]:
         yield
 
 
+def null_space(A: Array) -> Array:
+    """Orthonormal solutions of ``A x = 0`` with independent rows, as of SciPy, which takes a while to be imported."""
+    return np.ascontiguousarray(np.linalg.svd(A)[2][len(A) :].T)
+
+
 def _is_numerical(error: Exception) -> bool:
     """Whether it is a library's word for numbers that it cannot work with."""
     text = str(error)

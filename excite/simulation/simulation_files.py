@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +56,6 @@ def _of_design(design: Design, file: Path | None, *, approach_and_return: bool) 
     origin = {
         "folder": None if folder is None else folder.name,
         "sha256": None if folder is None else sha256_of(folder / DESIGN),
-        "condition_number": design.condition_number if isfinite(design.condition_number) else None,
     }
     motion = design.trajectory if file is None else read_motion(file, design.moving.joint_names)
     ramps = None if file is None else read_torque(file, design.moving)

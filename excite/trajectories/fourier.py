@@ -15,7 +15,6 @@ import math
 from typing import ClassVar
 
 import numpy as np
-import scipy
 
 from constraints.certificate import Extrema, trigonometric_extrema
 from constraints.enclosure import chebyshev_extrema, chebyshev_nodes, node_factor
@@ -23,6 +22,7 @@ from excite.trajectories.family import Family, check_size
 from excite.trajectories.linear import LinearFamily
 from excite.trajectories.polynomial import chebyshev_terms
 from regressors.arguments import checked
+from regressors.numerical import null_space
 from regressors.samples import Array
 
 
@@ -69,7 +69,7 @@ class Fourier(LinearFamily):
         ends = np.zeros((2, 2 * self.harmonics + 1))
         ends[0, 1 : self.harmonics + 1] = order**2
         ends[1, self.harmonics + 1 :] = order
-        return np.asarray(weight[:, None] * scipy.linalg.null_space(ends * weight))
+        return np.asarray(weight[:, None] * null_space(ends * weight))
 
     def _series(self, time: Array, derivative: int) -> Array:
         order = self.omega * np.arange(1, self.harmonics + 1)
@@ -176,7 +176,7 @@ class FourierQuintic(WavesAndQuintic, LinearFamily):
         ends = np.array([0.0, self.duration])
         closed = np.diff(self._terms(ends, 0), axis=0)
         rows = [closed, *(self._terms(ends, d) / self.omega**d for d in (1, 2))]
-        return np.asarray(weight[:, None] * scipy.linalg.null_space(np.vstack(rows) * weight))
+        return np.asarray(weight[:, None] * null_space(np.vstack(rows) * weight))
 
     def basis(self, time: Array, derivative: int) -> Array:
         """Values of the free basis functions, shape (N, size)."""
@@ -224,4 +224,4 @@ class Cosine(Fourier):
         order = np.arange(1, K + 1)
         weight = np.concatenate([[1.0], 1.0 / order])
         ends = np.concatenate([[0.0], order**2])[None] * weight
-        return np.vstack([weight[:, None] * scipy.linalg.null_space(ends), np.zeros((K, K))])
+        return np.vstack([weight[:, None] * null_space(ends), np.zeros((K, K))])

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.polynomial.chebyshev as chebyshev
-import scipy
 
 from constraints.certificate import Extrema
 from constraints.enclosure import chebyshev_extrema, chebyshev_nodes, node_factor
 from excite.trajectories.family import check_size
 from excite.trajectories.linear import LinearFamily
+from regressors.numerical import null_space
 from regressors.samples import Array
 
 
@@ -58,7 +58,7 @@ class Polynomial(LinearFamily):
         weight = 1.0 / np.maximum(np.arange(self.degree + 1), 1)
         conditions = conditions * weight
         conditions /= np.linalg.norm(conditions, axis=1)[:, None]
-        return np.asarray(weight[:, None] * scipy.linalg.null_space(conditions))
+        return np.asarray(weight[:, None] * null_space(conditions))
 
     def basis(self, time: Array, derivative: int) -> Array:
         """Values of the free basis functions, shape (N, size)."""
