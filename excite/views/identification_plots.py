@@ -17,7 +17,7 @@ from excite.identification.identification import Identification
 from excite.identification.prediction import with_measured_side
 from excite.identification.result import ReferenceValues
 from excite.study.time_study import TimeStudy
-from excite.views.panels import Panel, Timeline, alike, fit_panels, head, legend_below, panels, value_axis
+from excite.views.panels import Panel, Timeline, alike, fit_panels, head, left_out, legend_below, panels, value_axis
 from excite.views.style import (
     BAND,
     BLUE,
@@ -89,10 +89,9 @@ def draw_values(ax: Axes, timeline: Timeline, time: Array, log: Index, values: A
     if values.size < DENSE:
         ax.plot(*timeline.curve(time, log, values), color=DARK, linewidth=_CURVE)
         return
-    for k in range(len(timeline.names)):
-        t, v = time[log == k] + timeline.offsets[k], values[log == k]
-        if not v.size:
-            continue
+    logs = (np.flatnonzero(log == k) for k in range(len(timeline.names)))
+    for own in (part for rows in logs for part in np.split(rows, left_out(time[rows]) + 1) if part.size):
+        t, v = time[own] + timeline.offsets[log[own]], values[own]
         edges, bands = envelope(v, max(1, min(round(BINS * v.size / values.size), v.size // _FULL)))
         places = np.repeat(np.append(t[edges[:-1]], t[-1]), 2)[1:-1]
         low, lower, middle, upper, high = np.repeat(bands, 2, axis=1)
@@ -161,6 +160,7 @@ def residuals_figure(result: Identification) -> Figure:
     count = len(shown)
     title = f"{result.robot.name}: residuals, measured less predicted by the estimate"
     figure, rows = panels(count, Panel((7.6, 3.4), 1.3 if count > 1 else 3.0, left=0.85), title)
+    lags = max(1, int(_LAGS * min(int(np.bincount(curves.log[curves.equation == j]).max()) for j in shown)))
     for j, (over_time, over_lag) in zip(shown, rows, strict=True):
         (name, unit), own = result.equations[j], curves.equation == j
         time, log, e = curves.time[own], curves.log[own], residual[own]
@@ -170,7 +170,7 @@ def residuals_figure(result: Identification) -> Figure:
         value_axis(over_time, f"{_QUANTITIES.get(unit, 'value')} [{unit}]")
         rms, worst = (significant(float(x), 3) for x in (np.sqrt(np.mean(e**2)), np.abs(e).max()))
         head(over_time, name, f"rms {rms} {unit}, largest {worst} {unit}")
-        _draw_autocorrelation(over_lag, time, log, e, bottom=j == shown[-1])
+        _draw_autocorrelation(over_lag, time, log, e, lags, bottom=j == shown[-1])
     band = Patch(color=BAND, label="99 % of the autocorrelation of white noise")
     legend_below(figure, [*values_legend(int(np.bincount(curves.equation).max())), band])
     return figure
@@ -188,11 +188,9 @@ def autocorrelation(residual: Array, log: Index, lags: int) -> Array:
     return np.asarray(total / total[0]) if total[0] > 0 else np.zeros(lags + 1)
 
 
-def _draw_autocorrelation(ax: Axes, time: Array, log: Index, residual: Array, *, bottom: bool) -> None:
-    counts = np.bincount(log)
-    lags = max(1, int(_LAGS * counts.max()))
+def _draw_autocorrelation(ax: Axes, time: Array, log: Index, residual: Array, lags: int, *, bottom: bool) -> None:
     values = autocorrelation(residual, log, lags)
-    steps = np.array([np.median(np.diff(time[log == k])) for k in np.flatnonzero(counts > 1)])
+    steps = np.array([np.median(np.diff(time[log == k])) for k in np.flatnonzero(np.bincount(log) > 1)])
     alike = steps.size > 0 and float(np.ptp(steps)) <= _ALIKE * float(steps.min())
     lag = np.arange(lags + 1) * (steps[0] if alike else 1.0)
     white = _WHITE / np.sqrt(residual.size)
@@ -230,7 +228,7 @@ def estimates_figure(result: Identification) -> Figure:
     lowest = flat[-len({ax.get_position().x0 for ax in flat}) :]
     known = np.full(count, np.nan) if reference is None else reference.values
     for k, ax in enumerate(flat):
-        ax.plot(*timeline.curve(time, pass_number, path[:, k]), color=BLUE, linewidth=1.1, zorder=3)
+        ax.plot(*timeline.curve(time, pass_number, path[:, k], whole=True), color=BLUE, linewidth=1.1, zorder=3)
         _draw_end(ax, estimate, k, float(known[k]), path[:, k])
         timeline.dress(ax, bottom=ax in lowest, numbers=5)
     legend_below(figure, _legend(reference))

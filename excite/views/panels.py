@@ -16,7 +16,9 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedFormatter, FixedLocator, FuncFormatter, MaxNLocator
+from numpy.typing import ArrayLike
 
+from excite.logs.event import STEPS
 from excite.views.style import (
     BLUE,
     BOLD,
@@ -169,6 +171,12 @@ def extremes(values: Array, bins: int = BINS) -> Index:
     return np.unique(np.minimum(kept, values.size - 1))
 
 
+def left_out(time: Array) -> Index:
+    """Numbers of the rows behind which others are missing, by steps that are far longer than most."""  # time (m,)
+    step = np.diff(time)
+    return np.flatnonzero(step > STEPS * np.median(step)) if step.size else np.array([], dtype=np.intp)
+
+
 @dataclass(frozen=True, eq=False)
 class Timeline:
     """Place of every log on the axis."""
@@ -189,14 +197,16 @@ class Timeline:
         shown = tuple(PurePath(name).stem for name in names)
         return cls(shown, first, last, begins + first[0] - first)
 
-    def curve(self, time: Array, log: Index, values: Array) -> tuple[Array, Array]:
-        """Places and values to draw, a gap after each log."""  # time, values (m,); log (m,)
-        places, drawn = [], []
+    def curve(self, time: Array, log: Index, values: Array, *, whole: bool = False) -> tuple[Array, Array]:
+        """Places and values to draw, a gap after each log and, unless it is whole, where rows were left out."""
+        # time, values (m,); log (m,)
+        places, drawn = list[ArrayLike](), list[ArrayLike]()
         for k in range(len(self.names)):
             t, v = time[log == k], values[log == k]
             kept = extremes(v)
-            places += [t[kept] + self.offsets[k], [self.last[k] + self.offsets[k]]]
-            drawn += [v[kept], [np.nan]]
+            cut = np.array([], dtype=np.intp) if whole else np.unique(np.searchsorted(kept, left_out(t), side="right"))
+            places += [np.insert(t[kept], cut, t[kept[cut]]) + self.offsets[k], [self.last[k] + self.offsets[k]]]
+            drawn += [np.insert(v[kept], cut, np.nan), [np.nan]]
         return np.concatenate(places[:-1]), np.concatenate(drawn[:-1])
 
     def dress(self, ax: Axes, *, bottom: bool, numbers: int = _TICKS) -> None:
