@@ -135,7 +135,7 @@ def _as_slice(index: Index) -> slice | Index:
 
 NEGLIGIBLE = 1e-4  # of an equation's torque: smaller errors count as that
 _SMALLEST = 1e-8  # squared size of an equation that counts, of that of the largest
-_RIDGE = 1e-9  # of a column's length: what the other blocks do not determine stays small
+RIDGE = 1e-9  # of a column's length: what the other blocks do not determine stays small
 _ROUNDS = 3
 
 # parameters (..., p) from weighted sums of `[W y]' [W y]`, shape (..., p + 1, p + 1)
@@ -252,6 +252,6 @@ def least_squares_of_products(both: Array) -> Array:
     length = np.where(length > 0, length, 1.0)
     normal = both[..., :-1, :-1] / (length[..., :, None] * length[..., None, :])
     along = np.arange(length.shape[-1])
-    normal[..., along, along] += _RIDGE
+    normal[..., along, along] += RIDGE
     right = both[..., :-1, -1] / length
     return np.asarray(np.linalg.solve(normal, right[..., None])[..., 0] / length)

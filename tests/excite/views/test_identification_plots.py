@@ -212,6 +212,17 @@ def test_residuals_and_their_autocorrelation_are_drawn(result: Identification) -
     assert figure.axes[-1].get_xlabel() == "lag [s]"
 
 
+def test_curves_break_where_rows_were_left_out_and_lags_share_an_axis(result: Identification) -> None:
+    first = np.flatnonzero((result.observations.equation == 1) & (result.observations.log == 0))
+    kept = np.setdiff1d(np.arange(result.observations.y.size), first[10:16])
+    some = observing(result, result.observations.rows(kept))
+    for figure, colour in ((residuals_figure(some), DARK), (torques_figure(some), MEASURED_COLOUR)):
+        lines = [line.get_ydata() for line in figure.axes[2].lines if line.get_color() == colour]
+        gaps = [np.flatnonzero(np.isnan(y)).tolist() for y in lines if len(y) > 2]
+        assert gaps == [[10, COUNTS[0] - 6 + 1]]  # the second one is between the logs
+    assert len({ax.get_xlim() for ax in residuals_figure(some).axes[1::2]}) == 1
+
+
 def test_an_envelope_has_the_percentiles_of_its_stretches() -> None:
     values = np.random.default_rng(3).normal(size=1003)
     values[200:300] = np.nan

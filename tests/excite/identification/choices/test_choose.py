@@ -13,6 +13,7 @@ import pytest
 import scipy.signal
 from motions import Sines
 from played import LOAD, curves, irp6, noisy, periodic, played, three_joints
+from recordings import real_log
 
 import excite
 from excite.errors import ConicSolverError
@@ -368,3 +369,13 @@ def test_only_what_is_asked_for_is_chosen() -> None:
     for name in ("cut-off", "average", "rotor", ""):
         with pytest.raises(UnknownName, match=r"setting to choose.*cutoff, signals, delay"):
             free(("cutoff", name))
+
+
+@pytest.mark.slow
+def test_rows_that_alone_show_a_chosen_term_are_not_left_out() -> None:
+    result = excite.identify("ur10e", real_log("ur-20_02_05-20sec_8harm"), rows="1:2000")
+    chosen = {choice.name: choice for choice in result.choices}
+    assert "stribeck 1" in chosen["terms"].value
+    assert "do not show how friction depends on the speed" in chosen["standstill"].reason
+    assert result.estimate.unseen == ()
+    assert excite.verify(result, real_log("ur-20_02_10-30sec_12harm")).relative_error < 0.07  # 0.43 without these rows
