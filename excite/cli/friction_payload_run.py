@@ -22,10 +22,10 @@ from excite.design.friction_runs.friction_plan import FIGURE as RUNS, check_no_p
 from excite.design.friction_runs.schedule import Schedule
 from excite.friction.constant_speed_windows import FitSettings
 from excite.friction.friction_fit import FIGURE, FRICTION, check_no_fit
-from excite.payload.known_gains import save_gains
+from excite.payload.known_gains import write_gains
 from excite.payload.payload_result import check_no_payload
 from excite.storage.records import json_of
-from excite.storage.result_folder import figure_names, result_folder
+from excite.storage.result_folder import check_free, figure_names, result_file, result_folder
 from excite.tasks.further_settings import CONTROLLERS, PayloadMotionSettings
 from excite.tasks.installation import Installation
 from excite.tasks.limit_choice import LimitChoice
@@ -146,7 +146,8 @@ def _stays(box: Any) -> str:
 def calibrate_and_write(robot: str, out: Path, **given: Any) -> None:
     """Calibrate the gains of the drives, and write their factors."""
     tell("reading the logs and calibrating")
-    with save_gains(out, replace=given["force"]) as write:
+    with result_file(out):
+        check_free(out, replace=given["force"])
         calibrated = excite.calibrate_gains(
             robot,
             list(given["loaded"]),
@@ -156,7 +157,7 @@ def calibrate_and_write(robot: str, out: Path, **given: Any) -> None:
             logs=_logs_of(given),
             **_robot_of(given),
         )
-        write(calibrated.gains, robot=calibrated.robot, mass=given["mass"])
+        write_gains(calibrated.gains, out, robot=calibrated.robot, mass=given["mass"], replace=given["force"])
     steps = [f"excite payload identify ROBOT --with LOG --without LOG --gains {out} --out DIR"]
     show(gains_view(calibrated), [out], content=lambda: {"out": str(out), **calibrated.content()}, next_steps=steps)
 

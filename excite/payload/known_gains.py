@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, Field
 
-from excite.storage.result_folder import check_free, result_file, settle_files, write_file
+from excite.storage.result_folder import settle_files, write_file
 from regressors.arguments import checked
 from regressors.errors import InputError, check_names, percent
 from regressors.readers.documents import read_document, validate
@@ -130,15 +128,7 @@ class _Gains(BaseModel, extra="forbid", allow_inf_nan=False):
     logs: list[str] = []
 
 
-@contextmanager
-def save_gains(path: Path, *, replace: bool = False) -> Iterator[Callable[..., None]]:
-    """Be the only writer of a file of gains, and get what writes it, whole or not at all."""
-    with result_file(path):
-        check_free(path, replace=replace)
-        yield partial(write_gains, path=path)
-
-
-def write_gains(gains: KnownGains, path: Path, *, robot: str, mass: float) -> None:
+def write_gains(gains: KnownGains, path: Path, *, robot: str, mass: float, replace: bool = False) -> None:
     """Write a file of gains."""
     deviation = gains.deviation
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -150,7 +140,7 @@ def write_gains(gains: KnownGains, path: Path, *, robot: str, mass: float) -> No
     lines.append("correlation:")
     lines += [f"  - {json.dumps([round(x, 12) for x in row])}" for row in correlation.tolist()]
     lines.append(f"logs: {json.dumps(list(gains.logs))}")
-    write_file(path, ("\n".join(lines) + "\n").encode(), replace=True)
+    write_file(path, ("\n".join(lines) + "\n").encode(), replace=replace)
 
 
 def read_gains(path: Path) -> KnownGains:

@@ -16,22 +16,12 @@ import numpy as np
 
 from excite.identification.biases import SPEEDS, standstill_candidates
 from excite.identification.choices.delays import LONGEST, Scored
-from excite.identification.choices.left_out import (
-    RIDGE,
-    BlockStatistics,
-    Choice,
-    LeftOut,
-    best_of,
-    candidates_of,
-    differ,
-    jackknife,
-    weighted_sum,
-)
+from excite.identification.choices.left_out import Choice, LeftOut, best_of, candidates_of, differ, jackknife
 from excite.identification.choices.scoring import Mask, Scoring, masked
 from excite.identification.choices.timing import Chosen, DelayFit, choose_timing, delay_of
 from excite.identification.equations import nearest
 from excite.identification.recipe import Recipe
-from excite.information.target import IdentificationTarget, least_speeds, typical_speed
+from excite.information.target import least_speeds, typical_speed
 from regressors.errors import InputError, percent
 from regressors.robot.columns import ASYMMETRY, ROOT, STRIBECK
 from regressors.samples import Array
@@ -317,12 +307,12 @@ def choose_standstill(scoring: Scoring, recipe: Recipe, least: float = 0.0) -> t
     statistics = {v: trial.statistics_of(one, target.base.rank) for v, one in kept.items()}
     scores = {v: scoring.of(one, statistics[candidates[-1]]) for v, one in statistics.items()}
     fast = [v for share, v in zip(SPEEDS, candidates, strict=False) if share >= least] or [candidates[-1]]
-    told = {v: _information_on_terms(target, one, scores[0.0].weights) for v, one in statistics.items()}
+    terms = [target.base.columns[int(k)].kind in (ASYMMETRY, ROOT, STRIBECK) for k in target.base.index]
+    told = {v: one.information(scores[0.0].weights)[terms] for v, one in statistics.items()}
     allowed = {v: scores[v] for v in fast if np.all(told[v] >= _STILL_TOLD * told[0.0])} or {fast[0]: scores[fast[0]]}
     best = allowed[best_of(allowed)]
-    reason = "rows of slow drives are kept: without them the others are predicted no better"
-    if len(allowed) < len(fast):
-        reason += ", or do not show how friction depends on the speed"
+    hidden = ", or do not show how friction depends on the speed" if len(allowed) < len(fast) else ""
+    reason = f"rows of slow drives are kept: without them the others are predicted no better{hidden}"
     chosen = next(v for v, errors in allowed.items() if not best.is_better(errors, _KEPT_WORTH))
     for faster in [v for v in allowed if v > chosen] if chosen else ():
         still = differ(statistics[chosen], statistics[faster], scores[chosen].weights)
@@ -337,12 +327,3 @@ def choose_standstill(scoring: Scoring, recipe: Recipe, least: float = 0.0) -> t
         )
         recipe = replace(recipe, standstill=value)
     return recipe, (Choice("standstill", value, candidates_of(scores), reason, "rad/s or m/s"),)
-
-
-def _information_on_terms(target: IdentificationTarget, statistics: BlockStatistics, weights: Array) -> Array:
-    """What rows tell, beside all else, of each term of friction that depends on the speed, shape (k,)."""
-    terms = [target.base.columns[int(k)].kind in (ASYMMETRY, ROOT, STRIBECK) for k in target.base.index]
-    both = weighted_sum(statistics.total, weights)[:-1, :-1]
-    size = np.sqrt(np.where(np.diag(both) > 0, np.diag(both), 1.0))
-    variance = np.diag(np.linalg.inv(both / np.outer(size, size) + RIDGE * np.eye(size.size))) / size**2
-    return np.asarray(1.0 / variance[terms])

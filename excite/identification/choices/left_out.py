@@ -109,6 +109,13 @@ class BlockStatistics:
         """Sum over the blocks, shape (r, p + 1, p + 1)."""
         return np.asarray(self.products.sum(axis=0))
 
+    def information(self, weights: Array) -> Array:
+        """What the rows tell of each column beside the others, of weighted equations, shape (p,)."""
+        both = weighted_sum(self.total, weights)[:-1, :-1]
+        size = np.sqrt(np.where(np.diag(both) > 0, np.diag(both), 1.0))
+        left = np.linalg.inv(both / np.outer(size, size) + _RIDGE * np.eye(size.size))
+        return np.asarray(size**2 / np.diag(left))
+
     def of_columns(self, columns: Sequence[int]) -> BlockStatistics:
         """Statistics of some of the columns."""
         kept = np.append(np.asarray(columns, dtype=np.intp), self.products.shape[2] - 1)
@@ -135,7 +142,7 @@ def _as_slice(index: Index) -> slice | Index:
 
 NEGLIGIBLE = 1e-4  # of an equation's torque: smaller errors count as that
 _SMALLEST = 1e-8  # squared size of an equation that counts, of that of the largest
-RIDGE = 1e-9  # of a column's length: what the other blocks do not determine stays small
+_RIDGE = 1e-9  # of a column's length: what the other blocks do not determine stays small
 _ROUNDS = 3
 
 # parameters (..., p) from weighted sums of `[W y]' [W y]`, shape (..., p + 1, p + 1)
@@ -252,6 +259,6 @@ def least_squares_of_products(both: Array) -> Array:
     length = np.where(length > 0, length, 1.0)
     normal = both[..., :-1, :-1] / (length[..., :, None] * length[..., None, :])
     along = np.arange(length.shape[-1])
-    normal[..., along, along] += RIDGE
+    normal[..., along, along] += _RIDGE
     right = both[..., :-1, -1] / length
     return np.asarray(np.linalg.solve(normal, right[..., None])[..., 0] / length)

@@ -172,14 +172,9 @@ def _address(k: int, array: str, row: int) -> Iterator[str]:
     yield f"  %p{k} = getelementptr double, ptr %{array}, i64 %i{k}"
 
 
-@cache
-def _known(lanes: int) -> dict[str, str]:
-    return {"one": _constant(1.0, lanes), "kind": _TYPES[lanes][2]}
-
-
 def _operation(k: int, op: int, of: list[str], lanes: int) -> Iterator[str]:
     """Lines whose last one defines the value."""
-    known = _known(lanes)
+    known = {"one": _constant(1.0, lanes), "kind": _TYPES[lanes][2]}
     if op in _INSTRUCTIONS:
         yield f"  %v{k} = {_INSTRUCTIONS[op].format(*of, **known)}"
     elif op in _BY_INSTANT:

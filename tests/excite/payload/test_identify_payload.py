@@ -15,7 +15,7 @@ from pinocchio_chains import chain_model, inertia, tool_motion
 from played import LOAD
 
 import excite
-from excite.payload.known_gains import read_gains, save_gains
+from excite.payload.known_gains import read_gains, write_gains
 from excite.payload.load_estimate import estimate_load
 from excite.tasks.payload import Payload
 from regressors.errors import InputError, TakenError
@@ -107,16 +107,15 @@ def test_gains_from_a_known_mass_correct_another_load(played: Any, tmp_path: Pat
     found = excite.calibrate_gains("panda", *pair, 1.5, kind="common")
     np.testing.assert_allclose(found.gains.factor, 0.9, rtol=0.02)
     assert found.stated_mass == pytest.approx(1.5 / 0.9, rel=0.03)
-    with save_gains(tmp_path / "gains.yaml") as write:
-        write(found.gains, robot="panda", mass=1.5)
+    write_gains(found.gains, tmp_path / "gains.yaml", robot="panda", mass=1.5)
     known = read_gains(tmp_path / "gains.yaml")
     np.testing.assert_allclose(known.factor, found.gains.factor)
     np.testing.assert_allclose(known.covariance, found.gains.covariance, atol=1e-9)
     other = noisy(played.held, 5, gain=0.9), noisy(played.bare, 6, gain=0.9)
     result = excite.identify_payload("panda", other[0], without=other[1], gains=tmp_path / "gains.yaml")
     assert result.mass == pytest.approx(1.5, rel=0.03)
-    with pytest.raises(TakenError), save_gains(tmp_path / "gains.yaml"):
-        pass
+    with pytest.raises(TakenError):
+        write_gains(found.gains, tmp_path / "gains.yaml", robot="panda", mass=1.5)
 
 
 @pytest.mark.slow
