@@ -51,7 +51,7 @@ def one_thread() -> Iterator[None]:
 
 
 def null_space(A: Array) -> Array:
-    """Orthonormal solutions of ``A x = 0`` with independent rows, as of SciPy, which takes a while to be imported."""
+    """Orthonormal solutions of ``A x = 0``, whose rows are independent, without importing `scipy.linalg` for it."""
     return np.ascontiguousarray(np.linalg.svd(A)[2][len(A) :].T)
 
 

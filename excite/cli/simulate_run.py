@@ -13,6 +13,7 @@ from excite.cli.progress import progress_of_samples
 from excite.cli.streams import in_options, remark, say, tell
 from excite.cli.summary import show
 from excite.errors import LostMotionError
+from excite.identification.servo_result import load_servos
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import motion_source
 from excite.simulation.simulation_files import paths_of
@@ -33,7 +34,7 @@ def simulate_and_write(source: Path, out: Path, **given: Any) -> None:
     load = played.pop("load", None)
     load = Payload(load) if isinstance(load, tuple) else load
     if "servos" in played:
-        played["servos"] = excite.load(played["servos"])
+        played["servos"] = load_servos(played["servos"])
     seen = load is not None or resolved.task.model.bears_robot
     if not seen and resolved.task.model.channel == "wrench":
         remark("excite: note: the design is for a load, but none is simulated; give one with --load")

@@ -196,8 +196,11 @@ def log_gain(gain: Fault) -> float:
 
 def gain_or_masses(gain: Fault) -> Fault:
     """The gain of a joint that bodies of other masses explain, which is no fault of the log unless it is large."""
-    if abs(log_gain(gain)) < np.log(_OF_MASSES):
+    size = abs(log_gain(gain))
+    if size < np.log(_OF_MASSES):
         return NO_FAULT
+    if size > np.log(_ODD_SCALE):
+        return gain
     what = gain.what.replace("what the other joints say of it", "what the described masses make of them")
     return replace(gain, what=what, cure=f"{gain.cure}; or the masses of the description are off by as much")
 

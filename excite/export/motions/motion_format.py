@@ -271,4 +271,4 @@ def check_interpolated(certificate: Certificate, interpolation: Interpolation) -
     """Raise `BrokenLimitError` where what is interpolated breaks a limit."""
     if broken := closest_first(certificate, broken=True):
         remedy = f"raise `rate`, or design it again with a lower `{broken[0].quantity}`"
-        refuse_broken(broken, f"that is of {interpolation.value}; {remedy}")
+        refuse_broken(broken, f"between the samples of the file: {interpolation.value}; {remedy}")

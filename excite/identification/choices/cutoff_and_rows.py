@@ -286,14 +286,15 @@ def _errors(scoring: Scoring, recipe: Recipe, judge: Scoring) -> LeftOut:
 
 
 _KEPT_WORTH = 0.01  # of the score: below that every row stays
-_STILL_TOLD = 0.1  # of what all rows tell of a term of friction: it was chosen by those that are slow
+_STILL_TOLD = 0.1  # of what all rows tell of a term of friction
 
 
 def choose_standstill(scoring: Scoring, recipe: Recipe, least: float = 0.0) -> tuple[Recipe, tuple[Choice, ...]]:
     """Choose the speed below which rows are left out, by the rows that every candidate keeps.
 
     The smallest speed is taken that is as good as the best within a standard error, and clearly better than none; and
-    the next one, as long as its rows give clearly other estimates and the others are predicted no worse.
+    the next one, as long as its rows give clearly other estimates and the others are predicted no worse. None is taken
+    whose rows tell less than a tenth of what all rows tell of a term by which friction depends on the speed.
     """
     parts = scoring.parts(recipe)
     candidates = standstill_candidates(scoring.target, parts)

@@ -139,6 +139,7 @@ def test_what_a_file_says_of_a_motion_within_limits_is_computed(
     for command in ("compare", "export", "simulate"):
         ended = here.run(command, "design", *COMMANDS[command][0])
         assert ended.returncode == 0, ended
+    assert json.loads((here.cwd / "run.json").read_text())["design"].keys() == {"folder", "sha256"}
     page = report_text(here.cwd / "design")
     assert "checked is kept" in page
     assert f"condition number {true.condition_number:.4g}" in page

@@ -149,6 +149,11 @@ def test_bad_motions_are_refused(tmp_path: Path) -> None:
             read_motion(tmp_path / "motion.csv", ["q1"])
 
 
+def test_a_folder_without_servos_is_named(here: Here) -> None:
+    ended = here.run("simulate", "irp6", "--servos", "irp6", "--out", "run.csv")
+    assert (ended.returncode, ended.stderr) == (2, "excite: cannot read irp6/servos.json: No such file or directory\n")
+
+
 def test_the_same_seed_gives_the_same_bytes(here: Here) -> None:
     noise = ("--encoder", "4000", "--torque-noise", "0.5", "--position-noise", "1e-5", "--model-error", "0.1")
     for name, seed in (("a", "1"), ("b", "1"), ("c", "2")):

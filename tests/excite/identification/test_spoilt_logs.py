@@ -204,6 +204,7 @@ GAINS = {
         "the torques of wrist_1_joint are 0.85 times what the other joints say of it",
     ),
     "small, of the last joint": (5, 0.85, None),
+    "too large for masses": (5, 0.2, "the torques of wrist_3_joint are 0.19 times what the other joints say of it"),
     "large, of the last joint": (5, 0.6, "the torques of wrist_3_joint are 0.58 times what the described masses make"),
 }
 
