@@ -84,9 +84,9 @@ Examples:
   excite identify ur10e recording.csv --mapping ur10e.yaml --out results/ur10e
 
 \b
-Formats are recognised by their content: MCAP and rosbag2, Parquet (LeRobot), NPZ, HDF5, MATLAB, folders with one file
-per signal or of sage (commands and states of servos), and tables in text, among them those of PlotJuggler, RTDE clients
-of Universal Robots and libfranka.
+Formats are recognised by their content: MCAP and rosbag2, Parquet (LeRobot), NPZ, HDF5, MATLAB, JSON, folders with one
+file per signal or of sage (commands and states of servos), and tables in text, among them those of PlotJuggler, RTDE
+clients of Universal Robots, libfranka, rostopic and ros2 topic echo.
 
 \b
 Units that the recording does not state follow from the ratio of the velocities to the rate of change of the positions,

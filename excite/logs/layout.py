@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import csv
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from datetime import UTC, datetime
 
 import numpy as np
 
@@ -19,6 +22,7 @@ CHANNELS = {
 _SHOWN = 8
 MOST_COLUMNS = 10_000
 ROWS = -1  # in place of a column of the time: the number of the row
+QUOTE = '"'
 _PREFACE = 100  # lines that are searched for the header
 
 
@@ -48,12 +52,13 @@ class Layout:
     # by the names of `excite.logs.log.Log`: ``q``, ``dq``, ``effort``, ``temperature``, ``command``, ``wrench``
     channels: dict[str, Channel]
     preface: int = 0  # lines before the header that were found to be something else
+    nanoseconds: int | None = None  # column of those in the whole seconds of the time
 
     @property
     def used(self) -> tuple[int, ...]:
         """Columns that are read, in the order of the file."""
-        own = {self.time, *(k for channel in self.channels.values() for k in channel.columns)}
-        return tuple(sorted(own - {ROWS}))
+        own = {self.time, *(k for channel in self.channels.values() for k in channel.columns)} - {ROWS}
+        return tuple(sorted(own if self.nanoseconds is None else own | {self.nanoseconds}))
 
     @property
     def unused(self) -> tuple[str, ...]:
@@ -64,7 +69,10 @@ class Layout:
 
 def cells(line: str, separator: str | None) -> list[str]:
     """Cells of a line, without white space and quotation marks around them."""
-    return [cell.strip().strip('"') for cell in line.split(separator)]
+    if separator and QUOTE in line:  # a cell in quotation marks may hold separators
+        with suppress(csv.Error):
+            return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+    return [cell.strip().strip(QUOTE) for cell in line.split(separator)]
 
 
 def checked_head(source: str, head: list[str]) -> list[str]:
@@ -148,11 +156,22 @@ def listed(names: Sequence[str]) -> str:
     return listed_names(names, _SHOWN)
 
 
-def is_number(cell: str) -> bool:
-    """Whether a cell holds a number, with a point or a comma, NaN and infinities among them."""
+def number(cell: str) -> float:
+    """Number in a cell, with a point or a comma; of a date with its time (ISO 8601) seconds since 1970."""
     try:
-        float(cell.replace(",", "."))
+        return float(cell.replace(",", "."))
     except ValueError:
+        if ":" not in cell:
+            raise
+    moment = datetime.fromisoformat(cell)
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell holds a number, NaN and infinities among them, or a date with its time."""
+    try:
+        number(cell)
+    except (ValueError, OverflowError):
         return False
     return "_" not in cell
 

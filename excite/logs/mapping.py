@@ -12,8 +12,9 @@ factor, such as the torque constant [Nm/A] of a measured current. Each of `unit`
 - `joints` are those of the robot, in order, if not given.
 - `design` is the SHA-256 of the design that was played: of its ``design.json``, or of its coefficients. Exports of
   motions write it.
-- `time` is a column with its unit; or it has the `rate` [Hz] of rows that no column has the time of, or that a column
-  counts: ``time: {rate: 250}``, ``time: {column: sample, rate: 250}``.
+- `time` is a column with its unit, or one of whole seconds with another of the `nanoseconds` in them; or it has the
+  `rate` [Hz] of rows that no column has the time of, or that a column counts: ``time: {rate: 250}``,
+  ``time: {column: sample, rate: 250}``. A column of dates with their times (ISO 8601) is in s.
 - `skip` is the number of lines before the table; other lines that hold no row of numbers are left out and named.
 - ``unit: ticks`` (or ``ticks/s``) needs `ticks`, the counts of the encoder per turn. Temperatures in ``K`` and ``degF``
   are converted to deg C.
@@ -126,18 +127,23 @@ class TimeSection(Section):
 
     column: Column | None = None
     unit: Literal["s", "ms", "us", "ns"] = "s"
+    nanoseconds: Column | None = None  # in the whole seconds of the column
     rate: Annotated[float, AfterValidator(within("rate"))] | None = None  # [Hz]
 
     @model_validator(mode="after")
     def _told(self) -> TimeSection:
         if (self.column or self.rate) is None or (self.rate is not None and "unit" in self.model_fields_set):
             raise ValueError("needs the column of the time with its unit, or the rate of rows [Hz]")
+        if self.nanoseconds is not None and (self.column is None or self.rate is not None or self.unit != "s"):
+            raise ValueError("nanoseconds are those in the whole seconds of the column; leave out unit and rate")
         return self
 
     @property
     def second(self) -> float:
-        """Seconds per unit of the column, or per row."""
-        return SECONDS[self.unit] if self.rate is None else 1 / self.rate
+        """Seconds per unit of the column, per nanosecond where another column has these, or per row."""
+        if self.rate is not None:
+            return 1 / self.rate
+        return SECONDS["ns" if self.nanoseconds is not None else self.unit]
 
 
 class ChannelSection(Section):
@@ -411,7 +417,8 @@ class LogMapping(Section):
         }
         time = next((section.time for section in sections.values() if section.time is not None), self.time)
         clock = ROWS if time.column is None else _place(source, time.column, index, len(names))
-        return Layout(",", 1, tuple(names), clock, time.second, tuple(self.joints or ()), channels)
+        parts = None if time.nanoseconds is None else _place(source, time.nanoseconds, index, len(names))
+        return Layout(",", 1, tuple(names), clock, time.second, tuple(self.joints or ()), channels, nanoseconds=parts)
 
 
 def _is_row(row: list[str]) -> bool:

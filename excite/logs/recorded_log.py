@@ -6,7 +6,7 @@ The columns that a mapping names are samples of the channels of a log, each with
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256 as digest_of
 from pathlib import Path
@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from excite.logs.event import DROPPED, STEPS
 from excite.logs.layout import Channel, Layout, listed
 from excite.logs.log import Log, Removed, counted, held_values
-from excite.logs.mapping import SECONDS, Column, LogMapping
+from excite.logs.mapping import SECONDS, Column, LogMapping, TimeSection
 from excite.logs.recordings.formats import binary_format, recording_sha256
 from excite.logs.recordings.recording import Contents, Numbers, RecordingFormat, StreamContents
-from excite.logs.table import Table, later_rows, table_of
+from excite.logs.table import Table, in_nanoseconds, later_rows, table_of
 from excite.logs.text import text_of
 from regressors.errors import InputError, check_names, cut
 from regressors.samples import Array, Index
@@ -81,7 +81,7 @@ def sampled_channels(
 ) -> Samples:
     """Columns that a mapping names, in SI."""
     contents = form.contents(path)
-    wanted: list[tuple[str, int, Channel, str, str, str, float]] = []
+    wanted: list[tuple[str, int, Channel, str, str, tuple[str, ...], float]] = []
     columns: dict[str, dict[str, None]] = {}
     for channel, section in mapping.sections.items():
         if section.file != file:
@@ -91,21 +91,23 @@ def sampled_channels(
             name = _name(contents, given)
             streams = [stream for stream in contents.streams if name in stream.columns]
             stream = next((each for each in streams if str(time.column) in each.columns), streams[0])
-            clock, second = _clock(contents, stream, time.column, time.second)
-            columns.setdefault(stream.name, {}).update({each: None for each in (clock, name) if each})
+            clock, second = _clock(contents, stream, time)
+            columns.setdefault(stream.name, {}).update(dict.fromkeys((*clock, name)))
             wanted.append((channel, k, conversion, name, stream.name, clock, second))
     recording = form.read(path, {stream: list(names) for stream, names in columns.items()})
     notes = [*contents.notes, *(note for note in recording.notes if note not in contents.notes)]
     if zero is None:
         *_, home, clock, second = wanted[0]
-        zero = _zero(recording.streams[home].columns[clock], second) if clock else 0.0
+        zero = _zero(_stamps(recording.streams[home].columns, clock), second) if clock else 0.0
         notes += [zero_note(zero)] * bool(zero)
     samples = []
     for channel, k, conversion, name, home, clock, second in wanted:
         loaded = recording.streams[home].columns
-        times = seconds_of(loaded[clock], second, zero) if clock else second * np.arange(float(len(loaded[name])))
+        rows = np.arange(1, len(loaded[name]) + 1)
+        times = (
+            seconds_of(_stamps(loaded, clock), second, zero) if clock else second * np.asarray(rows - 1.0, dtype=float)
+        )
         values = conversion.scale[k] * (np.asarray(loaded[name], dtype=float) - conversion.zero[k])
-        rows = np.arange(1, times.size + 1)
         samples.append(_there(channel, k, home, times, values, rows, f"{recording.source}, {name}"))
     return samples, notes, zero
 
@@ -123,14 +125,16 @@ def _name(contents: Contents, column: Column) -> str:
     return names[column - 1]
 
 
-def _clock(contents: Contents, stream: StreamContents, given: Column | None, second: float) -> tuple[str, float]:
+def _clock(contents: Contents, stream: StreamContents, time: TimeSection) -> tuple[tuple[str, ...], float]:
     """Clock of a stream: the given one, else the stream's own of the same kind, else the one it prefers; or no name."""
-    if given is None:
-        return "", second
-    name = _name(contents, given)
+    if time.column is None:
+        return (), time.second
+    name = _name(contents, time.column)
+    if time.nanoseconds is not None:
+        return (name, _name(contents, time.nanoseconds)), time.second
     if name in stream.columns:
         stated = stream.units.get(name) if name in stream.clocks else None
-        return name, SECONDS.get(stated or "", second)
+        return (name,), SECONDS.get(stated or "", time.second)
     if not stream.clocks:
         raise InputError(
             f"{contents.source}: {stream.name} has no time of its own, and {name} is of another stream; give the "
@@ -138,7 +142,12 @@ def _clock(contents: Contents, stream: StreamContents, given: Column | None, sec
         )
     kind = name.rsplit("/", 1)[-1]
     own = next((clock for clock in stream.clocks if clock.rsplit("/", 1)[-1] == kind), stream.clocks[0])
-    return own, SECONDS.get(stream.units.get(own, ""), second)
+    return (own,), SECONDS.get(stream.units.get(own, ""), time.second)
+
+
+def _stamps(columns: Mapping[str, Numbers], clock: Sequence[str]) -> Numbers:
+    """Times of a clock, which may be one column, or one of seconds and one of nanoseconds."""
+    return in_nanoseconds(*(columns[name] for name in clock)) if len(clock) == 2 else columns[clock[0]]
 
 
 def _zero(clock: Numbers, second: float) -> float:

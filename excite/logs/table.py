@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Collection, Sequence
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.logs.event import DROPPED, GARBAGE, ranges_of, row_ranges
-from excite.logs.layout import ROWS, Layout, cells, is_number
+from excite.logs.layout import QUOTE, ROWS, Layout, cells, is_number, number
 from excite.logs.log import Removed, counted
 from excite.logs.text import Lines, Text
 from regressors.errors import InputError, cut, shortened
@@ -45,7 +45,10 @@ class Table:
         layout = self.layout
         if layout.time == ROWS:
             return np.asarray(self.lines - layout.first - 1, dtype=float)
-        return np.asarray(self.values[:, layout.used.index(layout.time)])
+        clock = self.values[:, layout.used.index(layout.time)]
+        if layout.nanoseconds is not None:
+            clock = in_nanoseconds(clock, self.values[:, layout.used.index(layout.nanoseconds)])
+        return np.asarray(clock)
 
     def measured(self) -> Self:
         """The same table, limited to rows of measurements, each later than the one before."""
@@ -102,6 +105,11 @@ class Table:
 
     def _place(self, line: int, column: int) -> str:
         return f"{self.source}, row {line - self.layout.first}, column {cut(self.layout.names[column])}"
+
+
+def in_nanoseconds(seconds: NDArray[Any], nanoseconds: NDArray[Any]) -> NDArray[Any]:
+    """Time of a stamp of whole seconds and of the nanoseconds in them [ns]; whole numbers where both are."""
+    return np.asarray(10**9 * seconds + nanoseconds)
 
 
 def later_rows(time: Array, place: Callable[[int], str], drop: Collection[str]) -> NDArray[np.bool_]:
@@ -187,7 +195,7 @@ class TextTable(Table):
         if not self.empty_is_nan and (empty := [k for k in self.layout.used if not content[k]]):
             here = self._place(line, empty[0])
             raise InputError(f"{here}: the cell is empty (`drop='nan'` leaves such rows out)")
-        return [float(content[k]) if content[k] else np.nan for k in self.layout.used]
+        return [number(content[k]) if content[k] else np.nan for k in self.layout.used]
 
 
 def _cut_off(text: Text, layout: Layout, row: str) -> str:
@@ -204,9 +212,14 @@ def _cut_off(text: Text, layout: Layout, row: str) -> str:
 def _numbers(layout: Layout, rows: list[str], before: int = 0) -> Array:
     """Numbers of the used columns, behind some others that the layout does not count."""
     used = tuple(before + column for column in layout.used)
+    first, mark = cells(rows[0], layout.separator), layout.separator
+    dates: dict[int | str, Callable[[str], float]] = {k: number for k in used if k < len(first) and ":" in first[k]}
+    quote = QUOTE if mark and any(QUOTE in row for row in rows) else None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of NumPy, on numbers that no float can hold: these read as infinite
-        return np.loadtxt(rows, delimiter=layout.separator, comments=None, usecols=used, ndmin=2)
+        return np.loadtxt(
+            rows, delimiter=mark, comments=None, usecols=used, ndmin=2, converters=dates or None, quotechar=quote
+        )
 
 
 def _filled_numbers(layout: Layout, rows: list[str]) -> Array | None:
@@ -240,14 +253,13 @@ def garbage_rows(text: Text, layout: Layout, rows: Sequence[str], offset: int, *
 
 def wrong_lengths(layout: Layout, rows: Sequence[str]) -> bool:
     """Whether some row has another number of cells than the table."""
-    mark = layout.separator
-    lengths = {row.count(mark) + 1 for row in rows} if mark else {len(row.split()) for row in rows}
-    return not lengths <= {len(layout.names)}
+    return any(row_length(row, layout) != len(layout.names) for row in rows)
 
 
 def row_length(row: str, layout: Layout) -> int:
     """Number of cells of a line."""
-    return row.count(layout.separator) + 1 if layout.separator else len(row.split())
+    mark = layout.separator
+    return len(row.split()) if mark is None else len(cells(row, mark)) if QUOTE in row else row.count(mark) + 1
 
 
 def _fault(layout: Layout, row: str) -> str:

@@ -160,9 +160,11 @@ def numbered_groups(
     for stream in contents.streams:
         if (clock := clocks.get(stream.name)) is not None and stream.name in recording.streams:
             columns = recording.streams[stream.name].columns
-            names = [name for name in stream.columns if name in columns]
+            names = [name for name in stream.columns if name in columns and not np.isnan(columns[name]).all()]
             values = np.column_stack([np.asarray(columns[name], dtype=float) for name in names])
-            groups += _of_numbers(stream.name, names, values, names.index(clock.column), joints)
+            time = clock.times(columns)
+            values[:, place := names.index(clock.column)] = time - time[0]
+            groups += _of_numbers(stream.name, names, values, place, joints)
     return groups
 
 
@@ -233,9 +235,10 @@ def _pairs(time: Array, values: Array, clock: int) -> list[tuple[int, int]]:
 
 
 def _unit(values: Array) -> Array:
+    rounding = 1e-9 * np.maximum(1.0, np.linalg.norm(values, axis=0))
     values = values - values.mean(axis=0)
     size = np.linalg.norm(values, axis=0)
-    return np.asarray(np.divide(values, size, out=np.zeros_like(values), where=size > 1e-9 * max(1.0, size.max())))
+    return np.asarray(np.divide(values, size, out=np.zeros_like(values), where=size > rounding))
 
 
 _SHOWN, MOST_NAMES = 4, 12

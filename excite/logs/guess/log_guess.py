@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -264,7 +264,7 @@ class _Guessing:
         columns = self.recording.streams[group.stream].columns
         values = np.column_stack([np.asarray(columns[name], dtype=float) for name in group.names])
         rows = np.arange(len(values)) / (self.rate or 1.0)
-        clock = columns[self.clocks[group.stream].column] if group.stream in self.clocks else rows
+        clock = self.clocks[group.stream].times(columns) if group.stream in self.clocks else rows
         zero = float(clock[0]) if clock.dtype.kind in "iu" and clock.size else 0.0
         time = seconds_of(clock, 1.0, zero) + zero if zero else np.asarray(clock, dtype=float)
         there = np.isfinite(values).all(axis=1) & np.isfinite(time)
@@ -295,14 +295,14 @@ class _Guessing:
                     self.ask(quantity, f"Are the {plural} in {found.unit}? ({found.level}: {found.why})")
 
     def _describe_clock(self, clock: Clock, time: FoundUnit) -> None:
-        column = f"{'column ' * clock.column.isdigit()}{clock.column}"
         if clock.why:
             self.tell("time", f"{clock.why}.")
         how = "" if time.level == STATED else f" ({time.level}): {time.why}"
-        self.tell("time", f"the time is {column} in {time.unit}{how}.")
+        unit = "s" if clock.nanoseconds else time.unit
+        self.tell("time", f"the time is {clock.title} in {unit}{how}.")
         if time.level not in _SURE or not clock.certain:
             counts = "; where it counts rows, state `rate: HZ` instead of the unit" * (time.level == UNKNOWN)
-            self.ask("time", f"Is {column} the time in {time.unit}? ({time.level}: {time.why}{counts})")
+            self.ask("time", f"Is {clock.title} the time in {unit}? ({time.level}: {time.why}{counts})")
 
     def _mapping(
         self, chosen: Mapping[str, ChannelGroup], joints: Sequence[str] | None, units: Mapping[str, FoundUnit]
@@ -313,15 +313,22 @@ class _Guessing:
         home = chosen["position"].stream
         content: dict[str, Any] = dict(self.fields) | ({} if joints is None else {"joints": list(joints)})
         clock = self.clocks.get(home)
-        content["time"] = {"column": column(clock.column), "unit": units["time"].unit} if clock else {"rate": self.rate}
+        content["time"] = _time_section(clock, units["time"].unit, column) if clock else {"rate": self.rate}
         for quantity, group in chosen.items():
             unit = units[quantity].unit if quantity in units else group.unit or SI_UNITS[quantity]
             content[quantity] = section = {"columns": list(map(column, group.names)), "unit": [unit]}
             if group.stream != home and (clock := self.clocks.get(group.stream)) is not None:
-                section["time"] = {"column": clock.column, "unit": clock.unit or units["time"].unit}
+                section["time"] = _time_section(clock, clock.unit or units["time"].unit, column)
             if quantity == "current":
                 section["gain"] = [1.0] * len(group.columns)
         return LogMapping.model_validate(content)
+
+
+def _time_section(clock: Clock, unit: str, column: Callable[[str], str | int]) -> dict[str, str | int]:
+    """Columns of a clock with its unit, as a mapping has them."""
+    if clock.nanoseconds:
+        return {"column": column(clock.column), "nanoseconds": column(clock.nanoseconds)}
+    return {"column": column(clock.column), "unit": unit}
 
 
 _WIDTH = 110

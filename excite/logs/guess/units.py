@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from excite.logs.event import LEAST, STEPS
 from excite.logs.log import integrate_rates
 from excite.logs.mapping import SECONDS, PositionSection, VelocitySection
 from excite.logs.recordings.recording import Contents, Numbers, Recording, StreamContents, is_clock, parsed_name
+from excite.logs.table import in_nanoseconds
 from regressors.samples import Array
 
 _FEW = 0.01  # of the steps, that may be zero
@@ -32,6 +33,18 @@ class Clock:
     unit: str  # that the file states; empty if it does not
     why: str  # A sentence, empty where there was nothing to choose
     certain: bool  # whether it is by definition or by name, and not by its numbers alone
+    nanoseconds: str = ""  # column of those in its whole seconds, if it has these
+
+    @property
+    def title(self) -> str:
+        """What it is called in messages."""
+        both = f"{self.column} with the nanoseconds of {self.nanoseconds}" if self.nanoseconds else self.column
+        return f"{'column ' * self.column.isdigit()}{both}"
+
+    def times(self, columns: Mapping[str, Numbers]) -> Numbers:
+        """Its times, in its unit."""
+        seconds = columns[self.column]
+        return in_nanoseconds(seconds, columns[self.nanoseconds]) if self.nanoseconds else seconds
 
 
 def clock_candidates(stream: StreamContents) -> tuple[str, ...]:
@@ -58,7 +71,8 @@ def chosen_clock(contents: StreamContents, columns: Mapping[str, Numbers]) -> Cl
         received = last[good[-1]]
         good = [name for name in good if abs(last[name] - received) <= _ALIKE * max(received, np.finfo(float).tiny)]
     if not good:
-        return None
+        pairs = ((a, b) for a, b in pairwise(candidates) if _are_stamps(columns[a], columns[b]))
+        return next((Clock(a, "ns", "", True, b) for a, b in pairs), None)
     column, why = good[0], ""
     if not certain:
         why = f"{'column ' * column.isdigit()}{column} is taken for the time, since it increases"
@@ -77,6 +91,15 @@ def _increases(values: Numbers) -> bool:
         return False
     step = np.diff(there)
     return bool(np.all(step >= 0) and np.count_nonzero(step == 0) <= _FEW * step.size)
+
+
+def _are_stamps(seconds: Numbers, nanoseconds: Numbers) -> bool:
+    """Whether two columns are the whole seconds of a time that runs forwards, and the nanoseconds in them."""  # (N,)
+    both = np.array([seconds, nanoseconds], dtype=float)
+    whole = np.isfinite(both).all() and np.all(both == np.round(both)) and np.all((both[1] >= 0) & (both[1] < 1e9))
+    if not whole or both.max() < 1e6:
+        return False
+    return _increases(in_nanoseconds(both[0] - both[0, 0], both[1]))
 
 
 def _duration(contents: StreamContents, columns: Mapping[str, Numbers], name: str) -> float:
@@ -108,15 +131,18 @@ def summaries(
             result.append(StreamSummary(stream.name, stream.columns, stream.rows or 0))
             continue
         columns = loaded.columns
-        values = columns[clock.column]
+        values = clock.times(columns)
         time = (values - values[0]).astype(float) * SECONDS[clock.unit or unit or "s"]
         sets: dict[bytes, list[str]] = {}
-        for name in (name for name in stream.columns if name in columns and name != clock.column):
+        for name in (
+            name for name in stream.columns if name in columns and name not in (clock.column, clock.nanoseconds)
+        ):
             sets.setdefault(np.isnan(columns[name]).tobytes(), []).append(name)
         for absent, names in sets.items() or [(bytes(time.size), [])]:
-            there = time[~np.frombuffer(absent, bool)]
+            if not (there := time[~np.frombuffer(absent, bool)]).size:
+                continue
             # one clock for all, also for those that were not read
-            result.append(_summary(stream.name, tuple(names) if len(sets) > 1 else stream.columns, clock.column, there))
+            result.append(_summary(stream.name, tuple(names) if len(sets) > 1 else stream.columns, clock.title, there))
     return tuple(result)
 
 

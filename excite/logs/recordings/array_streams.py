@@ -1,10 +1,11 @@
-"""Streams from named arrays, in files that hold nothing but arrays, and the formats NPY, NPZ and HDF5.
+"""Streams from named arrays, in files that hold nothing but arrays, and the formats NPY, NPZ, JSON and HDF5.
 
 Arrays of Python objects are not read: they would need pickle. What refers to other files is not followed.
 """
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import zipfile
@@ -27,6 +28,7 @@ from excite.logs.recordings.recording import (
     Stream,
     StreamContents,
     Wanted,
+    check_bytes,
     check_table,
     check_wanted,
     foreign_reader,
@@ -249,6 +251,50 @@ def _is_npz(head: bytes) -> bool:
 
 NPY = array_format("NPY", lambda head: head.startswith(npy.MAGIC_PREFIX), fill_from_npy)
 NPZ = array_format("NPZ", _is_npz, _fill_from_npz)
+
+_JSON_BYTES = 12.0  # of memory for each byte of its text
+_ROWS = "rows"  # what an array without a name is called
+
+
+def _fill_from_json(file: ArrayFile) -> AbstractContextManager[Any]:
+    """Add the lists of numbers of an object, or of a list or lines of them, one a row."""
+    check_bytes(file.path, _JSON_BYTES * file.path.stat().st_size)
+    with opened(file.path, LOG) as stream:
+        text = stream.read().decode("utf-8-sig")
+    try:
+        content = json.loads(text)
+    except json.JSONDecodeError:  # an object a line, of which the last one may have been cut off
+        *lines, last = text.strip().split("\n")
+        content = [json.loads(line) for line in lines if line.strip()]
+        try:
+            content.append(json.loads(last))
+        except json.JSONDecodeError:
+            if not content:
+                raise
+            file.left_out["its last line"] = "was not written to its end"
+    _add_json(file, (), content)
+    return nullcontext()
+
+
+def _add_json(file: ArrayFile, above: _Group, content: Any) -> None:
+    if isinstance(content, list) and content and all(isinstance(row, dict) for row in content):
+        content = {key: [row.get(key) for row in content] for key in content[0]}
+    if isinstance(content, dict):
+        for key, each in content.items():
+            _add_json(file, (*above, key), each)
+        return
+    name = "/".join(above) or _ROWS
+    try:
+        array = np.array(content)
+        array = array.astype(float) if array.dtype.kind == "O" else array  # None is NaN
+    except (ValueError, TypeError):
+        file.left_out[name] = "holds rows of different lengths, or words"
+        return
+    file.add(NamedArray(name, above[:-1], array.shape, lambda: array), array.dtype)
+
+
+_STARTS_JSON = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*[-\d\[{])")
+JSON = array_format("JSON", lambda head: _STARTS_JSON.match(head) is not None, _fill_from_json)
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 MOST_OBJECTS, DEEPEST = 10_000, 32

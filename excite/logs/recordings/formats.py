@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.logs.log import counted
-from excite.logs.recordings.array_streams import HDF5, NPY, NPZ, arrays_of, fill_from_npy
+from excite.logs.recordings.array_streams import HDF5, JSON, NPY, NPZ, arrays_of, fill_from_npy
 from excite.logs.recordings.bags import MCAP_BAG, ROSBAG1, ROSBAG2
 from excite.logs.recordings.matlab import MATLAB, MATLAB_7_3
 from excite.logs.recordings.parquet import PARQUET
@@ -162,7 +162,7 @@ def _streams(signals: Sequence[_Signals]) -> list[StreamContents]:
 
 
 # The first that recognises a file reads it; one of MATLAB 7.3 is HDF5 too
-FORMATS = (MCAP_BAG, ROSBAG2, ROSBAG1, PARQUET, NPZ, NPY, MATLAB_7_3, HDF5, MATLAB, SERVOS, FOLDER, TEXT)
+FORMATS = (MCAP_BAG, ROSBAG2, ROSBAG1, PARQUET, NPZ, NPY, MATLAB_7_3, HDF5, MATLAB, SERVOS, FOLDER, JSON, TEXT)
 
 
 @checked

@@ -201,12 +201,18 @@ def foreign_reader(path: Path, form: str) -> Iterator[None]:
 
 
 _WORDS: Mapping[str, str] = {
-    "position": "position positions pos q qs angle angles theta phi qpos jointpos jointposition jointpositions",
-    "velocity": "velocity velocities vel dq qd qdot qvel dtheta thetadot omega speed speeds dqs qds jointvel",
-    "effort": "effort efforts torque torques tau moment moments trq",
-    "current": "current currents cur i iq amps motorcurrent",
-    "temperature": "temperature temperatures temp temps",
-    "time": "time times timestamp timestamps t stamp elapsed clock",
+    "position": (
+        "position positions pos q qs angle angles theta phi qpos jointpos jointposition jointpositions "
+        "lage winkel istposition istwinkel"
+    ),
+    "velocity": (
+        "velocity velocities vel dq qd qdot qvel dtheta thetadot omega speed speeds dqs qds jointvel "
+        "geschwindigkeit istgeschwindigkeit drehzahl istdrehzahl"
+    ),
+    "effort": "effort efforts torque torques tau moment moments trq drehmoment istmoment",
+    "current": "current currents cur i iq amps motorcurrent strom iststrom motorstrom",
+    "temperature": "temperature temperatures temp temps temperatur",
+    "time": "time times timestamp timestamps t stamp elapsed clock date datetime zeit datum zeitstempel",
 }
 _QUANTITY_OF = {word: quantity for quantity, words in _WORDS.items() for word in words.split()}
 _REFERRED = (
@@ -220,12 +226,12 @@ _PART = re.compile(r"[A-Z]{2,}(?=[A-Z][a-z]|\d|\b|_)|[A-Z]?[a-z]+|[A-Z]+|\d+")
 _DEGREE, _MICRO, _DOT = "\N{DEGREE SIGN}", "\N{MICRO SIGN}", "\N{MIDDLE DOT}"
 _WRITTEN: Mapping[str, Mapping[str, str]] = {  # quantity, unit of the mapping: how else it is written, in lower case
     "position": {
-        "rad": "radian radians", "deg": f"degree degrees {_DEGREE}", "ticks": "counts inc",
+        "rad": "radian radians", "deg": f"degree degrees grad {_DEGREE}", "ticks": "counts inc",
         "turns": "", "rev": "", "m": "", "mm": "",
     },
     "velocity": {
-        "rad/s": "rad/sec rad_s radps rads", "deg/s": f"deg/sec deg_s degps dps {_DEGREE}/s", "rpm": "1/min",
-        "rev/s": "", "m/s": "", "mm/s": "",
+        "rad/s": "rad/sec rad_s radps rads", "deg/s": f"deg/sec deg_s degps dps grad/s {_DEGREE}/s",
+        "rpm": "1/min u/min", "rev/s": "", "m/s": "", "mm/s": "",
     },
     "effort": {"Nm": f"n.m n*m n{_DOT}m", "mNm": "", "kNm": "", "N": "", "kN": ""},
     "current": {"A": "amp ampere", "mA": ""},

@@ -77,7 +77,8 @@ def _contents(path: Path) -> Contents:
         titles = dict(zip(layout.names, layout.titles, strict=True))
         units = {name: unit for name, unit in zip(layout.names, layout.units, strict=True) if unit}
         columns = _number_columns(text, layout)
-        table = StreamContents(TABLE, columns, len(text.lines) - layout.first, units=units, titles=titles)
+        known = _joint_states(text, layout)
+        table = StreamContents(TABLE, columns, len(text.lines) - layout.first, (), known, units, titles)
         if maker is not None and maker.clock in columns:
             units, meanings = {**units, maker.clock: maker.unit}, maker.meanings(columns)
             table = replace(table, clocks=(maker.clock,), units=units, meanings=meanings)
@@ -120,6 +121,33 @@ def _number_columns(text: Text, layout: TextLayout) -> tuple[str, ...]:
     rows = [cells(line, layout.separator) for line in islice(text.lines[layout.first :], _ROWS)]
     columns = zip(*(row for row in rows if len(row) == len(layout.names)), strict=True)
     return tuple(name for name, column in zip(layout.names, columns, strict=True) if 2 * _words(column) < len(column))
+
+
+_ELEMENT = r"(?:.*[./])?({})[\[_]?(\d*)\]?"  # of an array of a message
+_OF_JOINTS = ["position", "velocity", "effort"]
+
+
+def _joint_states(text: Text, layout: TextLayout) -> dict[str, Meaning]:
+    """What columns are beside the names of joints, in messages of ``sensor_msgs/JointState`` that were printed as text.
+
+    Programs call them ``field.position0``, ``position_0`` or ``position[0]``; ``ros2 topic echo --csv`` prints seconds,
+    nanoseconds, the frame, and all names, positions, velocities and efforts, without a header.
+    """
+    rows = [cells(line, layout.separator) for line in islice(text.lines[layout.first :], _ROWS)]
+    titles = layout.titles
+    if not any(titles) and (n := (len(titles) - 3) // 4) and len(titles) == 3 + 4 * n:
+        titles = ("", "", "", *(f"{of}_{k}" for of in ("name", *_OF_JOINTS) for k in range(n)))
+    joints = dict[int, str]()
+    for title, *column in zip(titles, *rows, strict=False):
+        if (match := re.fullmatch(_ELEMENT.format("name"), title)) and len(set(column)) == 1 and _words(column):
+            some = [column[0]] if match[2] else re.findall(r"[^\s,'\[\]()]+", column[0])
+            joints.update(enumerate(some, int(match[2] or 0)))
+    known = {}
+    for name, title in zip(layout.names, titles, strict=True):
+        match = re.fullmatch(_ELEMENT.format("|".join(_OF_JOINTS)), title)
+        if match and match[2] and int(match[2]) in joints:
+            known[name] = Meaning(match[1], joints[int(match[2])], SI_UNITS[match[1]], JOINT_STATE)
+    return known
 
 
 def _kind_of(layout: TextLayout) -> str:

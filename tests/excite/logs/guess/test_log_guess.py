@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -196,6 +197,56 @@ def test_columns_without_names_are_found_by_their_numbers(tmp_path: Path, moved:
     assert guess.mapping.velocity.columns == [5, 6, 7]
     assert guess.mapping.effort.columns == [8, 9, 10]
     assert "columns 8 ... 10, or columns 11 ... 13" in " ".join(guess.questions)
+
+
+ARM = excite.load_robot("ur10e").joint_names
+MIXED = [ARM[k] for k in (2, 1, 0, 3, 4, 5)]  # as drivers publish them, by the alphabet
+LIST = f'"{MIXED}"'
+PRINTED = {  # header, and what stands before the numbers of a row by its seconds and nanoseconds
+    "rostopic echo -p": (
+        ["%time", *numbered(["field.name", "field.position", "field.velocity", "field.effort"], 6, "{}{}")],
+        lambda s, ns: [10**9 * s + ns, *MIXED],
+    ),
+    "bagpy": (
+        ["Time", "header.stamp.secs", "name", *numbered(["position", "velocity", "effort"], 6)],
+        lambda s, ns: [s + 1e-9 * ns, s, LIST],
+    ),
+    "stamp in two columns": (
+        ["stamp.sec", "stamp.nanosec", *numbered(["name", "position", "velocity", "effort"], 6, "{}[{}]")],
+        lambda s, ns: [s, ns, *MIXED],
+    ),
+    "ros2 topic echo --csv": (None, lambda s, ns: [s, ns, "", *MIXED]),
+}
+
+
+@pytest.mark.parametrize("name", PRINTED)
+def test_printed_messages_of_joints_are_taken_by_the_names_in_them(tmp_path: Path, name: str) -> None:
+    (header, before), six, robot = PRINTED[name], motion(6), excite.load_robot("ur10e")
+    stamps = [(1_700_000_000 + ns // 10**9, ns % 10**9) for ns in np.round(1e9 * six.time).astype(int).tolist()]
+    order = [ARM.index(joint) for joint in MIXED]
+    numbers = np.column_stack([six.q[:, order], six.dq[:, order], six.tau[:, order]]).tolist()
+    rows = [[*before(*stamp), *row] for stamp, row in zip(stamps, numbers, strict=True)]
+    path = write_table(tmp_path / "log.csv", header, rows)
+    log = excite.read_log(path, robot=robot)
+    assert_read(log, six)
+    np.testing.assert_allclose(log.time - log.time[0], six.time, rtol=0, atol=1e-6)
+    mapping = excite.guess_mapping(path, robot).mapping
+    assert_read(excite.read_log(path, mapping=mapping, robot=robot), six)
+
+
+def test_dates_and_german_names_are_read(tmp_path: Path, moved: Motion) -> None:
+    start = datetime(2026, 11, 2, 9, 30, tzinfo=UTC)
+    stamps = [(start + timedelta(seconds=t)).isoformat(timespec="milliseconds") for t in moved.time.tolist()]
+    header = ["Zeit", *numbered(["Achse"], 3, "{}{} Istposition [Grad]"), *numbered(["Achse"], 3, "{}{} Moment [Nm]")]
+    table = np.column_stack([np.degrees(moved.q), moved.tau]).tolist()
+    rows = [[stamp, *(f"{x:.17g}".replace(".", ",") for x in row)] for stamp, row in zip(stamps, table, strict=True)]
+    log = excite.read_log(write_table(tmp_path / "log.csv", header, rows, ";"))
+    np.testing.assert_allclose(log.time - log.time[0], moved.time, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(log.q, moved.q, rtol=1e-14)
+    np.testing.assert_array_equal(log.effort, moved.tau)
+    damaged = [*rows[:50], ["2026-11-02 at noon", *rows[50][1:]], *rows[50:]]
+    path = write_table(tmp_path / "damaged.csv", header, damaged, ";")
+    assert "1 line holds no row of numbers: line 52" in excite.read_log(path).left_out
 
 
 @pytest.mark.parametrize("copy", ["filt_{}", "{}_filtered", "{}_lp"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,22 @@ def test_npz(tmp_path: Path) -> None:
         assert [(stream.rows, len(stream.columns)) for stream in contents.streams] == [(ROWS, 10)]
         assert_motion(recording.streams["arrays"].columns, "", motion())
         assert contents.notes == ("left out: names holds text",)
+
+
+def test_json_of_arrays_and_of_rows(tmp_path: Path) -> None:
+    lists = {name: values.tolist() for name, values in motion().items()}
+    rows = [json.dumps(dict(zip(lists, row, strict=True))) for row in zip(*lists.values(), strict=True)]
+    texts = [
+        json.dumps(lists | {"names": ["a", "b"]}),
+        f"[{','.join(rows)}]",
+        "\n".join(rows),
+        "\n".join([*rows, '{"t']),
+    ]
+    for text in texts:
+        (tmp_path / "log").write_text(text)
+        contents, recording = read_all(tmp_path / "log")
+        assert_motion(recording.streams["arrays"].columns, "", motion())
+    assert contents.notes == ("left out: its last line was not written to its end",)
 
 
 def test_streams_of_an_npz_are_of_equal_length(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 import struct
 import sys
@@ -69,6 +70,7 @@ def whole_files() -> dict[str, bytes]:
     write_ros1_bag(folder / "bag", ros1_states(), "lz4")
     write_old_database(folder / "db3", states(), typestore())
     write_hdf5(folder / "hdf5", motion())
+    (folder / "json").write_text(json.dumps({name: values.tolist() for name, values in motion().items()}))
     write_parquet(folder / "parquet", motion(), compression="zstd")
     return {
         path.name.removesuffix(".npz").removesuffix(".npy").removesuffix(".mat"): path.read_bytes()
@@ -93,7 +95,7 @@ def read_or_refuse(raw: bytes, folder: Path) -> None:
 
 FORMATS = (
     "mcap", "mcap-zstd", "mcap-lz4", "db3", "bag", "npz", "npz-compressed", "npy", "hdf5", "mat", "mat-compressed",
-    "mat-7.3", "parquet",
+    "mat-7.3", "parquet", "json",
 )  # fmt: skip
 
 
