@@ -188,6 +188,13 @@ def _of_numbers(stream: str, names: list[str], values: Array, clock: int, joints
         yield group("", free[first : first + n], "by their place")
 
 
+def unnamed_positions(groups: Sequence[ChannelGroup], joints: int | None) -> list[ChannelGroup]:
+    """Numbered columns whose names say no quantity, such as ``j1`` ... ``j6``, as positions to be asked about."""
+    counts = {joints} - {None} or {len(group.columns) for group in groups if group.quantity in ("effort", "current")}
+    some = [group for group in groups if not group.quantity and group.measured and len(group.columns) in counts]
+    return [replace(group, quantity="position", how="by their place", guessed=True) for group in some[:1]]
+
+
 _ALIKE = 0.95  # correlation
 _MOST_ROWS = 20_000
 _WIDTH = 10  # rows over which a rate of change is taken
@@ -331,6 +338,8 @@ def _ask_of_efforts(groups: Sequence[ChannelGroup], chosen: dict[str, ChannelGro
     if (effort := chosen.get("effort")) is not None:
         if not effort.why and not effort.unit:
             kinds = "may be joint torques [Nm], motor torques [Nm] or motor currents [A]"
+            if "%" in effort.span:
+                kinds, edit = "are in % of a torque of each joint", "give a hundredth of it [Nm] as the gain of effort"
             ask("effort", f"The efforts ({effort.span}) {kinds}: the file does not say; {edit}")
         return
     if (current := chosen.get("current")) is not None:

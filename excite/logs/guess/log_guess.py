@@ -14,7 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from excite.logs.guess.channels import MOST_NAMES, ChannelGroup, channel_groups, chosen_channels, numbered_groups
+from excite.logs.guess.channels import (
+    MOST_NAMES,
+    ChannelGroup,
+    channel_groups,
+    chosen_channels,
+    numbered_groups,
+    unnamed_positions,
+)
 from excite.logs.guess.units import (
     CERTAIN,
     FASTEST,
@@ -139,7 +146,8 @@ def _guess(path: Path, robot: Robot | None, glance: bool) -> tuple[LogGuess, Rec
     recording = read(path, _wanted(contents, groups if by_name else None))
     guessing = _Guessing(contents, recording, form.mapping_fields(path))
     if not by_name:
-        groups += numbered_groups(contents, recording, guessing.clocks, None if robot is None else robot.n)
+        joints = None if robot is None else robot.n
+        groups += numbered_groups(contents, recording, guessing.clocks, joints) or unnamed_positions(groups, joints)
     return guessing.guess(groups, robot), preloaded(form, contents, recording)
 
 

@@ -209,7 +209,7 @@ _WORDS: Mapping[str, str] = {
         "velocity velocities vel dq qd qdot qvel dtheta thetadot omega speed speeds dqs qds jointvel "
         "geschwindigkeit istgeschwindigkeit drehzahl istdrehzahl"
     ),
-    "effort": "effort efforts torque torques tau moment moments trq drehmoment istmoment",
+    "effort": "effort efforts eff torque torques tau moment moments trq drehmoment istmoment",
     "current": "current currents cur i iq amps motorcurrent strom iststrom motorstrom",
     "temperature": "temperature temperatures temp temps temperatur",
     "time": "time times timestamp timestamps t stamp elapsed clock date datetime zeit datum zeitstempel",

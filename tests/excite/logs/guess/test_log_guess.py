@@ -249,6 +249,15 @@ def test_dates_and_german_names_are_read(tmp_path: Path, moved: Motion) -> None:
     assert "1 line holds no row of numbers: line 52" in excite.read_log(path).left_out
 
 
+def test_positions_without_a_name_and_efforts_in_percent_are_asked_about(tmp_path: Path, moved: Motion) -> None:
+    header = ["time", *numbered(["$AXIS_ACT.A"], 3, "{}{}"), *numbered(["Torque"], 3, "{} {} [%]")]
+    rows = np.column_stack([moved.time, np.degrees(moved.q), moved.tau]).tolist()
+    guess = excite.guess_mapping(write_table(tmp_path / "log.csv", header, rows))
+    assert guess.mapping.position.columns == header[1:4]
+    assert "Are the positions of all joints $AXIS_ACT.A0 ... $AXIS_ACT.A2?" in guess.questions
+    assert any("are in % of a torque of each joint" in question for question in guess.questions)
+
+
 @pytest.mark.parametrize("copy", ["filt_{}", "{}_filtered", "{}_lp"])
 def test_a_filtered_copy_is_not_proposed_beside_its_channel(tmp_path: Path, moved: Motion, copy: str) -> None:
     quantities = {"q": moved.q, "tau": moved.tau}
