@@ -49,10 +49,10 @@ Examples:
 A log is a CSV file with a header: time [s], then NAME.position, NAME.effort [rad, Nm] and, where measured,
 NAME.velocity, NAME.command (commanded position) and NAME.temperature [deg C] of each joint (or one temperature for
 all); wrench.force.x ... wrench.torque.z [N, Nm] for the load models. Recordings in MCAP, rosbag2, Parquet, NPZ, HDF5,
-MATLAB, JSON, folders of signals and text of PlotJuggler, RTDE, libfranka or ROS are recognised by their content; 'excite logs
-LOG' shows what they hold. What does not say all needs a --mapping: a YAML file that says which columns hold what, in
-which units, at the joints or at the motors, in one file or several; 'excite logs LOG --write-mapping FILE' proposes
-one.
+MATLAB, JSON, folders of signals and text of PlotJuggler, RTDE, libfranka or ROS are recognised by their content;
+'excite logs LOG' shows what they hold. What does not say all needs a --mapping: a YAML file that says which columns
+hold what, in which units, at the joints or at the motors, in one file or several; 'excite logs LOG --write-mapping
+FILE' proposes one.
 
 \b
 Held, missing and unreadable rows, gaps of up to a second, wrong readings, impacts and torques at their limits are
