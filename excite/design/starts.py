@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
@@ -155,46 +155,24 @@ def optimise_starts(
     A start's processor time is its share of that of all that were at work with it.
     """
     planned = [start if isinstance(start, PlannedStart) else PlannedStart(start) for start in starts]
+    results = []
     with threadpool_limits(1), np.errstate(all="ignore"):  # a point that overflows is worse than any, and left behind
-        return [
-            result
-            for parents, family in groupby(planned, key=lambda start: start.parents)
-            for result in _optimised(
-                problem.with_near([parent.coefficients for parent in parents]),
-                method,
-                seed,
-                list(family),
-                folder,
-                answer,
-                origin,
-            )
-        ]
-
-
-def _optimised(
-    problem: Problem,
-    method: Solver,
-    seed: int,
-    planned: Sequence[PlannedStart],
-    folder: Path | None,
-    answer: Callable[[], None],
-    origin: Origin | None,
-) -> Iterator[StartResult]:
-    """Optimise the starts that descend from the same motions."""
-    times = _SharedTime(len(planned))
-    attempts = [_attempt(problem, start, seed, _Snapshots(start, folder, answer, origin)) for start in planned]
-    for k, first in method.attempt(problem, attempts):
-        outcome = _within_broken(problem, method, attempts[k], first)
-        if not np.all(np.isfinite(outcome.x)):
-            raise NumericalError(
-                f"start {planned[k].index} ended at a motion that is not finite; check `period` and the limits"
-            )
-        value = problem.exact_value(outcome.x)
-        end = value, outcome.status.value, outcome.history, outcome.evaluations, times.end(k)
-        result = _result(planned[k], outcome.x, end)
-        if folder is not None:
-            write_start(folder, result, origin)
-        yield result
+        for parents, group in groupby(planned, key=lambda start: start.parents):
+            family, near = list(group), problem.with_near([parent.coefficients for parent in parents])
+            times = _SharedTime(len(family))
+            attempts = [_attempt(near, start, seed, _Snapshots(start, folder, answer, origin)) for start in family]
+            for k, first in method.attempt(near, attempts):
+                outcome = _within_broken(near, method, attempts[k], first)
+                if not np.all(np.isfinite(outcome.x)):
+                    raise NumericalError(
+                        f"start {family[k].index} ended at a motion that is not finite; check `period` and the limits"
+                    )
+                value = near.exact_value(outcome.x)
+                end = value, outcome.status.value, outcome.history, outcome.evaluations, times.end(k)
+                results.append(_result(family[k], outcome.x, end))
+                if folder is not None:
+                    write_start(folder, results[-1], origin)
+    return results
 
 
 def _result(start: PlannedStart, x: Array, so_far: tuple[float, str, list[float], int, float]) -> StartResult:
