@@ -11,7 +11,7 @@ rise above it, comes near the bound.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -70,14 +70,12 @@ class GridLimits:
 
     def with_expected(self, motions: Sequence[Array]) -> GridLimits:
         """With those that hold by default, but not for all of some motions, among the others, evaluated as one."""
-        expected = tuple(limit for limit in self.stated if not all(limit.holds(x) for x in motions))
-        if not expected:
+        limits = self._with([limit for limit in self.stated if not all(limit.holds(x) for x in motions)])
+        if limits is self:
             return self
-        kept = tuple(limit for limit in self.stated if limit not in expected)
-        imposed = (*self.nonlinear, *expected)
-        functions = [limit.function for limit in imposed if isinstance(limit.function, JointFunction)]
+        functions = [limit.function for limit in limits.nonlinear if isinstance(limit.function, JointFunction)]
         stacked = StackedConstraint([function.constraint for function in functions])
-        return GridLimits(self.linear, imposed, kept, (GridConstraint.on_joints(stacked, functions[0].joints),))
+        return replace(limits, together=(GridConstraint.on_joints(stacked, functions[0].joints),))
 
     @property
     def linear_in_x(self) -> tuple[GridConstraint, ...]:
