@@ -92,10 +92,8 @@ def steps_for(
 
 
 def _too_many(substeps: int, rate: float, width: float | None, breakaway: float | None) -> InputError:
-    times, needs = (
-        substeps / _MOST_SUBSTEPS,
-        f"needs {substeps} substeps per sample at {rate:g} Hz, more than {_MOST_SUBSTEPS}",
-    )
+    times = substeps / _MOST_SUBSTEPS
+    needs = f"needs {substeps} substeps per sample at {rate:g} Hz, more than {_MOST_SUBSTEPS}"
     if breakaway is None and width is None:
         return InputError(f"the controller {needs}; take a lower bandwidth or a higher rate")
     what, enough = f"sign_width {width}", f"a width of about {(width or 0.0) * times:.2g}"

@@ -191,9 +191,7 @@ def task_at(task: Task, period: float, begin: PeriodTrial | None) -> Task:
     task = task.changed(trajectory=replace(task.trajectory, period=period, **changed))
     if begin is None:
         return task
-    design = begin.design
-    series = design.series
-    return task.changed(begin=InitialDesign(f"the best motion of {begin.period:g} s", series))
+    return task.changed(begin=InitialDesign(f"the best motion of {begin.period:g} s", begin.design.series))
 
 
 def promising_period(trials: Sequence[PeriodTrial], max_time: float, rate: float) -> float | None:
