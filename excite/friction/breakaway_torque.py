@@ -11,13 +11,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
 
 from excite.friction.constant_speed_windows import longest_step, position_noise, unbroken
-from excite.friction.points import DriveLog, Point, RigidModel, rigid_torque, temperature_of
+from excite.friction.points import DriveLog, Point, RigidModel, half_difference, rigid_torque, temperature_of
 from regressors.samples import Array
 
 _SHORTEST = 0.3  # of rest before, and of motion after, that is evaluated [s]
@@ -279,14 +279,7 @@ def rest_points(breaks: Sequence[BreakAway], *, paired: bool = False) -> tuple[P
     points = [[_point(each, alike[each.log, each.direction], scatter) for each in side] for side in sides]
     if not paired:
         return (*points[0], *points[1])
-    return tuple(
-        replace(
-            ahead,
-            torque=0.5 * (ahead.torque - behind.torque),
-            deviation=0.5 * float(np.hypot(ahead.deviation, behind.deviation)),
-        )
-        for ahead, behind in zip(*points, strict=False)
-    )
+    return tuple(half_difference(*both) for both in zip(*points, strict=False))
 
 
 def _sides(breaks: Sequence[BreakAway]) -> tuple[list[BreakAway], list[BreakAway]]:

@@ -126,17 +126,20 @@ def paired_points(measured: DriveLog, drive: str, windows: Sequence[ConstantWind
         left.remove(back)
         parts = [_within(z, time, w, low, high) for w in (ahead, back)]
         pair = [_point(measured, drive, w, _torque(measured, drive, w)) for w in parts]
-        points.append(
-            replace(
-                pair[0],
-                speed=0.5 * (pair[0].speed - pair[1].speed),
-                torque=0.5 * (pair[0].torque - pair[1].torque),
-                deviation=0.5 * float(np.hypot(pair[0].deviation, pair[1].deviation)),
-                duration=pair[0].duration + pair[1].duration,
-                temperature=_mean([p.temperature for p in pair]),
-            )
+        point = replace(
+            half_difference(*pair),
+            speed=0.5 * (pair[0].speed - pair[1].speed),
+            duration=pair[0].duration + pair[1].duration,
+            temperature=_mean([p.temperature for p in pair]),
         )
+        points.append(point)
     return tuple(points)
+
+
+def half_difference(ahead: Point, back: Point) -> Point:
+    """The first point with half the difference of both torques: without what is the same in both directions."""
+    deviation = 0.5 * float(np.hypot(ahead.deviation, back.deviation))
+    return replace(ahead, torque=0.5 * (ahead.torque - back.torque), deviation=deviation)
 
 
 def gravity_share(measured: DriveLog, drive: str, windows: Sequence[ConstantWindow], rigid: RigidModel) -> float:
