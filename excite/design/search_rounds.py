@@ -275,16 +275,13 @@ def design_with_harmonics(robot: Robot, task: Task, prepare: Prepare, solve: Sol
 def _numbers(task: Task) -> tuple[list[int], str]:
     """Numbers of harmonics to try, and why there are no more."""
     bandwidth, period = task.trajectory.bandwidth, task.trajectory.period
-    if bandwidth is None:
+    if bandwidth is None or (most := floor(bandwidth * period * (1.0 + 1e-9))) > _NUMBERS[-1]:
         return list(_NUMBERS), f"{_NUMBERS[-1]} are the most that are tried"
-    most = floor(bandwidth * period * (1.0 + 1e-9))
     if most < 2:
         raise InputError(
             f"bandwidth: {bandwidth:g} Hz leaves {most} harmonics of a period of {period:g} s; expected two or more: "
             "give a longer `period`"
         )
-    if most > _NUMBERS[-1]:
-        return list(_NUMBERS), f"{_NUMBERS[-1]} are the most that are tried"
     below = [number for number in _NUMBERS if number < most]
     return [*below, most], f"more are beyond the bandwidth of {bandwidth:g} Hz"
 
