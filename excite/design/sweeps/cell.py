@@ -34,7 +34,7 @@ from excite.design.problem_identity import (
     references_of_own,
 )
 from excite.errors import NoFeasibleMotionError
-from excite.storage.atomic import Destination, read_json, replacing, write_json, writing
+from excite.storage.atomic import Destination, read_json, write_bytes, write_json, writing
 from excite.storage.codec import content_of, record_of
 from excite.storage.commit import settle
 from excite.storage.manifest import check_files
@@ -172,8 +172,7 @@ def place(files: Mapping[str, bytes], folder: Path) -> None:
         for name, content in files.items():
             path = new / name
             path.parent.mkdir(parents=True, exist_ok=True)
-            with replacing(path, "wb") as stream:
-                stream.write(content)
+            write_bytes(path, content)
         if folder.exists():
             os.rename(folder, old)
         os.rename(new, folder)
