@@ -11,7 +11,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from constraints.certificate import LimitUse, limit_uses
+from constraints.certificate import LimitUse
+from constraints.enclosure import uses_of
 from excite.design.blueprint import check_richness, grid_instants, restricted_limits
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
@@ -141,10 +142,9 @@ class ProblemChanges:
             if use.use > _USED:
                 yield f"{use.label} limit looser by 20 %", partial(self.looser, use.label)
 
-    def uses(self, x: Array) -> list[LimitUse]:
+    def uses(self, x: Array) -> tuple[LimitUse, ...]:
         """Use of each limit of joints and drives by a motion, over continuous time."""
-        trajectory = self.formulation.problem.information.trajectory(x)
-        return [use for limit in self.formulation.limits for use in limit_uses(limit, trajectory.extrema(limit))]
+        return uses_of(self.formulation.problem.information.trajectory(x), self.formulation.limits)
 
     def looser(self, label: str, factor: float = _LOOSER) -> ChangedProblem:
         """The range of one limit about its middle enlarged by a factor."""

@@ -12,7 +12,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from constraints.certificate import LimitUse, limit_uses
+from constraints.certificate import LimitUse
+from constraints.enclosure import uses_of
 from constraints.interpolation import Curve, InterpolatedLimits, curve_pieces, interpolated_limits
 from constraints.linear import linear_limits
 from excite.design.design import Design
@@ -231,7 +232,7 @@ def check_formula(motion: SampledDesign) -> None:
     source = MotionSource(design.robot, design.task, design.trajectory, None, None, {"friction_plan": None})
     transfers = [piece.motion for piece in motion.sequence.pieces if isinstance(piece.motion, Transfer)]
     limits = linear_limits(motion.robot)
-    uses = [use for transfer in transfers for limit in limits for use in limit_uses(limit, transfer.extrema(limit))]
+    uses = [use for transfer in transfers for use in uses_of(transfer, limits)]
     broken = [*broken_limits(source), *(use for use in uses if use.margin < -_ROUNDING * abs(use.bound))]
     remedy = "design it again within the limits"
     if broken:
