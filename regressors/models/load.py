@@ -112,6 +112,15 @@ class SensorModel(RegressorModel):
         """Selected equations of all six components, or of the selected ones alone, shape (N, r)."""
         return measured[:, self._equations] if measured.shape[1] == len(EQUATIONS) else measured
 
+    @property
+    def options(self) -> dict[str, Any]:
+        """Sensor."""
+        return {"sensor": self.sensor}
+
+    def right_side(self, samples: Samples, measured: Array) -> Array:
+        """The wrench, selected equations; `measured` has shape (N, 6) or (N, r) [N, Nm]."""
+        return self._selected(np.asarray(measured, dtype=float)).reshape(-1)
+
 
 @checked
 class LoadModel(SensorModel):
@@ -125,23 +134,14 @@ class LoadModel(SensorModel):
 
     jax_form = "regressors.jax_models.jax_model:LoadPart"
 
-    @property
-    def options(self) -> dict[str, Any]:
-        """Sensor."""
-        return {"sensor": self.sensor}
-
     def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         """Selected rows of K, shape (r, 10) [N and Nm per unit parameter]."""
         body = _sensor_motion(self.robot, self.sensor, q, dq, ddq)
         return ca.vertcat(*body_regressor(body.omega, body.domega, body.a))[self._equations, :]
 
-    def right_side(self, samples: Samples, measured: Array) -> Array:
-        """The wrench, selected equations; `measured` has shape (N, 6) or (N, r) [N, Nm]."""
-        return self._selected(np.asarray(measured, dtype=float)).reshape(-1)
-
 
 @checked
-class LoadIntegralModel(SensorModel, WindowModel):
+class LoadIntegralModel(WindowModel, SensorModel):
     """Integrals of the wrench over time windows, ``int [F; N] dt = K_I phi`` [KD96] eq. (11)-(13).
 
     In the sensor's rotating axes ``dv/dt`` of eq. (9) is the rate of the components of v plus ``omega x v``; so no
@@ -265,11 +265,6 @@ class BaseWrenchModel(SensorModel):
         self.reduction: Reduction = reduction_by(robot.replace(structure=mirrored), Terms.inertial_only())
         self.columns = self.reduction.columns
 
-    @property
-    def options(self) -> dict[str, Any]:
-        """Sensor."""
-        return {"sensor": self.sensor}
-
     def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         """Selected rows of the wrench, shape (r, p) [N and Nm per unit parameter]."""
         R, t = (sparse(part) for part in (self.sensor.rotation, self.sensor.translation))
@@ -280,7 +275,3 @@ class BaseWrenchModel(SensorModel):
             N = ca.mtimes(body.rotation, moment) + ca.mtimes(ca.skew(body.origin - t), F)
             blocks.append(ca.vertcat(ca.mtimes(R.T, F), ca.mtimes(R.T, N)))
         return self.reduction.apply(ca.horzcat(*blocks)[self._equations, :])
-
-    def right_side(self, samples: Samples, measured: Array) -> Array:
-        """The wrench, selected equations; `measured` has shape (N, 6) or (N, r) [N, Nm]."""
-        return self._selected(np.asarray(measured, dtype=float)).reshape(-1)
