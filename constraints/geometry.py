@@ -6,7 +6,7 @@ Lengths in m, angles in rad. A sphere is a capsule of length zero.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -16,7 +16,13 @@ import scipy
 from regressors.errors import InputError, check_names
 from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.robot import BASE, Robot
-from regressors.robot.shapes import Capsule as Capsule, Part as Part, Vector as Vector, check_finite
+from regressors.robot.shapes import (
+    Capsule as Capsule,
+    Part as Part,
+    Vector as Vector,
+    check_finite,
+    vector_of as vector_of,
+)
 from regressors.samples import Array
 
 _DEEP = 1e-3  # m: a base deeper inside an obstacle than this is an error, not a robot mounted on it
@@ -215,12 +221,6 @@ def enclosing_cylinder(radius: float, length: float) -> Capsule:
 
     a = float(scipy.optimize.minimize_scalar(volume, bounds=(0.0, length / 2), method="bounded").x)
     return Capsule((0.0, 0.0, -a), (0.0, 0.0, a), float(np.hypot(radius, length / 2 - a)) * (1 + _SLACK))
-
-
-def vector_of(values: Iterable[float]) -> Vector:
-    """Three numbers."""
-    x, y, z = (float(value) for value in values)
-    return x, y, z
 
 
 def _outermost(points: Array) -> Array:

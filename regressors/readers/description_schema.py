@@ -30,7 +30,7 @@ from regressors.robot.closures import Closure, MimicJoint
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.robot.inertia import Array, from_centre_of_mass, inertia_tensor, rotation_from_rpy, transport
 from regressors.robot.robot import Branch, Drive, Joint, JointKind, Limits, Link
-from regressors.robot.shapes import Capsule, Part
+from regressors.robot.shapes import Capsule, Part, vector_of
 
 _ROUNDING = 1e-15
 _DEGREES = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*deg(\S*)")
@@ -339,8 +339,7 @@ class ShapeSection(Section):
 
     def part(self) -> Part:
         """Shape of a robot."""
-        start, end = ((p[0], p[1], p[2]) for p in (self.start, self.end or self.start))
-        return Part(self.link, Capsule(start, end, self.radius))
+        return Part(self.link, Capsule(vector_of(self.start), vector_of(self.end or self.start), self.radius))
 
 
 class LoopSection(Section):

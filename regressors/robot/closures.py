@@ -13,7 +13,7 @@ import numpy as np
 
 from regressors.errors import InputError, check_names
 from regressors.robot.inertia import is_rotation
-from regressors.robot.shapes import Vector, check_finite
+from regressors.robot.shapes import Vector, check_finite, vector_of
 
 Axes = tuple[Vector, Vector, Vector]
 
@@ -44,10 +44,10 @@ class Closure:
         if plain.get("joints"):
             follower, leader = map(str, plain["joints"])
             return MimicJoint((follower, leader), float(plain["multiplier"]), float(plain["offset"]))
-        first, second = (_vector(point) for point in plain["points"])
+        first, second = map(vector_of, plain["points"])
         a, b = map(str, plain["bodies"])
         axes = plain.get("axes")
-        held = None if axes is None else (_vector(axes[0]), _vector(axes[1]), _vector(axes[2]))
+        held = None if axes is None else (vector_of(axes[0]), vector_of(axes[1]), vector_of(axes[2]))
         return cls((a, b), (first, second), held)
 
 
@@ -68,11 +68,6 @@ class MimicJoint:
     def label(self) -> str:
         """What follows what, in messages."""
         return f"the joint {self.joints[0]} that follows {self.joints[1]}"
-
-
-def _vector(values: Sequence[float]) -> Vector:
-    x, y, z = map(float, values)
-    return x, y, z
 
 
 def check_closures(

@@ -5,7 +5,7 @@ Lengths in m. A sphere is a capsule of length zero.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,12 @@ from regressors.errors import InputError
 from regressors.robot.inertia import Array
 
 Vector = tuple[float, float, float]
+
+
+def vector_of(values: Iterable[float]) -> Vector:
+    """Three numbers."""
+    x, y, z = map(float, values)
+    return x, y, z
 
 
 def check_finite(what: str, *values: float) -> None:
@@ -81,5 +87,5 @@ class Part:
     @classmethod
     def from_dict(cls, plain: Mapping[str, Any]) -> Part:
         """Inverse of `to_dict`."""
-        start, end = ((float(x), float(y), float(z)) for x, y, z in (plain["from"], plain["to"]))
-        return cls(str(plain["link"]), Capsule(start, end, float(plain["radius"])))
+        capsule = Capsule(vector_of(plain["from"]), vector_of(plain["to"]), float(plain["radius"]))
+        return cls(str(plain["link"]), capsule)
