@@ -40,7 +40,7 @@ def tree_of_model(model: Any, name: str, source: str, *, snap_angles: bool = Tru
     but the last without mass.
     """
     bodies, joints = names_of(model, "body"), names_of(model, "joint")
-    actuators, equal, angles = joint_actuators(model), equalities(model), AngleReader(snap_angles)
+    equal, angles = equalities(model), AngleReader(snap_angles)
     links: dict[str, Array | None] = {bodies[0]: None}
     tree: list[TreeJoint] = []
     in_link = {0: np.eye(4)}  # pose of a body in the frame of the last of its links
@@ -53,7 +53,7 @@ def tree_of_model(model: Any, name: str, source: str, *, snap_angles: bool = Tru
         for joint in own:
             child = bodies[body] if joint == own[-1] else f"{bodies[body]}/{joints[joint]}"
             names = (joints[joint], link, child)
-            placed, T = _joint(model, joint, names, T, equal, actuators[joint], angles)
+            placed, T = _joint(model, joint, names, T, equal, angles)
             tree.append(placed)
             links[child], link = np.zeros(10), child
         if not own:
@@ -68,16 +68,10 @@ def tree_of_model(model: Any, name: str, source: str, *, snap_angles: bool = Tru
 
 
 def _joint(
-    model: Any,
-    number: int,
-    names: tuple[str, str, str],
-    T: Array,
-    equal: Equalities,
-    actuators: list[int],
-    angles: AngleReader,
+    model: Any, number: int, names: tuple[str, str, str], T: Array, equal: Equalities, angles: AngleReader
 ) -> tuple[TreeJoint, Array]:
     """A joint, and the pose of its body in the frame of the link that it moves."""
-    mimics, held, _ = equal
+    (mimics, held, _), actuators = equal, joint_actuators(model)[number]
     kind = int(model.jnt_type[number])
     if kind not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
         placed = _fixed(*names, T)
