@@ -178,8 +178,13 @@ def _limbs_alone(tree: UrdfTree, base: str, tips: Sequence[str]) -> MovingPart:
 
 def _without_wheels(limb: Sequence[TreeJoint]) -> list[TreeJoint]:
     """A limb up to the wheels, or fingers, at its end; nothing where it is one."""
+    return _up_to(limb, lambda joint: _ENDS.search(f"{joint.name} {joint.child}"))
+
+
+def _up_to(limb: Sequence[TreeJoint], ends: Callable[[TreeJoint], object]) -> list[TreeJoint]:
+    """A limb without the joints at its end that are fixed, or of a kind."""
     left = list(limb)
-    while left and (left[-1].kind == "fixed" or _ENDS.search(f"{left[-1].name} {left[-1].child}")):
+    while left and (left[-1].kind == "fixed" or ends(left[-1])):
         left.pop()
     return left
 
@@ -242,10 +247,7 @@ def _limbs(tree: UrdfTree, base: str, tips: Sequence[str]) -> list[list[TreeJoin
     for parts in parted:
         hands = (part for part in parts if _count(part) >= _FEWEST_OF_ARM and deepest[part[-1].name] < _count(part))
         limb = next(hands, parts[-1])
-        without = list(limb)
-        while without and (without[-1].kind == "fixed" or _moves_gripper(tree, without[-1])):
-            without.pop()
-        limb = without or limb
+        limb = _up_to(limb, lambda joint: _moves_gripper(tree, joint)) or limb
         limbs.setdefault(limb[-1].child, limb)
     return list(limbs.values())
 
