@@ -23,7 +23,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import scipy
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from constraints.nonlinear import Limit, NonlinearConstraint
 from constraints.torque import check_inertias, deviation_terms
@@ -184,16 +184,12 @@ def _sliding(corners: Array, friction: float | None) -> Array:
     return np.asarray(np.insert(-a, 2, -offset.T, axis=1) * friction / -offset)
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-
-
-class _Stand(_Section):
+class _Stand(BaseModel, extra="forbid", allow_inf_nan=False):
     mass: Load
     centre: Point
 
 
-class _File(_Section):
+class _File(BaseModel, extra="forbid", allow_inf_nan=False):
     polygon: list[Point] = Field(min_length=3)
     stand: _Stand = _Stand(mass=0.0, centre=[0.0, 0.0, 0.0])
     margin: Length | None = None
