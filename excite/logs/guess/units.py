@@ -67,7 +67,8 @@ def chosen_clock(contents: StreamContents, columns: Mapping[str, Numbers]) -> Cl
     certain = bool(contents.clocks) or any(is_clock(contents.title(name)) for name in candidates)
     good = [name for name in candidates if _increases(columns[name])]
     if contents.clocks and good:
-        last = {name: _duration(contents, columns, name) for name in good}
+        seconds = {name: SECONDS.get(contents.units.get(name, ""), 1.0) for name in good}
+        last = {name: float(columns[name][-1] - columns[name][0]) * second for name, second in seconds.items()}
         received = last[good[-1]]
         good = [name for name in good if abs(last[name] - received) <= _ALIKE * max(received, np.finfo(float).tiny)]
     if not good:
@@ -102,10 +103,6 @@ def _are_stamps(seconds: Numbers, nanoseconds: Numbers) -> bool:
     return _increases(in_nanoseconds(both[0] - both[0, 0], both[1]))
 
 
-def _duration(contents: StreamContents, columns: Mapping[str, Numbers], name: str) -> float:
-    return float(columns[name][-1] - columns[name][0]) * SECONDS.get(contents.units.get(name, ""), 1.0)
-
-
 @dataclass(frozen=True)
 class StreamSummary:
     """Columns of a stream that were sampled at the same instants."""
@@ -134,9 +131,8 @@ def summaries(
         values = clock.times(columns)
         time = (values - values[0]).astype(float) * SECONDS[clock.unit or unit or "s"]
         sets: dict[bytes, list[str]] = {}
-        for name in (
-            name for name in stream.columns if name in columns and name not in (clock.column, clock.nanoseconds)
-        ):
+        others = columns.keys() - {clock.column, clock.nanoseconds}
+        for name in (name for name in stream.columns if name in others):
             sets.setdefault(np.isnan(columns[name]).tobytes(), []).append(name)
         for absent, names in sets.items() or [(bytes(time.size), [])]:
             if not (there := time[~np.frombuffer(absent, bool)]).size:
