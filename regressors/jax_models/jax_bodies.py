@@ -142,7 +142,7 @@ def tree_motion(tree: KinematicTree, q: jax.Array, dq: jax.Array, ddq: jax.Array
     # in the base frame: contributions of the joints, summed over the ancestors of a body
     omega = _summed(tree, r * e * ds)
     domega = _summed(tree, r * (e * dds + cross(omega, e * ds)))
-    w, dw = (_of_parent(tree, x) for x in (omega, domega))
+    w, dw = (jnp.concatenate([x, jnp.zeros_like(x[:1])])[tree.parent] for x in (omega, domega))  # of the parents
     v = _summed(tree, cross(w, d) + p * e * ds)
     a = _summed(tree, cross(dw, d) + cross(w, cross(w, d)) + p * (e * dds + 2 * cross(w, e * ds)))
     g = jnp.asarray(tree.gravity)[:, None]
@@ -171,8 +171,3 @@ def _poses(tree: KinematicTree, s: jax.Array) -> tuple[jax.Array, jax.Array, jax
 def _summed(tree: KinematicTree, x: jax.Array) -> jax.Array:
     """Sum over each body's ancestors and itself, shape (B, 3, L)."""
     return jnp.tensordot(jnp.asarray(tree.ancestors), x, axes=1)
-
-
-def _of_parent(tree: KinematicTree, x: jax.Array) -> jax.Array:
-    """Value of each body's parent, zero for the base, shape (B, 3, L)."""
-    return jnp.concatenate([x, jnp.zeros_like(x[:1])])[tree.parent]
