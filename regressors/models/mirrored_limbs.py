@@ -87,7 +87,8 @@ def _tied_drives(robot: Robot, pairs: tuple[Mirrored, ...]) -> dict[str, Mapping
     rows, drives, ties = drive_rows(robot), transmission_of(robot).drives, dict[str, Mapping[str, float]]()
     gears = dict(zip(rows, (drive.ratio for drive in drives), strict=True))
     kinds = tuple(kind for kind in FRICTION_KINDS if kind != OFFSET)
-    mirror = _mirror_of_joints(robot, pairs)
+    mirror = np.zeros((robot.n, robot.n))  # takes the coordinates of left limbs to those of the right ones
+    mirror[[pair.right for pair in pairs], [pair.left for pair in pairs]] = [pair.sign for pair in pairs]
     for left, row in rows.items():
         image = mirror @ row
         if np.any(row) and not np.any(row[~np.any(mirror, axis=0)]):  # of tied limbs alone
@@ -103,14 +104,6 @@ def _tied_drives(robot: Robot, pairs: tuple[Mirrored, ...]) -> dict[str, Mapping
 def _same_ratio(one: GearFunction, other: GearFunction) -> bool:
     constant = isinstance(one, ConstantRatio) and isinstance(other, ConstantRatio)
     return constant and one.reference_ratio == other.reference_ratio
-
-
-def _mirror_of_joints(robot: Robot, pairs: tuple[Mirrored, ...]) -> Array:
-    """Matrix (n, n) that takes the joint coordinates of left limbs to those of the right ones, zero of all others."""
-    mirror = np.zeros((robot.n, robot.n))
-    for pair in pairs:
-        mirror[pair.right, pair.left] = pair.sign
-    return mirror
 
 
 class _Tree:
