@@ -148,11 +148,9 @@ def _without_gripper(
 ) -> MovingPart:
     """The chain to a tip, up to the first of the joints at its end that move a gripper."""
     part = _between(tree, base, (tip,))
-    moving = part.moving
-    held: list[TreeJoint] = []
-    while moving and _moves_gripper(tree, moving[-1]):
-        held.insert(0, moving.pop())
-    if not held or not moving:  # a hand or a finger alone is kept whole
+    kept = _up_to(part.moving, lambda joint: _moves_gripper(tree, joint))
+    held = part.moving[len(kept) :]
+    if not held or not kept:  # a hand or a finger alone is kept whole
         return replace(part, notes=notes, held=fingers)
     shorter = _between(tree, base, (held[0].parent,))
     names = (*(joint.name for joint in held), *fingers)
