@@ -194,10 +194,9 @@ def _transmission(model: Any, robot: Robot, joints: list[str]) -> Transmission |
     drives = [Drive(name, coulomb=0.0, viscous=0.0) for name in robot.joint_names]
     if robot.transmission is not None:
         drives = list(robot.transmission.drives)
-    pairs = zip(drives, armature, strict=True)
     rotors = (
         replace(drive, rotor_inertia=None if drive.name in robot.passive and not inertia else inertia)
-        for drive, inertia in pairs
+        for drive, inertia in zip(drives, armature, strict=True)
     )
     return Transmission(np.eye(robot.n), tuple(rotors), Limits.none(robot.n))
 
