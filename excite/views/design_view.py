@@ -17,7 +17,7 @@ from excite.optimality.design_bound import stored_bound
 from excite.registry import name_of
 from excite.study.period_search import runs_text
 from excite.views.comparison_view import bound_view
-from excite.views.view import Column, Drawing, Format, View, ViewTable, asked, headed, texts
+from excite.views.view import Drawing, View, ViewTable, asked, headed, texts
 from regressors.errors import listed_names, percent
 from regressors.models.mirrored_limbs import mirrored_bodies
 
@@ -195,11 +195,9 @@ def _width(p: ParameterPrecision) -> str:
 
 def _limits(name: str, title: str, uses: Sequence[Mapping[str, Any]]) -> ViewTable:
     """Limits of the motion or of a transfer: those that do not hold first, then those that are used most."""
-    columns = (
-        *texts("limit" if name != "limits" else "limits used most", brief=True),
-        *headed("*extreme:4, *bound:4, *unit:unit"),
-        Column("used", Format.PERCENT, brief=True, missing="far from it"),
-        *headed("margin, at [s], holds:kept"),
+    first = "limit" if name != "limits" else "limits used most"
+    columns = headed(
+        f"*{first}:text, *extreme:4, *bound:4, *unit:unit, *used:%?far from it, margin, at [s], holds:kept"
     )
     ranked = sorted(uses, key=lambda use: (use["holds"], -or_infinite(use["use"])))
     rows = []
@@ -234,13 +232,8 @@ def _predictions(design: Design, content: Mapping[str, Any]) -> ViewTable:
     predicted = content["predicted"]
     known = {each["name"]: (each["deviation"], each["after"]) for each in predicted.get("prior", ())}
     behind = any("motor_side" in each for each in predicted["parameters"])
-    columns = (
-        *headed("parameter:text, standard deviation"),
-        *(headed("known beforehand, both") if known else ()),
-        *headed("unit:unit"),
-        *(texts("at the motor") if behind else ()),
-        *headed("combination:unit"),
-    )
+    both, motors = ", known beforehand, both" * bool(known), ", at the motor:text" * behind
+    columns = headed(f"parameter:text, standard deviation{both}, unit:unit{motors}, combination:unit")
     rows = []
     for p in predicted["parameters"]:
         prior = known.get(p["name"], (None, None)) if known else ()

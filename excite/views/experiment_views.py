@@ -106,11 +106,9 @@ def _scatter(course: TimeCourse) -> tuple[str, ...]:
 
 def _motions(study: TimeStudy) -> ViewTable:
     share = f"{100 * study.below:g} %"
-    columns = (
-        *headed("*motion:text, *lasts [s]"),
-        Column("cond(W)", brief=True, missing="rank too low"),
-        *headed(f"*all below {share} [s], *half [s]", missing="never"),
-        *headed("*still above, parameters, *last:text"),
+    columns = headed(
+        f"*motion:text, *lasts [s], *cond(W)?rank too low, *all below {share} [s]?never, *half [s]?never, "
+        "*still above, parameters, *last:text"
     )
     return ViewTable("courses", "Motions", columns, tuple(_motion(course, study.below) for course in study.courses))
 
@@ -135,11 +133,10 @@ def _last(course: TimeCourse, k: int) -> str:
 
 
 def _parameters(course: TimeCourse, below: float) -> ViewTable:
-    columns = (
-        *headed("parameter:text, final value, half of its interval, unit:unit, relative deviation:%"),
-        Column(f"within {100 * below:g} % from [s]", missing="never"),
-        Column("true value" if course.reference_kind == "truth" else "description"),
-        *headed("scatter of repetitions, deviation as stated"),
+    known = "true value" if course.reference_kind == "truth" else "description"
+    columns = headed(
+        "parameter:text, final value, half of its interval, unit:unit, relative deviation:%, "
+        f"within {100 * below:g} % from [s]?never, {known}, scatter of repetitions, deviation as stated"
     )
     nothing = [None] * len(course.names)
     scatter, stated = (nothing, nothing) if course.scatter is None else (course.scatter[-1], course.deviation[-1])

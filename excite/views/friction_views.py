@@ -330,11 +330,7 @@ def _value(d: Characteristic, parameter: str) -> str:
 
 
 def _parameters(drives: tuple[Characteristic, ...]) -> ViewTable:
-    columns = (
-        *headed("drive:text, parameter:text, value"),
-        *headed("lower, upper", missing="held"),
-        *headed("unit:unit, curve:text"),
-    )
+    columns = headed("drive:text, parameter:text, value, lower?held, upper?held, unit:unit, curve:text")
     title = "Parameters of the curves with their 99 % intervals; held: the points bound it but do not determine it"
     return ViewTable("friction", title, columns, tuple(row for d in drives for row in _parameter_rows(d)))
 

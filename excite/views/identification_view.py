@@ -153,11 +153,9 @@ def _parameters(result: Identification) -> ViewTable:
     estimate, facts, reference = result.estimate, result.facts, result.reference
     known = [] if reference is None else [reference.values.tolist()]
     motors = [[_at_the_motor(result, k) for k in range(len(estimate.names))]] if facts.motor_sides else []
+    kind = "" if reference is None else ", truth" if reference.kind == "truth" else ", described"
     columns = (
-        *headed("parameter:text"),
-        *headed("value", missing="not identifiable"),
-        *headed("lower, upper, unit:unit, std. dev., relative:%"),
-        *((Column("truth" if reference.kind == "truth" else "described"),) if reference is not None else ()),
+        *headed(f"parameter:text, value?not identifiable, lower, upper, unit:unit, std. dev., relative:%{kind}"),
         *(texts("at the motor") if facts.motor_sides else ()),
         Column("combination", Format.UNIT, wide=True),
     )

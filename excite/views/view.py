@@ -203,12 +203,13 @@ def texts(*headings: str, **how: Any) -> tuple[Column, ...]:
     return tuple(Column(heading, Format.TEXT, **how) for heading in headings)
 
 
-def headed(headings: str, **how: Any) -> tuple[Column, ...]:
-    """Columns by headings, as ``*drive:text, x:2, used:%``: starred in a summary; a format, or a number's digits."""
+def headed(headings: str) -> tuple[Column, ...]:
+    """Columns, as ``*drive:text, x:2, used:%?never``: starred in a summary; format or digits; what stands for None."""
     columns = []
     for each in headings.split(", "):
-        heading, _, form = each.removeprefix("*").partition(":")
+        named, _, missing = each.removeprefix("*").partition("?")
+        heading, _, form = named.partition(":")
         digits = int(form) if form.isdigit() else Column.digits
         kind = Format("" if form.isdigit() else form)
-        columns.append(Column(heading, kind, each.startswith("*"), digits=digits, **how))
+        columns.append(Column(heading, kind, each.startswith("*"), missing=missing, digits=digits))
     return tuple(columns)
