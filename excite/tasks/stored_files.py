@@ -21,8 +21,17 @@ if TYPE_CHECKING:
     from regressors.samples import Array
 
 
+class Named:
+    """What is shown as its name."""
+
+    name: str
+
+    def __str__(self) -> str:
+        return self.name
+
+
 @dataclass(frozen=True)
-class UnopenedFile:
+class UnopenedFile(Named):
     """A file that a result names without its content."""
 
     option: str  # such as ``world``
@@ -36,10 +45,6 @@ class UnopenedFile:
             f"are not opened: where the result is loaded, give `{self.option}`"
         )
 
-    def __str__(self) -> str:
-        """The name."""
-        return self.name
-
 
 @dataclass(frozen=True, eq=False)
 class StoredRobot:
@@ -51,16 +56,12 @@ class StoredRobot:
 
 
 @dataclass(frozen=True, eq=False)
-class InitialDesign:
+class InitialDesign(Named):
     """The design that a search began with, as its result holds it."""
 
     name: str  # of its folder
     trajectory: Mapping[str, Any]  # entry ``trajectory`` of its ``design.json``
     motion: Any = None  # the motion itself, where the entry alone does not give it: that of a family of the user's own
-
-    def __str__(self) -> str:
-        """Its folder."""
-        return self.name
 
 
 STATES = ("q", "dq", "ddq")
@@ -68,7 +69,7 @@ STATES = ("q", "dq", "ddq")
 
 @checked
 @dataclass(frozen=True, eq=False)
-class TaskMotion:
+class TaskMotion(Named):
     """Instants of a motion.
 
     Parameters
@@ -105,10 +106,6 @@ class TaskMotion:
             if not np.all(np.isfinite(values)):
                 raise InputError(f"task_motion {self.name}: {state} has values that are not finite")
             object.__setattr__(self, state, values)
-
-    def __str__(self) -> str:
-        """Its name."""
-        return self.name
 
     def __repr__(self) -> str:
         """One line."""
@@ -148,7 +145,7 @@ class TaskMotion:
 
 @checked
 @dataclass(frozen=True)
-class TaskServos:
+class TaskServos(Named):
     """Identified servos of an arm.
 
     Parameters
@@ -176,10 +173,6 @@ class TaskServos:
         if not len(self.joints) == len(self.values) == len(self.error):
             raise InputError(f"servos {self.name}: expected values and an error for each of {len(self.joints)} joints")
 
-    def __str__(self) -> str:
-        """Its name."""
-        return self.name
-
     def to_dict(self) -> dict[str, Any]:
         """For JSON; servos are made of these entries again."""
         values = [list(each) for each in self.values]
@@ -190,7 +183,7 @@ RESULT, DESIGN = "result", "design"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class EarlierInformation:
+class EarlierInformation(Named):
     """Information of one earlier result, or of one run of a design that is going to be played.
 
     It is about the combinations ``A u`` of standard parameters u. That of a result is the inverse of the covariance
@@ -245,10 +238,6 @@ class EarlierInformation:
     seconds: float
     degrees_of_freedom: int
     values: NDArray[np.float64] | None = None
-
-    def __str__(self) -> str:
-        """Its folder."""
-        return self.name
 
     def __repr__(self) -> str:
         """One line."""
