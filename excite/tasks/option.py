@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, Literal
@@ -153,22 +154,15 @@ def _numbers(value: object) -> tuple[float, ...]:
     return (_number(value),) if isinstance(value, Real) else tuple(map(_number, _sequence(value)))
 
 
-def _ranges(value: object) -> tuple[tuple[float, float], ...]:
-    pairs = [_numbers(pair) for pair in _sequence(value)]
-    if any(len(pair) != 2 for pair in pairs):
+def _so_many(count: int, value: object) -> tuple[float, ...]:
+    numbers = _numbers(value)
+    if len(numbers) != count:
         raise Unfit
-    return tuple((pair[0], pair[1]) for pair in pairs)
+    return numbers
 
 
 def _box(value: object) -> tuple[tuple[float | None, ...], ...]:
     return tuple(tuple(None if x is None else _number(x) for x in _sequence(side)) for side in _sequence(value))
-
-
-def _triple(value: object) -> tuple[float, ...]:
-    numbers = _numbers(value)
-    if len(numbers) != 3:
-        raise Unfit
-    return numbers
 
 
 def _name(value: object) -> object:
@@ -261,6 +255,7 @@ def share_of(text: str) -> float:
 
 
 _as_it_is, _real = (rule_of(hint)[0] for hint in (object, float))
+_pair, _triple = (partial(_so_many, count) for count in (2, 3))
 _KINDS: dict[Kind, tuple[Callable[[Any], Any], str]] = {  # conversion, and what is expected
     "flag": (_flag, "true or false"),
     "integer": rule_of(int),
@@ -268,7 +263,7 @@ _KINDS: dict[Kind, tuple[Callable[[Any], Any], str]] = {  # conversion, and what
     "numbers": (_numbers, "a number, or a list of numbers"),
     "frame": (_as_it_is, "three numbers, or six"),
     "sides": (_as_it_is, "one side, three, or a pair [lower, upper] for each of x, y, z"),
-    "ranges": (_ranges, "a list of pairs [lower, upper]"),
+    "ranges": (lambda value: tuple(map(_pair, _sequence(value))), "a list of pairs [lower, upper]"),
     "box": (_box, "a pair [lower, upper] for each of x, y, z"),
     "triple": (_triple, "three numbers"),
     "pose": (lambda value: value if isinstance(value, str) else _numbers(value), "a list of numbers, one per joint"),
