@@ -65,7 +65,8 @@ _TYPES: dict[Kind, Any] = {
     "precision": PRECISION,
     "impacts": IMPACT,
 }
-_METAVARS = {"drives": "all|1,3", "integer": "N", "s": "S", "Hz": "HZ"}  # by kind or unit, where an option states none
+# by kind or unit, where an option states none
+_METAVARS = {"drives": "all|1,3", "integer": "N", "triple": "X,Y,Z", "s": "S", "Hz": "HZ"}
 
 
 def settings_options(

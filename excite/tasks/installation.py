@@ -48,9 +48,7 @@ class Installation:
         Both gravity and a mount, or a payload that no body has.
     """
 
-    gravity: Triple | None = option(
-        None, "triple", "Gravity in the axes of the base, such as 0,0,-9.81.", metavar="X,Y,Z"
-    )
+    gravity: Triple | None = option(None, "triple", "Gravity in the axes of the base, such as 0,0,-9.81.")
     mount: str | Triple | None = option(
         None,
         "mount",

@@ -111,7 +111,7 @@ class LimitChoice:
     )
     tool_speed: float | None = option(None, "number", "Largest speed of the tool.", metavar="V")
     tool_point: tuple[float, float, float] = option(
-        (0.0, 0.0, 0.0), "triple", "Position of the tool in the last link's frame.", metavar="X,Y,Z"
+        (0.0, 0.0, 0.0), "triple", "Position of the tool in the last link's frame."
     )
     floor: float | str | None = option(
         AUTO,
@@ -161,8 +161,7 @@ class LimitChoice:
 
         changes: dict[str, Any] = {}
         for name in ("velocity", "acceleration", "jerk"):
-            values = getattr(self, name)
-            if values is not None:
+            if (values := getattr(self, name)) is not None:
                 changes[name] = np.array(_one_per_joint(values, name, robot))
         if self.velocity is None and self.velocity_scaling != 1.0:
             changes["velocity"] = self.velocity_scaling * robot.limits.velocity

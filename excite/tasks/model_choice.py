@@ -104,7 +104,7 @@ class ModelChoice:
     sensor: str | None = option(
         None, "text", "Link with the force/torque sensor (load models).", metavar="LINK", unset="the last"
     )
-    sensor_xyz: Triple = option((0.0, 0.0, 0.0), "triple", "Sensor's origin in that link's frame.", metavar="X,Y,Z")
+    sensor_xyz: Triple = option((0.0, 0.0, 0.0), "triple", "Sensor's origin in that link's frame.")
     sensor_rpy: Triple = option((0.0, 0.0, 0.0), "triple", "Sensor's axes: roll, pitch, yaw.", metavar="R,P,Y")
     equations: tuple[str, ...] | None = option(
         None, "names", "Equations to use: components of the wrench, or torques of joints.", unset="all", metavar="fx,nz"
@@ -133,11 +133,7 @@ class ModelChoice:
         False, "drives", "Friction that grows with the root of the speed [Nm (s/rad)^0.5]", late=True
     )
     asymmetric_friction: DriveChoice = option(
-        False,
-        "drives",
-        "Half the difference of viscous friction between directions [Nm s/rad]",
-        metavar="all|1,3",
-        late=True,
+        False, "drives", "Half the difference of viscous friction between directions [Nm s/rad]", late=True
     )
     stribeck: DriveChoice = option(
         False, "drives", "Friction beyond Coulomb's near standstill, F exp(-(v/V)^2) [Nm]", late=True
