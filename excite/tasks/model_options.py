@@ -93,13 +93,12 @@ def options_of_model(model: Any) -> dict[str, Any] | None:
 def _of_terms(terms: Terms) -> Mapping[str, Any] | None:
     if terms.coulomb != terms.viscous:
         return None
-    chosen = {option: _drives(getattr(terms, name)) for name, option in FURTHER_TERMS.items()}
     return {
         "friction": _drives(terms.coulomb),
         "rotor": terms.rotor,
         "reflected_rotors": terms.reflected,
         "stribeck_speed": terms.stribeck_speed,
-        **chosen,
+        **{option: _drives(getattr(terms, name)) for name, option in FURTHER_TERMS.items()},
     }
 
 
