@@ -15,7 +15,7 @@ from constraints.linear import QUANTITIES, linear_limits
 from constraints.world_file import capsules_text, urdf_capsules
 from excite.cli.options import task_of
 from excite.cli.streams import in_options, remark, verbosity
-from excite.cli.summary import console, finite, print_table, show
+from excite.cli.summary import console, print_table, show
 from excite.export.models.robot_yaml import write_robot
 from excite.information.nearly_unidentifiable import left_out_by_rounding
 from excite.information.target import left_to_right_base
@@ -27,6 +27,7 @@ from regressors.errors import InputError
 from regressors.models.base import Base
 from regressors.models.servo import ServoModel
 from regressors.models.servo_response import scale_shown_by
+from regressors.numerical import or_none
 from regressors.robot.robot import BASE, Link, Robot
 
 
@@ -78,7 +79,7 @@ def _content(whole: Robot, moving: tuple[str, ...], base: Base) -> dict[str, Any
             for note in whole.notes
         ],
         "moving_joints": list(moving),
-        "base": {"rank": base.rank, "gap": finite(base.gap), "columns": list(base.names), **lists},
+        "base": {"rank": base.rank, "gap": or_none(base.gap), "columns": list(base.names), **lists},
         "servos": {name: {"gravity": load, "own_inertia": own, "told_by": text} for name, (load, own, text) in told},
     }
 

@@ -15,7 +15,7 @@ from excite.cli.design_commands import OF_NEXT_MOTION
 from excite.cli.main import NOT_HELD
 from excite.cli.options import FigureChoice, check_not_typed, robot_file_of, task_of, typed_options
 from excite.cli.streams import remark, tell
-from excite.cli.summary import finite, show
+from excite.cli.summary import show
 from excite.design.comparison import Judgement
 from excite.design.design_folder import check_no_design, data_files
 from excite.design.interruption import current_interruption
@@ -30,6 +30,7 @@ from excite.tasks.installation import Installation
 from excite.tasks.model_choice import FURTHER_FRICTION, ModelChoice
 from excite.views.comparison_view import comparison_view, verdicts
 from excite.views.view import view_of
+from regressors.numerical import or_none
 
 
 def study_and_write(robot: str, logs: Sequence[Path], out: Path, figures: FigureChoice, **given: Any) -> None:
@@ -107,8 +108,8 @@ def compare_designs(designs: Sequence[Path], model: str | None, window: str | No
 
 
 def _plain(judgement: Judgement) -> dict[str, object]:
-    criteria = {name: finite(value) for name, value in judgement.criteria.items()}
-    return {**asdict(judgement), "goal": finite(judgement.goal), "criteria": criteria}
+    goal, criteria = judgement.goal, {name: or_none(value) for name, value in judgement.criteria.items()}
+    return {**asdict(judgement), "goal": None if goal is None else or_none(goal), "criteria": criteria}
 
 
 def plan_from_options(robot: str, **given: Any) -> None:
@@ -193,7 +194,7 @@ def _next(step: excite.NextMotion, out: Path | None) -> str:
 def _content(step: excite.NextMotion, out: Path | None) -> dict[str, Any]:
     forecast, following, parameters = step.forecast, None, []
     for one in step.parameters:
-        known = {name: finite(value) if isinstance(value, float) else value for name, value in vars(one).items()}
+        known = {name: or_none(value) if isinstance(value, float) else value for name, value in vars(one).items()}
         parameters.append({**known, "enough": one.enough})
     if step.design is not None and forecast is not None:
         own = {name: value for name, value in json_of(forecast).items() if name != "parameters"}

@@ -197,11 +197,6 @@ def _text(column: Column, value: Any, digits: int = _WHOLE) -> str:
     return f"{value:.{digits}g}" if column.format is Format.NUMBER else percent(value, 3)
 
 
-def finite(value: float | None) -> float | None:
-    """A number as JSON holds it: None where it is not finite."""
-    return None if value is None or not math.isfinite(value) else value
-
-
 def print_verdict(view: View) -> None:
     """Print what a view is of, and its verdict."""
     console().print(Text(f"\n{view.title}", style="bold"), soft_wrap=True)
