@@ -205,11 +205,12 @@ class OwnPart:
 def built_in(kind: str, name: str) -> Any:
     """Class or function that a name stands for."""
     check_names(kind, [name], BUILT_IN[kind])
-    return _attribute(BUILT_IN[kind][name])
+    return import_attribute(BUILT_IN[kind][name])
 
 
-def _attribute(place: str) -> Any:
-    module, _, attribute = place.partition(":")
+def import_attribute(place: str) -> Any:
+    """What ``module:attribute`` or ``module.attribute`` names."""
+    module, _, attribute = place.replace(":", ".").rpartition(".")
     return getattr(import_module(module), attribute)
 
 
@@ -234,7 +235,7 @@ def check_part(kind: str, given: Any, name: str = "") -> None:
     """Raise `InputError` for what is neither a name that may be given, nor a part of its kind, nor a class of such."""
     if isinstance(given, str):
         return check_name(kind, given)
-    interface = _attribute(INTERFACES[kind]) if kind in INTERFACES else None
+    interface = import_attribute(INTERFACES[kind]) if kind in INTERFACES else None
     function = kind in _FUNCTIONS and callable(given)
     if isinstance(given, OwnPart) or function or (interface is not None and _is_part(given, interface)):
         return None
@@ -273,7 +274,7 @@ def part(kind: str, given: Any) -> Any:
         return given
     for begin, place in ADDRESSED.get(kind, {}).items():
         if given.startswith(begin):
-            return _attribute(place)(given)
+            return import_attribute(place)(given)
     if not is_own(given):
         return built_in(kind, given)
     check_part(kind, found := own(kind, given), given)

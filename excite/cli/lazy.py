@@ -5,22 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from functools import wraps
-from importlib import import_module
 from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
 
 from excite.cli.streams import loudness_options
+from excite.registry import import_attribute
 from regressors.errors import shortened
 
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
-
-
-def _imported(place: str) -> Any:
-    """What ``module:attribute`` of this room names."""
-    module, _, attribute = place.partition(":")
-    return getattr(import_module(f"excite.cli.{module}"), attribute)
 
 
 def runs(place: str) -> Callable[[Callable[[], None]], Callable[..., Any]]:
@@ -29,7 +23,7 @@ def runs(place: str) -> Callable[[Callable[[], None]], Callable[..., Any]]:
     def decorate(described: Callable[[], None]) -> Callable[..., Any]:
         @wraps(described)
         def command(**given: Any) -> Any:
-            return _imported(place)(**given)
+            return import_attribute(f"excite.cli.{place}")(**given)
 
         return command
 
@@ -60,7 +54,7 @@ class LazyGroup(click.Group):
         """Return the command of a name, importing its module."""
         if name in self.commands or name not in self._summaries:
             return self.commands.get(name)
-        command: click.Command = _imported(self._places[name])
+        command: click.Command = import_attribute(f"excite.cli.{self._places[name]}")
         return command
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, replace
 from enum import Enum
-from importlib import import_module
 from itertools import compress
 from typing import Any
 
+from excite.registry import import_attribute
 from excite.tasks.option import options_of
 from excite.tasks.task import PARTS
 from regressors.errors import InputError, check_names
@@ -82,8 +82,7 @@ class Drawing:
 
     def draw(self) -> Any:
         """The matplotlib figure."""
-        module, name = self.function.split(".")
-        return getattr(import_module(f"excite.views.{module}"), name)(*self.arguments)
+        return import_attribute(f"excite.views.{self.function}")(*self.arguments)
 
 
 @dataclass(frozen=True)
@@ -145,8 +144,7 @@ def view_of(result: Any) -> View:
             "expected a design, an identification, a verification, a study, a friction plan, a friction fit, a payload "
             f"motion or the table of a campaign to draw, given {type(result).__name__}"
         )
-    module, name = known.split(".")
-    view: View = getattr(import_module(f"excite.views.{module}"), name)(result)
+    view: View = import_attribute(f"excite.views.{known}")(result)
     return view
 
 
