@@ -115,8 +115,6 @@ def tightest(courses: Sequence[LimitCourse]) -> list[LimitCourse]:
 
 def _nearest(group: Sequence[LimitCourse]) -> LimitCourse:
     """Several functions with the same bounds as one, at every instant the one nearest to a bound."""
-    if len(group) == 1:
-        return group[0]
     alike = [course for course in group if (course.lower, course.upper) == (group[0].lower, group[0].upper)]
     values = np.array([course.values for course in alike])
     room = np.minimum(values - group[0].lower, group[0].upper - values)
