@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -67,9 +66,8 @@ def verdicts(judgements: Sequence[Judgement]) -> list[str]:
 
 def _goals(judgements: Sequence[Judgement]) -> list[float]:
     """The criterion of the first design, or its condition number where that does not apply to all."""
-    if any(j.goal is None for j in judgements):
-        return [j.criteria["condition_number"] for j in judgements]
-    return [math.inf if j.goal is None else j.goal for j in judgements]
+    goals = [j.goal for j in judgements if j.goal is not None]
+    return goals if len(goals) == len(judgements) else [j.criteria["condition_number"] for j in judgements]
 
 
 def _held(judgement: Judgement, kept: str, broken: str) -> str:
