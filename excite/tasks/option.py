@@ -98,7 +98,6 @@ MOUNTS: dict[str, tuple[float, float, float]] = {  # roll, pitch and yaw of the 
 
 AUTO, NONE, ALL = "auto", "none", "all"
 MARGINS = (AUTO, NONE)
-COUNTS = (AUTO,)
 _NUMBERS = frozenset((*_PLAIN, "mount", "payload", "parameters"))
 
 
@@ -275,7 +274,7 @@ _KINDS: dict[Kind, tuple[Callable[[Any], Any], str]] = {  # conversion, and what
     "file": (_file, "the name of a file, or its content"),
     "prior": (_prior, "a relative uncertainty, or parameters with value and deviation"),
     "margin": (_or_word(MARGINS, _number), f"a number, {' or '.join(MARGINS)}"),
-    "count": (_or_word(COUNTS, rule_of(int)[0]), f"a whole number, or {AUTO}"),
+    "count": (_or_word((AUTO,), rule_of(int)[0]), f"a whole number, or {AUTO}"),
     "mount": (_or_word(MOUNTS, _triple), f"{', '.join(MOUNTS)}, or roll, pitch and yaw"),
     "payload": (_payload, "a list of numbers, or the name of a file"),
     "drives": (_drives, "all, none, or names or numbers of drives"),
