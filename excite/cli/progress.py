@@ -12,7 +12,7 @@ from typing import Any
 
 import click
 
-from excite.cli.streams import SECONDS, can_move, remark, something_is_shown, tell, verbosity
+from excite.cli.streams import SECONDS, can_move, has_colours, remark, something_is_shown, tell, verbosity
 from excite.design.interruption import Interruption, answered_signals, current_interruption, deferred_interruption
 from regressors.work_prediction import Steps
 
@@ -23,16 +23,15 @@ _PAUSE = 5.0  # between two lines of it [s]
 
 @contextmanager
 def bar(text: str, *, verb: str = "designing", remaining: bool = False, **first: Any) -> Iterator[Callable[..., None]]:
-    """A bar on a terminal; what is yielded moves it."""
-    from rich import progress
-
-    from excite.cli.summary import console_of_progress
+    """A bar on stderr, a terminal; what is yielded moves it."""
+    from rich import console, progress
 
     something_is_shown()
+    out = console.Console(stderr=True, color_system="auto" if has_colours(sys.stderr) else None)
     count = (progress.TextColumn(verb), progress.BarColumn(), progress.MofNCompleteColumn(), progress.TextColumn(text))
     left = (progress.TextColumn("left"), progress.TimeRemainingColumn()) if remaining else ()
     columns = (*count, progress.TimeElapsedColumn(), *left)
-    with progress.Progress(*columns, console=console_of_progress()) as bar:
+    with progress.Progress(*columns, console=out) as bar:
         yield partial(bar.update, bar.add_task("", **first))
 
 

@@ -255,8 +255,3 @@ def console() -> LiteralConsole:
     """Console on stdout that prints names literally, brackets included, and does not wrap tables when piped."""
     colours: dict[str, Any] = {"force_terminal": True} if has_colours(sys.stdout) else {"color_system": None}
     return LiteralConsole(markup=False, highlight=False, width=None if sys.stdout.isatty() else 120, **colours)
-
-
-def console_of_progress() -> Console:
-    """Console on stderr, a terminal, for a bar that moves."""
-    return Console(stderr=True, color_system="auto" if has_colours(sys.stderr) else None)
