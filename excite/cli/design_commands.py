@@ -173,8 +173,7 @@ where it is enough, 1 where another motion is needed, which --out writes.
 @settings_options(Installation)
 @settings_options(ModelChoice, only=_OF_MODEL, help={"joints": "Joints whose parameters to identify."})
 @settings_options(CampaignSettings)
-@settings_options(Objective, only=("precision", "after", "noise"))
-@settings_options(Search, only=("starts",))
+@settings_options(Objective, Search, only=("precision", "after", "noise", "starts"))
 @settings_options(
     TrajectoryChoice,
     only=("period",),

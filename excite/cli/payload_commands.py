@@ -83,10 +83,8 @@ Exit code: 0 the motion keeps all limits; 1 it does not, but is written.""",
 @click.argument("robot", type=RobotName())
 @folder_option("--out", required=True, help="Folder to write.")
 @_robot_options
-@settings_options(PayloadMotionSettings)
-@settings_options(LoadFrame)
-@settings_options(Search, only=("seed",))
-@settings_options(Output, only=("rate",))
+@settings_options(PayloadMotionSettings, LoadFrame)
+@settings_options(Search, Output, only=("seed", "rate"))
 @settings_options(LimitChoice, only=(*_LIMITED, "world"))
 @figure_options("none")
 @click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
@@ -167,8 +165,7 @@ Exit code: 0 done; 1 written, but a doubt remains, such as a mass that is hardly
 @folder_option("--result", help="Instead of --without: the robot's identified model.")
 @folder_option("--out", required=True, help="Folder to write.")
 @file_option("--gains", help="Gains from 'excite payload gains'.")
-@settings_options(PayloadSettings)
-@settings_options(LoadFrame)
+@settings_options(PayloadSettings, LoadFrame)
 @_robot_options
 @_log_options
 @click.option("--force", is_flag=True, help="Replace a payload that is already in DIR.")

@@ -93,8 +93,7 @@ limits.""",
 )
 @click.argument("source", type=Folder(), metavar="DIR|FILE")
 @file_option("--out", required=True, metavar="LOG.csv", help="Log to write.")
-@settings_options(MotionSettings)
-@settings_options(SimulationSettings)
+@settings_options(MotionSettings, SimulationSettings)
 @own_parts
 @click.option("--force", is_flag=True, help="Replace logs that are already there.")
 @runs("simulate_run:simulate_and_write")
