@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from commands import ENVIRONMENT, content_of, module_of, run
+from commands import ENVIRONMENT, content_of, module_of, run, run_process
 from recordings import REAL
 
 import excite
@@ -34,9 +34,7 @@ IN_THIS_PROCESS: dict[str, Any] = {"starts": 1, "harmonics": 3, "executor": "ser
 
 def ended(command: list[str], cwd: Path, text: str | None = None) -> subprocess.CompletedProcess[str]:
     """A process of its own, with a text typed into it, which went well."""
-    process = subprocess.run(
-        command, cwd=cwd, env=CLEAN, input=text, capture_output=True, text=True, timeout=120, check=False
-    )
+    process = run_process(command, cwd, CLEAN, input=text, timeout=120.0)
     assert process.returncode == 0, process.stderr
     assert "Traceback" not in process.stderr
     return process

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
-from commands import ENVIRONMENT
+from commands import ENVIRONMENT, run_process
 
 ROOT = Path(__file__).resolve().parents[1]
 NEEDED = {  # by `import excite`
@@ -45,14 +44,7 @@ def metadata(name: str, files: Mapping[str, str]) -> dict[str, str]:
 def error_of(python: str, package: str, *paths: Path, cwd: Path) -> str:
     """Last line that importing a package printed on stderr, empty if it was imported."""
     code = f"import sys; sys.path[:0] = {[str(path) for path in paths]!r}; import {package}"
-    ended = subprocess.run(
-        [python, "-S", "-c", code] if paths else [python, "-c", code],
-        cwd=cwd,
-        env=NOT_HERE,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    ended = run_process([python, "-S", "-c", code] if paths else [python, "-c", code], cwd, NOT_HERE)
     return ended.stderr.strip().splitlines()[-1] if ended.returncode else ""
 
 

@@ -8,7 +8,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,19 +24,19 @@ SCRIPT = [str(Path(sys.executable).with_name("excite"))]
 QUICK = ("--starts", "2", "--harmonics", "3", "--executor", "serial")
 
 
+def run_process(
+    command: Sequence[str], cwd: Path, environment: Mapping[str, str] = ENVIRONMENT, **more: Any
+) -> subprocess.CompletedProcess[str]:
+    """Run a process to its end, and keep what it prints; more are options of `subprocess.run`."""
+    given = {"check": False, "timeout": 300.0, **more}
+    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, **given)
+
+
 def run(
     *arguments: str, cwd: Path, command: list[str] = MODULE, **environment: str
 ) -> subprocess.CompletedProcess[str]:
     """Run ``excite ...`` to its end."""
-    ended = subprocess.run(
-        [*command, *arguments],
-        cwd=cwd,
-        env={**ENVIRONMENT, **environment},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    ended = run_process([*command, *arguments], cwd, {**ENVIRONMENT, **environment}, timeout=120.0)
     ended.stderr = without_steps(ended.stderr)
     return ended
 

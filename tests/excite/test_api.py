@@ -2,13 +2,12 @@
 
 import doctest
 import re
-import subprocess
 import sys
 from importlib.metadata import version
 from pathlib import Path
 
 import pytest
-from commands import ENVIRONMENT, MODULE, SCRIPT, Here, files_below, run
+from commands import MODULE, SCRIPT, Here, files_below, run, run_process
 
 import excite
 from excite.cli.options import flag_of
@@ -80,9 +79,7 @@ def test_frames_in_the_documents_are_identified_from(here: Here) -> None:
 def run_script(code: str, cwd: Path) -> str:
     """What a script in a process of its own prints."""
     (cwd / "script.py").write_text(code)
-    ended = subprocess.run(
-        [sys.executable, "script.py"], cwd=cwd, env=ENVIRONMENT, capture_output=True, text=True, check=False
-    )
+    ended = run_process([sys.executable, "script.py"], cwd)
     assert ended.returncode == 0, ended.stderr
     return ended.stdout
 
@@ -108,10 +105,7 @@ def test_unknown_names_are_refused() -> None:
 def imported(code: str, cwd: Path) -> set[str]:
     """Which of the heavy packages a fresh process has imported after some code."""
     code = f"import sys\n{code}\nprint(*({set(HEAVY)!r} & set(sys.modules)), file=sys.stderr)"
-    shown = subprocess.run(
-        [sys.executable, "-c", code], cwd=cwd, env=ENVIRONMENT, capture_output=True, text=True, check=True
-    )
-    return set(shown.stderr.split())
+    return set(run_process([sys.executable, "-c", code], cwd, check=True).stderr.split())
 
 
 def test_importing_excite_imports_nothing_heavy(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from commands import ENVIRONMENT, SCRIPT, Here, files_below, run
+from commands import SCRIPT, Here, files_below, run, run_process
 
 from excite.cli.summary import LiteralConsole
 from excite.design.formulation import formulate
@@ -265,14 +265,7 @@ def test_folder_that_cannot_be_written(out: str, message: str, here: Here) -> No
 
 
 def test_reader_that_leaves_early_is_no_error(tmp_path: Path) -> None:
-    ended = subprocess.run(
-        ["bash", "-c", '"$0" -m excite robots irp6 | head -n 1', sys.executable],
-        cwd=tmp_path,
-        env=ENVIRONMENT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    ended = run_process(["bash", "-c", '"$0" -m excite robots irp6 | head -n 1', sys.executable], tmp_path)
     assert ended.stdout.startswith("irp6: ")
     assert [line for line in ended.stderr.splitlines() if not line.endswith(" ...")] == []  # steps of slow machines
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -12,7 +10,7 @@ import click
 import pytest
 from click.shell_completion import BashComplete, FishComplete, ZshComplete
 from click.testing import CliRunner
-from commands import COMMANDS
+from commands import COMMANDS, ENVIRONMENT, run_process
 
 from excite.cli.command import LINES, FurtherOption
 from excite.cli.main import _GROUPS, cli
@@ -198,14 +196,7 @@ def test_completing_imports_only_the_command_and_nothing_heavy(tmp_path: Path) -
         "try:\n    main()\nfinally:\n    print(*sys.modules, file=sys.stderr)\n"
     )
     asked = {"COMP_WORDS": "excite de", "COMP_CWORD": "1", "_EXCITE_COMPLETE": "bash_complete"}
-    ended = subprocess.run(
-        [sys.executable, "-c", program],
-        cwd=tmp_path,
-        env={**os.environ, **asked},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    ended = run_process([sys.executable, "-c", program], tmp_path, {**ENVIRONMENT, **asked})
     assert ended.stdout == "plain,design\n"
     modules = set(ended.stderr.split())
     assert not {"numpy", "casadi", "rich", "excite.cli.design_commands"} & modules

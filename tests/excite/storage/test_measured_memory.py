@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from commands import ENVIRONMENT
+from commands import ENVIRONMENT, MODULE, run_process
 
 pytestmark = pytest.mark.slow
 # not of getrusage, where a new process begins with the peak of the one that started it
@@ -18,15 +18,7 @@ PEAK = "int(next(line for line in open('/proc/self/status') if line.startswith('
 def limited(arguments: list[str], cwd: Path, most: int) -> subprocess.CompletedProcess[str]:
     """Run ``excite ...`` with a limit on its address space [bytes]."""
     shell = ["sh", "-c", f'ulimit -v {most // 1024} && exec "$@"', "sh"]  # not preexec_fn: this process may be larger
-    return subprocess.run(
-        [*shell, sys.executable, "-m", "excite", *arguments],
-        cwd=cwd,
-        env={**ENVIRONMENT, "EXCITE_MEMORY_CAP": "0.5"},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    return run_process([*shell, *MODULE, *arguments], cwd, {**ENVIRONMENT, "EXCITE_MEMORY_CAP": "0.5"})
 
 
 @pytest.mark.parametrize(("seconds", "status"), [("1200", 0), ("100000", 2)])
@@ -45,8 +37,6 @@ def test_a_long_log_is_held_once(tmp_path: Path) -> None:
         stream.write(f"time,{names}\n")
         stream.writelines(f"{1e-3 * k:.6f},{some[k % 1000]}\n" for k in range(rows))
     script = f"from excite.logs.log_reading import read_log\nread_log('log.csv', drop=['truncated'])\nprint({PEAK})"
-    ended = subprocess.run(
-        [sys.executable, "-c", script], cwd=tmp_path, env=ENVIRONMENT, capture_output=True, check=True
-    )
+    ended = run_process([sys.executable, "-c", script], tmp_path, check=True)
     numbers = rows * 19 * 8
     assert 1e3 * int(ended.stdout) < 8e7 + 2.6 * numbers  # the file has 2.2 times the bytes of its numbers
