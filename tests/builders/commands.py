@@ -33,11 +33,25 @@ def run_process(
 
 
 def run(
-    *arguments: str, cwd: Path, command: list[str] = MODULE, **environment: str
+    *arguments: str,
+    cwd: Path,
+    command: list[str] = MODULE,
+    status: int | None = None,
+    stderr: str | None = None,
+    **environment: str,
 ) -> subprocess.CompletedProcess[str]:
-    """Run ``excite ...`` to its end."""
+    """Run ``excite ...`` to its end, which must be with this exit status and stderr, if they are given."""
     ended = run_process([*command, *arguments], cwd, {**ENVIRONMENT, **environment}, timeout=120.0)
+    return _judged(ended, status, stderr)
+
+
+def _judged(
+    ended: subprocess.CompletedProcess[str], status: int | None, stderr: str | None
+) -> subprocess.CompletedProcess[str]:
+    """The process without the steps that it printed, if it ended so."""
     ended.stderr = without_steps(ended.stderr)
+    assert status is None or ended.returncode == status, ended
+    assert stderr is None or ended.stderr == stderr, ended
     return ended
 
 
@@ -48,8 +62,7 @@ def without_steps(stderr: str) -> str:
 
 def designed(*arguments: str, cwd: Path, out: str = "out", command: list[str] = MODULE) -> Path:
     """Folder of a design that ``excite design ...`` made."""
-    ended = run("design", *arguments, "--out", out, cwd=cwd, command=command)
-    assert ended.returncode == 0, ended.stderr
+    run("design", *arguments, "--out", out, cwd=cwd, command=command, status=0)
     return cwd / out
 
 
@@ -66,8 +79,10 @@ class Here:
     def __init__(self, cwd: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
         self.cwd, self.monkeypatch, self.capfd = cwd, monkeypatch, capfd
 
-    def run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        """Run ``excite ...`` to its end."""
+    def run(
+        self, *arguments: str, status: int | None = None, stderr: str | None = None
+    ) -> subprocess.CompletedProcess[str]:
+        """Run ``excite ...`` to its end, which must be with this exit status and stderr, if they are given."""
         self.capfd.readouterr()
         self.monkeypatch.chdir(self.cwd)
         self.monkeypatch.setattr(sys, "argv", ["excite", *arguments])
@@ -75,7 +90,7 @@ class Here:
             main()
         out, err = self.capfd.readouterr()
         assert isinstance(ended.value.code, int)
-        return subprocess.CompletedProcess(list(arguments), ended.value.code, out, without_steps(err))
+        return _judged(subprocess.CompletedProcess(list(arguments), ended.value.code, out, err), status, stderr)
 
     def refused(self, *arguments: str, status: int = 2) -> str:
         """The one line on stderr of a command that is refused, and that leaves all files as they were."""
@@ -88,8 +103,7 @@ class Here:
 
     def designed(self, *arguments: str, out: str = "out") -> Path:
         """Folder of a design that ``excite design ...`` made."""
-        ended = self.run("design", *arguments, "--executor", "serial", "--out", out)
-        assert ended.returncode == 0, ended.stderr
+        self.run("design", *arguments, "--executor", "serial", "--out", out, status=0)
         return self.cwd / out
 
 

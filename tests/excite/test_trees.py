@@ -192,8 +192,7 @@ def _plate(robot: Robot, rows: np.ndarray, bias: np.ndarray, rng: np.random.Gene
 @pytest.mark.slow
 def test_the_whole_way_in_the_shell_with_mujoco_as_the_robot(here: Here) -> None:
     def done(*words: str) -> None:
-        ended = here.run(*words)
-        assert ended.returncode == 0, ended
+        here.run(*words, status=0)
 
     robot = two_arms()
     write_robot(robot, here.cwd / "torso.yaml")

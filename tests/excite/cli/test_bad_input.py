@@ -321,8 +321,7 @@ def test_commands_refuse_devices_and_silent_pipes(here: Here, monkeypatch: pytes
     os.mkfifo(here.cwd / "pipe")
     for command in READING:
         for file, why in (("/dev/zero", "it is a device"), ("pipe", "nothing came through it")):
-            ended = here.run(*command.format(file).split())
-            assert ended.returncode == 2
+            ended = here.run(*command.format(file).split(), status=2)
             assert why in ended.stderr.splitlines()[-1]
             assert not (here.cwd / "out" / "design.json").exists()
 
@@ -339,8 +338,7 @@ BAD_TEXT = (
 def test_errors_echo_the_text_of_files_cut_and_literally(here: Here, name: str) -> None:
     for text in BAD_TEXT:
         (here.cwd / name).write_text(text)
-        ended = here.run("identify", "irp6", name, "--out", "out")
-        assert ended.returncode == 2
+        ended = here.run("identify", "irp6", name, "--out", "out", status=2)
         for line in ended.stderr.splitlines():  # progress too, where it takes long
             assert (line.isprintable(), len(line) <= 510) == (True, True)
 

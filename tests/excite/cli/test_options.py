@@ -115,8 +115,7 @@ def choosing(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd
 
 def chosen(choosing: Here, log: str, *arguments: str) -> tuple[list[dict[str, Any]], str]:
     """Choices as written, and what is printed."""
-    ended = choosing.run("identify", "irp6", log, "-v", *arguments, "--out", "out", "--force")
-    assert ended.returncode == 0
+    ended = choosing.run("identify", "irp6", log, "-v", *arguments, "--out", "out", "--force", status=0)
     content = json.loads((choosing.cwd / "out" / "result.json").read_text())
     return content["choices"], ended.stdout
 
@@ -181,8 +180,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("quick")
 def test_the_shortest_experiment_and_its_files(here: Here) -> None:
-    ended = here.run("design", "irp6", "--precision", "200%", *FEW, "--out", "d")
-    assert ended.returncode == 0, ended.stderr
+    ended = here.run("design", "irp6", "--precision", "200%", *FEW, "--out", "d", status=0)
     folder = here.cwd / "d"
     stated, whole = content_of(folder)["precision"], json.loads((folder / "precision.json").read_text())
     assert f"{stated['robot_seconds']:.4g} s of robot time; worst parameter" in ended.stdout
@@ -194,8 +192,7 @@ def test_the_shortest_experiment_and_its_files(here: Here) -> None:
         front = list(csv.DictReader(stream))
     assert [float(row["largest_use"]) for row in front] == [point["use"] for point in whole["front"]]
     assert content_of(folder)["task"]["precision"]["share"] == 2.0
-    again = here.run("design", "irp6", "--precision", "200%", *FEW, "--out", "d")
-    assert again.returncode == 2
+    again = here.run("design", "irp6", "--precision", "200%", *FEW, "--out", "d", status=2)
     assert "--force" in again.stderr
 
 
@@ -203,8 +200,7 @@ def test_the_shortest_experiment_and_its_files(here: Here) -> None:
 @pytest.mark.usefixtures("quick")
 def test_out_of_reach_is_saved_with_exit_status_1(here: Here) -> None:
     (here.cwd / "p.yaml").write_text("groups: {inertia: 0.0001}\nshare: null\n")
-    ended = here.run("design", "irp6", "--precision", "p.yaml", "--max-time", "8", *FEW, "--out", "d")
-    assert ended.returncode == 1, ended.stderr
+    ended = here.run("design", "irp6", "--precision", "p.yaml", "--max-time", "8", *FEW, "--out", "d", status=1)
     stated = content_of(here.cwd / "d")["precision"]
     assert stated["met"] is False
     assert stated["robot_seconds"] <= 8.0

@@ -20,8 +20,7 @@ from regressors.robot.archive import robot_from_description
 
 
 def shown(here: Here, *arguments: str) -> str:
-    ended = here.run("robots", *arguments)
-    assert (ended.returncode, ended.stderr) == (0, "")
+    ended = here.run("robots", *arguments, status=0, stderr="")
     assert list(here.cwd.glob("*.json")) == []
     return ended.stdout
 
@@ -145,8 +144,7 @@ def test_health_of_a_urdf(here: Here) -> None:
 
 def test_capsules_without_the_meshes_that_are_missing(here: Here) -> None:
     (here.cwd / "hand.urdf").write_text(HAND)
-    ended = here.run("robots", "hand.urdf", "--capsules")
-    assert ended.returncode == 0
+    ended = here.run("robots", "hand.urdf", "--capsules", status=0)
     assert re.fullmatch(
         r"excite: note: left out: hand.urdf: link 'b', <collision>: cannot read mesh .*b.stl: No such.*\n", ended.stderr
     )
@@ -165,8 +163,7 @@ def test_capsules_without_the_meshes_that_are_missing(here: Here) -> None:
 def test_currents_are_asked_for_and_the_mapping_reads_the_log(here: Here) -> None:
     moved = motion(6)
     write_rtde(here.cwd / "run", moved, torque="target_moment")
-    ended = here.run("logs", "run", "--robot", "ur10e", "--write-mapping", "map.yaml")
-    assert ended.returncode == 0, ended.stderr
+    ended = here.run("logs", "run", "--robot", "ur10e", "--write-mapping", "map.yaml", status=0)
     assert "Universal Robots RTDE recording" in ended.stdout
     assert "600 rows at 100 Hz over 5.99 s by timestamp, no gaps" in ended.stdout
     assert "Positions [rad] are actual_q_0 ... actual_q_5, of 6 joints" in ended.stdout
@@ -234,8 +231,7 @@ def test_what_cannot_be_done_ends_in_one_line(here: Here, name: str) -> None:
     (here.cwd / "words").write_text("no numbers here\nnone at all\n", encoding="utf-8")
     (here.cwd / "plain").write_text("".join(f"{k},{k % 5}\n" for k in range(200)), encoding="utf-8")
     arguments, said = REFUSED[name]
-    ended = here.run(*arguments)
-    assert ended.returncode == 2
+    ended = here.run(*arguments, status=2)
     assert said in ended.stderr
     assert len(ended.stderr.splitlines()) == 1
     assert not (here.cwd / "map").exists()

@@ -45,8 +45,7 @@ def here(designs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: 
 
 
 def simulated(here: Here, *arguments: str) -> str:
-    ended = here.run("simulate", "-v", *arguments)
-    assert (ended.returncode, ended.stderr) == (0, "")
+    ended = here.run("simulate", "-v", *arguments, status=0, stderr="")
     return ended.stdout
 
 
@@ -235,8 +234,7 @@ def test_a_motion_that_is_too_fast_ends_with_status_one_and_identify_leaves_thos
     refused = here.run(*fast)
     assert (refused.returncode, refused.stdout, (here.cwd / "run.csv").exists()) == (1, "", False)
     assert re.search(r"a limit: drive z[123] acceleration is .*% of what is allowed.*--beyond-limits", refused.stderr)
-    ended = here.run(*fast, "--beyond-limits", "-v")
-    assert (ended.returncode, ended.stderr) == (1, "")
+    ended = here.run(*fast, "--beyond-limits", "-v", status=1, stderr="")
     assert "does not hold: the torque of drive z" in ended.stdout
     assert "design the motion with --torque-margin" in ended.stdout
     assert "does not hold: the velocity of drive z" in ended.stdout
@@ -262,7 +260,6 @@ def test_an_interrupt_leaves_nothing(here: Here, monkeypatch: pytest.MonkeyPatch
 
 
 def test_a_load_design_without_a_load_is_told(here: Here) -> None:
-    ended = here.run("simulate", "load", "--out", "run.csv", *RATE)
-    assert ended.returncode == 0
+    ended = here.run("simulate", "load", "--out", "run.csv", *RATE, status=0)
     assert ended.stderr == "excite: note: the design is for a load, but none is simulated; give one with --load\n"
     assert not (here.cwd / "run.wrench.csv").exists()

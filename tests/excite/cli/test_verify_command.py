@@ -71,8 +71,7 @@ def scaled(factor: float) -> Callable[[dict[str, Any]], None]:
 
 def test_a_good_result_is_believed(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(figures, "write_figures", DRAW)
-    ended = here.run("verify", "result", "again.csv", "-v")
-    assert (ended.returncode, ended.stderr) == (0, "")
+    ended = here.run("verify", "result", "again.csv", "-v", status=0, stderr="")
     written = files_below(here.cwd / "result") - {"result.json", "curves.npz", "manifest.json"}
     endings = (".json", "_curves.npz", "_torques.png", "_motion.png", "_parts.png")
     assert written == {f"verification-again{x}" for x in endings}
@@ -112,8 +111,7 @@ def test_numbers_are_printed_before_figures_are_drawn(
 
 def test_a_wrong_result_is_not_and_tolerances_are_percents(here: Here) -> None:
     changed(here, scaled(1.3))
-    ended = here.run("verify", "result", "again.csv")
-    assert (ended.returncode, ended.stderr) == (1, "")
+    ended = here.run("verify", "result", "again.csv", status=1, stderr="")
     assert "Do not rely on the result: predictions miss 30" in ended.stdout
     content = json.loads((here.cwd / "result" / "verification-again.json").read_text())
     assert content["holds"] is False
@@ -128,8 +126,7 @@ def test_every_log_counts(here: Here) -> None:
     assert log.effort is not None
     object.__setattr__(log, "effort", 1.5 * log.effort)
     write_log(log, here.cwd / "sub" / "again.csv")
-    ended = here.run("verify", "result", "again.csv", "sub/again.csv", "--json", "--out", "judged/both")
-    assert ended.returncode == 1
+    ended = here.run("verify", "result", "again.csv", "sub/again.csv", "--json", "--out", "judged/both", status=1)
     assert [content["holds"] for content in json.loads(ended.stdout)] == [True, False]
     names = {f"verification-again{x}" for x in (".json", "_curves.npz", "-2.json", "-2_curves.npz")} | {"manifest.json"}
     assert files_below(here.cwd / "judged" / "both") == names
@@ -139,8 +136,7 @@ def test_every_log_counts(here: Here) -> None:
 
 def test_known_friction_is_remembered_by_the_result(here: Here) -> None:
     (here.cwd / "friction.yaml").unlink()
-    ended = here.run("verify", "masses", "again.csv")
-    assert (ended.returncode, ended.stderr) == (0, "")
+    here.run("verify", "masses", "again.csv", status=0, stderr="")
 
 
 def test_a_training_log_is_refused_unless_allowed(here: Here) -> None:

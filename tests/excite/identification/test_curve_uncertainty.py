@@ -207,8 +207,7 @@ def test_a_fit_s_file_widens_the_intervals_of_what_is_identified_with_it(here: H
     results = []
     for file in ("fit/friction.yaml", "exact.yaml"):
         arguments = ("identify", "irp6", "run.csv", "--drives", "2", "--rows", "all", "--force", "--out", "res")
-        ended = here.run(*arguments, "--friction-curves", file)
-        assert ended.returncode == 0, ended.stderr
+        here.run(*arguments, "--friction-curves", file, status=0)
         results.append(json.loads((tmp_path / "res" / "result.json").read_text()))
     assert "exact" not in "".join(results[0]["notes"])
     assert "intervals include the uncertainty of the friction curves" in "".join(results[0]["notes"])

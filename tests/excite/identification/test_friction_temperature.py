@@ -219,8 +219,7 @@ def test_the_commands_from_fit_to_verification(logs: list[Log], warm_log: Log, h
     assert curve.forward.coulomb == pytest.approx(-0.5, abs=0.02)
     errors = []
     for more in (("warm.csv",), ("bare.csv", "--temperature", "40")):
-        ended = here.run(*IDENTIFY, "--friction-curves", "fit/friction.yaml", "--json", *more)
-        assert ended.returncode == 0, ended.stderr
+        here.run(*IDENTIFY, "--friction-curves", "fit/friction.yaml", "--json", *more, status=0)
         content = json.loads((here.cwd / "res" / "result.json").read_text())
         assert content["recipe"]["temperature"] == ([40.0] if more[1:] else None)
         errors.append(content["prediction_error"])

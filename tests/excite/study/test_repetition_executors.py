@@ -95,7 +95,6 @@ def test_identify_command_on_dask(recorded: Here, dask: DaskProcesses) -> None:
     run = ("identify", "irp6", "run.csv", "--choose", "none", "--repeat", "9", "--figures", "none")
     contents = []
     for out, executor in (("a", "serial"), ("b", dask.address)):
-        ended = recorded.run(*run, "--executor", executor, "--out", out)
-        assert ended.returncode == 0, ended.stderr
+        recorded.run(*run, "--executor", executor, "--out", out, status=0)
         contents.append(json.loads((recorded.cwd / out / "result.json").read_text())["repetitions"])
     assert contents[0] == contents[1]

@@ -86,8 +86,7 @@ def test_command_writes_table_figure_and_page_and_does_nothing_twice(here: Here)
         "campaign.csv", "campaign.json", "campaign.png", "campaign.html", "cells", "manifest.json",
     }  # fmt: skip
     before = files(out, "cells/**/*.*")
-    again = here.run(*command, "--json")
-    assert again.returncode == 1
+    again = here.run(*command, "--json", status=1)
     assert "excite: 3 of 3 cells are already done in out\n" in again.stderr
     assert json.loads(again.stdout)["counts"] == {"designed": 2, "infeasible": 1}
     assert files(out, "cells/**/*.*") == before
@@ -98,13 +97,11 @@ def test_command_writes_table_figure_and_page_and_does_nothing_twice(here: Here)
     assert here.run("report", "out", "--out", "page.html").returncode == 0
 
     (here.cwd / "sweep.yaml").write_text(CAMPAIGN.replace("starts: 2", "starts: 1, noise: 2"))
-    refused = here.run(*command)
-    assert refused.returncode == 2
+    refused = here.run(*command, status=2)
     assert "3 cells of the same names have other options or versions" in refused.stderr
     assert "--force runs them again" in refused.stderr
     assert files(out, "cells/**/*.*") == before
-    replaced = here.run(*command, "--force", "--figures", "none")
-    assert replaced.returncode == 1
+    here.run(*command, "--force", "--figures", "none", status=1)
     assert json.loads((out / cells[0] / "design.json").read_text())["task"]["noise"] == [2.0]
 
 
@@ -204,8 +201,7 @@ def test_nothing_is_left_where_no_scheduler_answers(here: Here, monkeypatch: pyt
     pytest.importorskip("distributed")
     monkeypatch.setattr("excite.design.executors.dask_cluster._CONNECT", 0.3)
     for command in (("design", "irp6", "--harmonics", "3"), ("sweep", "run", "sweep.yaml")):
-        ended = here.run(*command, "--out", "out", "--executor", "dask://127.0.0.1:9")
-        assert ended.returncode == 2
+        ended = here.run(*command, "--out", "out", "--executor", "dask://127.0.0.1:9", status=2)
         assert ended.stderr.splitlines()[-1].startswith("excite: no Dask scheduler answers at dask://127.0.0.1:9: ")
         assert not (here.cwd / "out").exists()
 
