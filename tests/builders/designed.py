@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from written_files import text_file
 
 import excite
 from excite.design.design import Design
@@ -84,8 +85,7 @@ PLANAR = """<robot name="planar"><link name="base"/>
 def planar(family: str, seed: int = 0, jerk: float = 100.0, rate: float = 100.0) -> Design:
     """Two joints from home and back, with limits of acceleration and jerk; periods, homes and limits by the seed."""
     rng = np.random.default_rng(seed)
-    urdf = _folder() / "planar.urdf"
-    urdf.write_text(PLANAR)
+    urdf = text_file(_folder() / "planar.urdf", PLANAR)
     return _stored(
         f"{family}-{seed}-{jerk:g}-{rate:g}",
         str(urdf),

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import mujoco
 import numpy as np
+from written_files import text_file
 
+from regressors.readers.library import load_robot
+from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 # lengths of crank, coupler, rocker and ground [m]: Grashof's crank turns all round
@@ -57,10 +61,10 @@ def linkage(name: str, lengths: tuple[float, ...], *, friction: float = 0.0, lim
     return _MJCF.format(name=name, a=a, b=b, c=c, d=d, **halves, **words, passive=passive)
 
 
-def written(folder: Path, name: str, text: str) -> Path:
-    path = folder / f"{name}.xml"
-    path.write_text(text)
-    return path
+def robot_of_text(name: str, text: str) -> Robot:
+    """The robot that a text in MJCF describes."""
+    with TemporaryDirectory() as folder:
+        return load_robot(text_file(Path(folder) / f"{name}.xml", text))
 
 
 def played(

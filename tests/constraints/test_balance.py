@@ -14,6 +14,7 @@ from pinocchio_chains import ground_wrenches
 from public_arms import TREES
 from scipy.optimize import linprog
 from slow_dynamics import ROBOTS
+from written_files import text_file
 
 import excite
 from constraints.balance import Balance, balance_of, read_support
@@ -216,8 +217,7 @@ def test_supports_that_cannot_be_are_refused(given: dict[str, Any], message: str
 
 
 def test_mistakes_of_a_support_file_have_their_line(tmp_path: Path) -> None:
-    path = tmp_path / "stand.yaml"
-    path.write_text("polygon: [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nstand: {weight: 6}\n", encoding="utf-8")
+    path = text_file(tmp_path / "stand.yaml", "polygon: [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nstand: {weight: 6}\n")
     with pytest.raises(InputError, match=r"stand.yaml: .*line 2"):
         read_support(path)
     with pytest.raises(InputError, match="expected what `read_support` returns"):

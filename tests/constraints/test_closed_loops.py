@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from functools import cache, partial
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from linkages import FOUR_BAR, PARALLELOGRAM, linkage, written
+from linkages import FOUR_BAR, PARALLELOGRAM, linkage, robot_of_text
 from mechanisms import delta
 
 from constraints import closed_loops
 from constraints.closed_loops import LoopProof
 from regressors.models.partial import ClosedMotion, of_loops
-from regressors.readers.library import load_robot
 from regressors.samples import Array, Samples
 
 TEXTS = {
@@ -26,8 +23,7 @@ TEXTS = {
 
 @cache
 def motion_of(name: str) -> ClosedMotion:
-    with TemporaryDirectory() as folder:
-        return of_loops(load_robot(written(Path(folder), name, TEXTS[name])))
+    return of_loops(robot_of_text(name, TEXTS[name]))
 
 
 def swinging(motion: ClosedMotion, amplitude: float, middle: float, w: float, time: Array) -> Samples:

@@ -10,6 +10,7 @@ import pytest
 from coal_distances import clearance, link_poses
 from public_arms import ARMS
 from slow_dynamics import random_chain
+from written_files import text_file
 
 import excite
 from constraints.clearance import (
@@ -105,8 +106,7 @@ def test_what_hangs_below_its_base_does_not_stand_there(name: str, why: str) -> 
 
 
 def test_where_no_joint_raises_a_known_shape_a_stated_floor_is_not_checked_either(tmp_path: Path) -> None:
-    path = tmp_path / "post.urdf"
-    path.write_text(URDF.format('<sphere radius="1"/>'), encoding="utf-8")
+    path = text_file(tmp_path / "post.urdf", URDF.format('<sphere radius="1"/>'))
     for floor in ("auto", -1.5):
         assert "no joint raises or lowers a known shape" in reason(Task(str(path), floor=floor))
         assert surface(Task(str(path), floor=floor, tool_point=(0.3, 0.0, 0.0))) is not None
@@ -298,8 +298,7 @@ SHAPES = {
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_lowest_point_of_a_shape(shape: str, tmp_path: Path) -> None:
-    path = tmp_path / "post.urdf"
-    path.write_text(URDF.format(shape), encoding="utf-8")
+    path = text_file(tmp_path / "post.urdf", URDF.format(shape))
     expected = 0.2 + SHAPES[shape](np.cos(0.4), np.sin(0.4))
     found = lowest_point(path, carried_links(path, excite.load_robot(str(path))), np.array([0.0, 0.0, 1.0]))
     assert found == pytest.approx(expected, abs=1e-12)

@@ -13,6 +13,7 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import given, settings, strategies as st
 from public_arms import ARMS, Arm
+from written_files import text_file
 
 from constraints.geometry import Box, HalfSpace, Obstacle, Part, enclosing_capsule, enclosing_cylinder
 from constraints.shapes import MeshError, carried_links, collada_triangles, mesh_corners, urdf_meshes, urdf_shape
@@ -41,9 +42,7 @@ ignore:
 
 
 def written(folder: Path, text: str, name: str = "world.yaml") -> Path:
-    path = folder / name
-    path.write_text(text, encoding="utf-8")
-    return path
+    return text_file(folder / name, text)
 
 
 def test_a_world_file_says_what_stands_where(tmp_path: Path) -> None:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 import scipy
 from commands import Here
 from identified import relative
-from linkages import FOUR_BAR, PARALLELOGRAM, STEP, followed, linkage, played, written
+from linkages import FOUR_BAR, PARALLELOGRAM, STEP, followed, linkage, played, robot_of_text
 from mechanisms import LEGS, delta, played as mechanism_played, quadruped
+from written_files import text_file
 
 import excite
 from excite.design.design import Design
@@ -41,8 +41,7 @@ CRANKS = {"four-bar": (FOUR_BAR, "", 0.2, 2.2), "parallelogram": (PARALLELOGRAM,
 @cache
 def robot_of(name: str, friction: float = 0.0) -> Robot:
     lengths, limits, *_ = CRANKS[name]
-    with TemporaryDirectory() as folder:
-        return load_robot(written(Path(folder), name, linkage(name, lengths, limits=limits, friction=friction)))
+    return robot_of_text(name, linkage(name, lengths, limits=limits, friction=friction))
 
 
 @cache
@@ -218,8 +217,7 @@ def test_friction_of_passive_joints_is_found_where_it_is_asked_for() -> None:
 
 @cache
 def mechanism(name: str) -> Robot:
-    with TemporaryDirectory() as folder:
-        return load_robot(written(Path(folder), name, delta() if name == "delta" else quadruped()))
+    return robot_of_text(name, delta() if name == "delta" else quadruped())
 
 
 def test_a_body_that_moves_freely_and_stands_on_its_feet_has_six_joints_without_drives() -> None:
@@ -236,11 +234,11 @@ def test_a_body_that_moves_freely_and_stands_on_its_feet_has_six_joints_without_
     assert moved[0] == 6.9
 
 
-def test_a_thing_that_is_fastened_to_the_world_is_no_foot(tmp_path: Path) -> None:
+def test_a_thing_that_is_fastened_to_the_world_is_no_foot() -> None:
     thing = '<body name="box" pos="1 0 1"><freejoint/><geom size="0.1" mass="1"/></body></worldbody>'
     fastened = '<equality><weld body1="box" body2="world"/>'
     text = linkage("beside", FOUR_BAR).replace("</worldbody>", thing).replace("<equality>", fastened)
-    robot = load_robot(written(tmp_path, "beside", text))
+    robot = robot_of_text("beside", text)
     assert robot.joint_names == ("q1", "q2", "q3")
     assert len(robot.closures) == 1
 
@@ -286,7 +284,7 @@ def test_mechanisms_are_identified_confirmed_by_another_log_and_written_into_the
     judged = excite.verify(result, other)
     assert judged.verdict.holds
     assert set(judged.verdict.confirmed) == set(of_loops(mechanism(name)).labels)
-    own = written(tmp_path, name, delta() if name == "delta" else quadruped())
+    own = text_file(tmp_path / f"{name}.xml", delta() if name == "delta" else quadruped())
     result.save(tmp_path / "result")
     excite.export_model(tmp_path / "result", "mjcf", tmp_path / "new.xml", robot_file=own)
     again = excite.identify(load_robot(tmp_path / "new.xml"), other, choose=False)
@@ -403,10 +401,9 @@ def test_what_does_not_know_loops_says_so() -> None:
 @pytest.mark.slow
 def test_the_whole_way_in_the_shell(here: Here) -> None:
     def done(*words: str) -> str:
-        ended = here.run(*words, status=0)
-        return ended.stdout
+        return here.run(*words, status=0).stdout
 
-    written(here.cwd, "bar", linkage("bar", FOUR_BAR))
+    text_file(here.cwd / "bar.xml", linkage("bar", FOUR_BAR))
     for name, seed in (("run.csv", 1), ("other.csv", 2)):
         log = log_of("four-bar", seed)
         head = ",".join(log)

@@ -6,11 +6,10 @@ import pickle
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from linkages import FOUR_BAR, PARALLELOGRAM, START, joint_angles, linkage, written
+from linkages import FOUR_BAR, PARALLELOGRAM, START, joint_angles, linkage, robot_of_text
 from mechanisms import delta
 
 import excite
@@ -38,8 +37,7 @@ OPTIONS = {"velocity": (3.0,), "acceleration": (20.0,), "period": 4.0}
 
 @cache
 def robot_of(name: str) -> Robot:
-    with TemporaryDirectory() as folder:
-        return load_robot(written(Path(folder), name, TEXTS[name]))
+    return robot_of_text(name, TEXTS[name])
 
 
 @cache
@@ -139,8 +137,7 @@ def test_the_condition_number_is_that_of_the_projected_equations_along_the_close
 
 
 def test_a_crank_that_cannot_turn_all_round_stays_where_the_loop_closes() -> None:
-    with TemporaryDirectory() as folder:
-        rocker = load_robot(written(Path(folder), "rocker", linkage("rocker", (0.3, 0.2, 0.25, 0.4))))
+    rocker = robot_of_text("rocker", linkage("rocker", (0.3, 0.2, 0.25, 0.4)))
     search = excite.Search(starts=1, executor="serial")
     design = excite.design_trajectory(rocker, search=search, floor="none", **OPTIONS)
     reach = np.arccos((0.3**2 + 0.4**2 - 0.45**2) / (2 * 0.3 * 0.4)) - START  # where coupler and rocker lie in line

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from commands import content_of, files_below, table_of
 from hypothesis import given, settings, strategies as st
+from written_files import text_file
 
 from constraints.linear import linear_limits
 from excite.design.design import Design
@@ -220,8 +221,7 @@ def test_a_field_of_any_value_is_read_or_refused_in_one_line(
     content = content_of(folder)
     known = [path for path in places(content) if path[0] in ("schema", "robot", "task", "trajectory", "provenance")]
     put(content, value, *known[int(place * len(known))])
-    path = tmp_path_factory.mktemp("changed") / "design.json"
-    path.write_text(json.dumps(content))
+    path = text_file(tmp_path_factory.mktemp("changed") / "design.json", json.dumps(content))
     read_or_refused(path)
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from written_files import text_file
 
 import excite
 from excite.design.formulation import formulate
@@ -96,8 +97,7 @@ def edit(folder: Path, change: Callable[[dict[str, Any]], None]) -> None:
 
 @pytest.mark.parametrize("option", ["world", "support", "friction_curves", "payload", "begin", "robot"])
 def test_nothing_that_a_design_names_is_opened(folder: Path, option: str) -> None:
-    secret = folder / "secret.yaml"
-    secret.write_text("password: 12345", encoding="utf-8")
+    secret = text_file(folder / "secret.yaml", "password: 12345")
     edit(folder, lambda content: content["task"].update({option: str(secret)}))
     with files_opened() as opened:
         stored = excite.load_design(folder)
@@ -112,8 +112,7 @@ def test_nothing_that_a_design_names_is_opened(folder: Path, option: str) -> Non
 
 
 def test_the_caller_may_name_the_file(folder: Path) -> None:
-    world = folder / "own.yaml"
-    world.write_text("robot: [{link: l3, from: [0, 0, 0], to: [0, 0, 0.2], radius: 0.03}]\n", encoding="utf-8")
+    world = text_file(folder / "own.yaml", "robot: [{link: l3, from: [0, 0, 0], to: [0, 0, 0.2], radius: 0.03}]\n")
     edit(folder, lambda content: content["task"].update(world="gone.yaml"))
     with pytest.raises(InputError, match=r"only named in this file of results \('gone.yaml'\).* give `world`"):
         excite.load_design(folder).task.limits.imposed()

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from commands import Here
 from played import TASK, curves, described, found, irp6, played, three_joints
+from written_files import text_file
 
 from excite.friction.constant_speed_windows import FitSettings
 from excite.friction.curve_fit import chosen_fit
@@ -260,8 +261,7 @@ def test_simulations_refuse() -> None:
 
 
 def test_one_temperature_column_is_that_of_all_joints(tmp_path: Path) -> None:
-    path = tmp_path / "log.csv"
-    path.write_text("time,a.position,b.position,temperature\n0,1,2,20\n1,1,2,21\n", encoding="utf-8")
+    path = text_file(tmp_path / "log.csv", "time,a.position,b.position,temperature\n0,1,2,20\n1,1,2,21\n")
     log = read_log(path)
     np.testing.assert_array_equal(log.temperature, [[20.0, 20.0], [21.0, 21.0]])
     assert log.left_out == ()

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from written_files import text_file
 
 from excite.information.matrix import CONVENTIONS, MotionMeasures, noise_per_row
 from excite.information.target import IdentificationTarget, target_of
@@ -49,8 +50,7 @@ def case(robot: str, noise: tuple[float, ...] | None = None, **task: object) -> 
 
 @pytest.fixture(scope="module", params=["irp6", "irp6 wide", "panda", "energy", "load", "slider"])
 def given(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Case:
-    path = tmp_path_factory.mktemp("robots") / "slider.yaml"
-    path.write_text(SLIDER)
+    path = text_file(tmp_path_factory.mktemp("robots") / "slider.yaml", SLIDER)
     return {
         "irp6": lambda: case("irp6", (0.5, 2.0, 1.0)),
         "irp6 wide": lambda: case("irp6", joints=("1", "2", "3", "4", "5"), offset=True),

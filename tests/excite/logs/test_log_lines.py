@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
+from written_files import text_file
 
 from excite.logs import table, text, text as lines
 from excite.logs.layout import MOST_COLUMNS, house_layout
@@ -64,8 +65,7 @@ def test_many_rows_are_the_same_as_few_at_once(tmp_path: Path, monkeypatch: pyte
 
 
 def test_a_file_that_becomes_shorter(tmp_path: Path) -> None:
-    path = tmp_path / "log.csv"
-    path.write_text(HEADER + 3000 * "\n1,2,3")
+    path = text_file(tmp_path / "log.csv", HEADER + 3000 * "\n1,2,3")
 
     def lines_of_shorter() -> list[str]:
         with text_of(path) as read:

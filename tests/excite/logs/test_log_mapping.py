@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 from motions import Sines
+from written_files import text_file
 
 from excite.logs.log import Log
 from excite.logs.log_reading import read_log
@@ -20,11 +21,7 @@ HEAD = "header: false\ntime: {column: 1}\n"
 
 @pytest.fixture
 def written(tmp_path):
-    def write(content, name="log.csv"):
-        (tmp_path / name).write_text(content, encoding="utf-8")
-        return tmp_path / name
-
-    return write
+    return lambda content, name="log.csv": text_file(tmp_path / name, content)
 
 
 def read(written, content, mapping, robot=None, **more):

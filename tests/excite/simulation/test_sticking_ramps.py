@@ -12,6 +12,7 @@ import pytest
 from breakaway_ramps import STICKING
 from commands import Here
 from pinocchio_chains import chain_model
+from written_files import text_file
 
 from excite.logs.log_reading import read_log, read_sidecar
 from excite.simulation.settings import SimulationSettings
@@ -116,8 +117,7 @@ def test_a_file_says_where_ramps_are(tmp_path: Path) -> None:
     up, down = "z1 stiction +", "z1 stiction -"
     rows = [(0.0, "rest"), (0.0, up), (5.0, up), (0.0, down), (-5.0, down), (9.0, "rest"), (0.0, down)]
     lines = [f"{k / 10},0,{tau},{name}\n" for k, (tau, name) in enumerate(rows)]
-    path = tmp_path / "z1.stiction.csv"
-    path.write_text("time,q1.position,z1.effort,segment\n" + "".join(lines))
+    path = text_file(tmp_path / "z1.stiction.csv", "time,q1.position,z1.effort,segment\n" + "".join(lines))
     found = read_torque(path, built_in("irp6"))
     assert (found.drive, found.count, found.number.tolist()) == ("z1", 3, [0, 1, 1, 2, 2, 0, 3])
     np.testing.assert_allclose(found.delayed(2.0).at(np.array([1.9, 2.15, 2.4])), [[0, 0], [2.5, 1], [-5, 2]])

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from commands import run
 from public_arms import robots_folder
+from written_files import text_file
 
 import excite
 from excite.tasks.installation import Installation
@@ -85,8 +86,7 @@ def test_products_of_inertia_of_a_payload_are_in_their_places() -> None:
 
 
 def test_a_payload_from_a_file_is_that_of_its_keys(tmp_path: Path) -> None:
-    file = tmp_path / "load.yaml"
-    file.write_text("m: 2.0\nmcx: 0.2\nIxx: 0.01\nIyy: 0.04\nIzz: 0.04\n")
+    file = text_file(tmp_path / "load.yaml", "m: 2.0\nmcx: 0.2\nIxx: 0.01\nIyy: 0.04\nIzz: 0.04\n")
     expected = Installation(payload=(2.0, 0.1, 0.0, 0.0, 0.01, 0.0, 0.0, 0.02, 0.0, 0.02)).applied(built_in("ur10e"))
     found = Installation(payload=str(file)).applied(built_in("ur10e"))
     np.testing.assert_allclose(found.links[-1].theta, expected.links[-1].theta, rtol=1e-12)

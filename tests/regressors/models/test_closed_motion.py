@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
-from linkages import FOUR_BAR, linkage, written
+from linkages import FOUR_BAR, linkage, robot_of_text
 
 from regressors.models.base import base_parameters, random_states
 from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
 from regressors.models.nominal import standard_values
 from regressors.models.partial import of_loops
-from regressors.readers.library import load_robot
 from regressors.robot.columns import Terms
 from regressors.robot.robot import Robot
 from regressors.samples import Samples
@@ -68,10 +66,6 @@ LINKAGES = {"four-bar": linkage("linkage", FOUR_BAR), "five-bar": five_bar(), "s
 FREE = {"four-bar": ("q1",), "five-bar": ("q1", "q3"), "spatial": ("q1",), "belted": ("q1", "q2", "q4")}
 
 
-def read(text: str, folder: Path) -> Robot:
-    return load_robot(written(folder, "linkage", text))
-
-
 def off_the_centre(model: mujoco.MjModel, robot: Robot, states: Samples, seed: int) -> tuple[Samples, np.ndarray]:
     """Accelerations under random torques of the drives, and these torques at all joints."""
     data, rng, ddq = mujoco.MjData(model), np.random.default_rng(seed), []
@@ -86,8 +80,8 @@ def off_the_centre(model: mujoco.MjModel, robot: Robot, states: Samples, seed: i
 
 
 @pytest.mark.parametrize("name", LINKAGES)
-def test_torques_are_those_that_accelerate_mujoco(name: str, tmp_path: Path) -> None:
-    robot = read(LINKAGES[name], tmp_path)
+def test_torques_are_those_that_accelerate_mujoco(name: str) -> None:
+    robot = robot_of_text("linkage", LINKAGES[name])
     plant, motion = mujoco.MjModel.from_xml_string(LINKAGES[name]), of_loops(robot)
     assert motion.labels == FREE[name]
     states, torques = off_the_centre(plant, robot, random_states(robot, 40, seed=3), seed=0)
@@ -106,9 +100,9 @@ def _standard(model: object) -> tuple[str, ...]:
 
 
 @pytest.mark.parametrize("name", LINKAGES)
-def test_power_of_the_projected_torques_is_the_rate_of_the_energy(name: str, tmp_path: Path) -> None:
+def test_power_of_the_projected_torques_is_the_rate_of_the_energy(name: str) -> None:
     """``dq_i' N' Y theta = d/dt h theta`` for every parameter that moves, and so both show the same."""
-    robot = read(LINKAGES[name], tmp_path)
+    robot = robot_of_text("linkage", LINKAGES[name])
     motion, terms = of_loops(robot), Terms(coulomb=False, viscous=False)
     energy, torques = EnergyModel(robot, terms), DifferentialModel(robot, terms).restricted(motion)
     states = random_states(robot, 30, seed=1)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from refused import refusal
+from written_files import text_file
 
 from excite.export.models.robot_yaml import robot_text
 from regressors.readers.description import parse_description
@@ -23,8 +24,7 @@ TENSOR = (0.05, 0.001, -0.002, 0.06, 0.003, 0.04)
 
 
 def written(folder: Path, text: str) -> str:
-    (folder / "arm.csv").write_text(text, encoding="utf-8")
-    return str(folder / "arm.csv")
+    return str(text_file(folder / "arm.csv", text))
 
 
 def table(convention: str, delimiter: str = ",") -> str:

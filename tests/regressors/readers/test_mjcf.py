@@ -11,6 +11,7 @@ import pytest
 from public_arms import ARMS, Arm, reference, robots_folder
 from refused import refusal
 from reloaded import chain_xml, inverse_dynamics
+from written_files import text_file
 
 from regressors.errors import InputError
 from regressors.models.differential import DifferentialModel
@@ -30,8 +31,7 @@ SOME_ARMS = [arm for arm in ARMS if arm.id in CHOSEN]
 
 
 def written(folder: Path, text: str, name: str = "arm.xml") -> str:
-    (folder / name).write_text(text, encoding="utf-8")
-    return str(folder / name)
+    return str(text_file(folder / name, text))
 
 
 def motion(robot: Robot) -> Samples:

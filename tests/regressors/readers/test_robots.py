@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from refused import refusal
+from written_files import text_file
 
 import excite
 from regressors.errors import LONGEST_LINE, LONGEST_NAME, InputError, UnknownName
@@ -372,7 +373,6 @@ links: [{{name: A, mass: {mass}, com: [{com}, 0.1, 0.1], inertia: {{about: {abou
 @pytest.mark.parametrize("about", ["centre-of-mass", "origin"])
 @pytest.mark.parametrize(("mass", "com"), [("1e200", "1e200"), ("2.0", "1e308")])
 def test_products_beyond_floats_are_refused(mass: str, com: str, about: str, tmp_path) -> None:
-    path = tmp_path / "one.yaml"
-    path.write_text(ROBOT.format(mass=mass, com=com, about=about))
+    path = text_file(tmp_path / "one.yaml", ROBOT.format(mass=mass, com=com, about=about))
     with pytest.raises(InputError, match="link 'A': inertial parameters must be finite"):
         load_robot(path)

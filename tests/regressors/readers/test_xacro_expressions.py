@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from refused import refusal
+from written_files import text_file
 
 from regressors.errors import InputError
 from regressors.readers import urdf
@@ -95,9 +96,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def document(folder: Path, body: str, name: str = "arm.xacro") -> Path:
-    path = folder / name
-    path.write_text(f"{OPEN}<!-- ${{1}} -->\n{body}\n</robot>", encoding="utf-8")
-    return path
+    return text_file(folder / name, f"{OPEN}<!-- ${{1}} -->\n{body}\n</robot>")
 
 
 def mass(expression: str) -> str:

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from designed import copies
 from hypothesis import given, settings, strategies as st
+from written_files import text_file
 
 from excite.cli.design_run import show_sweep
 from excite.design.sweeps.cell import CELLS, Cell, cell_identities, cell_name, read_cell, value_name, write_cell
@@ -24,9 +25,7 @@ from regressors.errors import InputError
 
 
 def written(tmp_path: Path, text: str) -> Path:
-    path = tmp_path / "sweep.yaml"
-    path.write_text(text, encoding="utf-8")
-    return path
+    return text_file(tmp_path / "sweep.yaml", text)
 
 
 WHOLE = """

@@ -16,6 +16,7 @@ import pytest
 import yaml
 from failing_disk import Disk, failing
 from identified import identified, result_of
+from written_files import text_file
 
 import excite
 from excite.export.models.exported_model import model_of_result
@@ -237,8 +238,7 @@ def test_a_load_has_no_robot_to_write(tmp_path: Path) -> None:
 
 
 def test_a_full_disk_leaves_the_old_file(result: Identification, tmp_path: Path) -> None:
-    path = tmp_path / "robot.urdf"
-    path.write_text("old")
+    path = text_file(tmp_path / "robot.urdf", "old")
     with failing(Disk(tmp_path, at=1, how="full")), pytest.raises(excite.InputError, match="cannot write"):
         excite.export_model(result, "urdf", path, replace=True)
     assert path.read_text() == "old"

@@ -14,6 +14,7 @@ from hypothesis import given, settings, strategies as st
 from identified import predicted, relative, result_of
 from public_arms import ARMS, Arm
 from reloaded import by_mujoco, by_pinocchio
+from written_files import text_file
 
 import excite
 from excite.export.models.exported_model import model_of_result
@@ -152,8 +153,7 @@ def test_drakes_elements_go_into_the_transmissions_of_the_file(tmp_path: Path) -
         '<transmission name="t"><joint name="arm_fore"/><actuator name="m"><mechanicalReduction>1'
         "</mechanicalReduction></actuator></transmission>\n</robot>"
     )
-    path = tmp_path / "own.urdf"
-    path.write_text(OWN.replace("</robot>", transmission))
+    path = text_file(tmp_path / "own.urdf", OWN.replace("</robot>", transmission))
     result = result_of(excite.load_robot(str(path), snap_angles=False), tmp_path, joint_rotors=True)
     excite.export_model(result, "drake", tmp_path / "new.urdf", robot_file=path)
     root = ET.parse(tmp_path / "new.urdf").getroot()
@@ -173,8 +173,7 @@ def test_drakes_elements_go_into_the_transmissions_of_the_file(tmp_path: Path) -
 def test_held_joints_rest_where_they_were_held(tmp_path: Path) -> None:
     """Joint 2 cannot be at zero: it was held at its nearest limit."""
     text = OWN.replace('lower="-2" upper="2"', 'lower="0.5" upper="2"').replace("<link name='fore'></link>", FORE)
-    path = tmp_path / "own.urdf"
-    path.write_text(text)
+    path = text_file(tmp_path / "own.urdf", text)
     result = result_of(excite.load_robot(str(path), snap_angles=False), tmp_path, joints=("1",))
     target = instantaneous_target(result.robot, result.task, result.recipe)
     samples = states_of(target, 50)
@@ -247,8 +246,7 @@ def test_bodies_in_other_files_are_named(tmp_path: Path) -> None:
     text = ARM.read_text()
     begin, end = text.index("<worldbody>"), text.index("</worldbody>") + len("</worldbody>")
     (tmp_path / "bodies.xml").write_text(f"<mujocoinclude>{text[begin:end]}</mujocoinclude>")
-    path = tmp_path / "arm.xml"
-    path.write_text(text[:begin] + '<include file="bodies.xml"/>' + text[end:])
+    path = text_file(tmp_path / "arm.xml", text[:begin] + '<include file="bodies.xml"/>' + text[end:])
     result = result_of(excite.load_robot(str(path)), tmp_path)
     with pytest.raises(excite.InputError, match="not in the file itself"):
         excite.export_model(result, "mjcf", tmp_path / "new.xml", robot_file=path)

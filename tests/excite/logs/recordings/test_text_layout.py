@@ -13,6 +13,7 @@ import pytest
 from foreign_logs import motion
 from hypothesis import HealthCheck, given, settings, strategies as st
 from recordings import so101_folder
+from written_files import text_file
 
 import excite
 from excite.logs.recordings.recording import ColumnName, is_clock, parsed_name
@@ -88,8 +89,7 @@ TEXTS = st.tuples(
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(text=TEXTS)
 def test_any_text_is_read_or_refused_in_one_line(tmp_path: Path, text: str) -> None:
-    path = tmp_path / "any"
-    path.write_text(text, encoding="utf-8")
+    path = text_file(tmp_path / "any", text)
     try:
         guess = excite.guess_mapping(path)
     except InputError as error:
@@ -105,9 +105,8 @@ def test_any_text_is_read_or_refused_in_one_line(tmp_path: Path, text: str) -> N
 
 
 def test_cells_that_are_empty_cost_no_row_of_other_columns(tmp_path: Path) -> None:
-    path = tmp_path / "sparse"
     rows = "".join(f"{k / 10},{k if k % 2 else ''},{'' if k % 2 else -k}\n" for k in range(20))
-    path.write_text("t,a,b\n" + rows, encoding="utf-8")
+    path = text_file(tmp_path / "sparse", "t,a,b\n" + rows)
     columns = excite.read_recording(path).streams["table"].columns
     np.testing.assert_array_equal(columns["a"][1::2], np.arange(1, 20, 2))
     np.testing.assert_array_equal(columns["b"][::2], -np.arange(0, 20, 2))
@@ -116,9 +115,8 @@ def test_cells_that_are_empty_cost_no_row_of_other_columns(tmp_path: Path) -> No
 
 
 def test_decimal_commas_are_points_and_columns_of_words_are_left_out(tmp_path: Path) -> None:
-    path = tmp_path / "german"
     rows = "".join(f"{k / 10};{k / 7:.4f};runs;{'' if k % 2 else -k}\n" for k in range(20)).replace(".", ",")
-    path.write_text("t;a, first;state;b\n" + rows, encoding="utf-8")
+    path = text_file(tmp_path / "german", "t;a, first;state;b\n" + rows)
     columns = excite.read_recording(path).streams["table"].columns
     assert list(columns) == ["t", "a, first", "b"]
     np.testing.assert_allclose(columns["t"], np.arange(20) / 10)
@@ -127,14 +125,12 @@ def test_decimal_commas_are_points_and_columns_of_words_are_left_out(tmp_path: P
 
 
 def test_columns_without_names_are_asked_about_by_their_numbers(tmp_path: Path) -> None:
-    path = tmp_path / "numbers"
-    path.write_text("5,2,3\n2,5,7\n4,4,4\n", encoding="utf-8")
+    path = text_file(tmp_path / "numbers", "5,2,3\n2,5,7\n4,4,4\n")
     assert "None was recognised among 1, 2, 3" in " ".join(excite.guess_mapping(path).questions)
 
 
 def test_a_line_that_was_not_written_to_its_end_is_left_out(tmp_path: Path) -> None:
-    path = tmp_path / "cut"
-    path.write_text("t,q1,dq1\n" + "".join(f"{k / 10},{k},{k}\n" for k in range(20)) + "2.0,2", encoding="utf-8")
+    path = text_file(tmp_path / "cut", "t,q1,dq1\n" + "".join(f"{k / 10},{k},{k}\n" for k in range(20)) + "2.0,2")
     recording = excite.read_recording(path)
     assert recording.streams["table"].rows == 20
     assert recording.notes == ("1 row cut off at the end",)

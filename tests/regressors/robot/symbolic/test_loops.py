@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import casadi as ca
 import mujoco
 import numpy as np
 import pytest
-from linkages import FOUR_BAR, PARALLELOGRAM, joint_angles, linkage, played, written
+from linkages import FOUR_BAR, PARALLELOGRAM, joint_angles, linkage, played, robot_of_text
 
 from regressors.errors import InputError, UnknownName
-from regressors.readers.library import load_robot
 from regressors.robot.archive import robot_from_description
 from regressors.robot.closures import Closure
 from regressors.robot.robot import Robot
@@ -23,12 +20,7 @@ from regressors.samples import Samples
 
 @cache
 def robot_of(lengths: tuple[float, ...] = FOUR_BAR) -> Robot:
-    return read(linkage("linkage", lengths))
-
-
-def read(text: str) -> Robot:
-    with TemporaryDirectory() as folder:
-        return load_robot(written(Path(folder), "linkage", text))
+    return robot_of_text("linkage", linkage("linkage", lengths))
 
 
 def test_a_crank_turns_all_round() -> None:
@@ -121,7 +113,7 @@ EQUALITIES = {
 @pytest.mark.parametrize("equality", EQUALITIES.values(), ids=EQUALITIES)
 def test_residuals_are_those_of_mujoco(equality: str) -> None:
     """Distances of the points alike, and angles between the held axes."""
-    robot = read(SPATIAL.format(equality))
+    robot = robot_of_text("linkage", SPATIAL.format(equality))
     model = mujoco.MjModel.from_xml_string(SPATIAL.format(equality))
     data, q = mujoco.MjData(model), ca.SX.sym("q", robot.n)
     residual = ca.Function("g", [q], [closure_residual(robot, q)])
@@ -138,7 +130,7 @@ def test_residuals_are_those_of_mujoco(equality: str) -> None:
 
 def test_what_does_not_close_is_refused_with_what_is_left_open() -> None:
     lengths = (0.3, 0.2, 0.25, 0.4)  # its longest bar is too long for the crank to turn all round
-    robot = read(linkage("rocking", lengths))
+    robot = robot_of_text("linkage", linkage("rocking", lengths))
     loops, q1 = loops_of(robot), np.linspace(0.0, 2.0, 21)
     q, left = loops.closed(np.column_stack([q1, np.zeros((21, 2))]))
     with pytest.raises(InputError, match=r"does not close at \d+ of 21 instants, first at .*q1 = .* left open"):
