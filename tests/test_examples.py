@@ -19,6 +19,7 @@ from typing import Any
 import pytest
 from commands import ENVIRONMENT, content_of, module_of, run, run_process
 from recordings import REAL
+from written_files import saved
 
 import excite
 
@@ -290,8 +291,7 @@ def test_designs_with_own_parts_are_loaded_with_the_objects_themselves(
 def test_designs_with_own_parts_are_played_without_them(examples: Callable[[str], Any], tmp_path: Path) -> None:
     criterion = examples("own_criterion").FirstThree()
     design = excite.design_trajectory("irp6", criterion=criterion, **IN_THIS_PROCESS)
-    design.save(tmp_path / "design")
-    stored = excite.load_design(tmp_path / "design")
+    stored = excite.load_design(saved(tmp_path / "design", design))
     assert stored.condition_number == design.condition_number
     assert excite.simulate(stored, rate=200.0).log.time.size > 1000
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from written_files import saved
 
 import excite
 from excite.design.comparison import compare
@@ -50,8 +51,7 @@ def check_design_pays(own: excite.Design, plain: excite.Design, folder: Path) ->
     assert of_own.goal == pytest.approx(own.minimised_value, rel=1e-9)
     assert of_plain.goal is not None
     assert of_own.goal < of_plain.goal
-    own.save(folder)
-    stored = excite.load_design(folder)
+    stored = excite.load_design(saved(folder, own))
     assert stored.task.objective == own.task.objective
     with pytest.raises(InputError, match="no bound is known"):
         bound(stored)

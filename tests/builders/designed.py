@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from written_files import text_file
+from written_files import saved, text_file
 
 import excite
 from excite.design.design import Design
@@ -30,8 +30,7 @@ def _folder() -> Path:
 
 def _stored(name: str, *given: object, **options: object) -> Design:
     design = excite.design_trajectory(*given, search=excite.Search(starts=1, executor="serial"), **options)  # type: ignore[arg-type]
-    design.save(_folder() / name, replace=True)
-    return excite.load_design(_folder() / name)
+    return excite.load_design(saved(_folder() / name, design, replace=True))
 
 
 NO_DISTANCES: dict[str, Any] = {"self_collision": False, "floor": "none"}

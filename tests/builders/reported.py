@@ -104,12 +104,6 @@ class ParsedPage(HTMLParser):
         return rows[1:]
 
 
-def saved(folder: Path, result: Any) -> Path:
-    """The folder that a result is saved to."""
-    result.save(folder)
-    return folder
-
-
 CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
 )

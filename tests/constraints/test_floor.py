@@ -10,7 +10,7 @@ import pytest
 from coal_distances import clearance, link_poses
 from public_arms import ARMS
 from slow_dynamics import random_chain
-from written_files import text_file
+from written_files import saved, text_file
 
 import excite
 from constraints.clearance import (
@@ -237,8 +237,7 @@ def test_a_design_of_a_ur10e_stays_above_its_table(tmp_path: Path) -> None:
     lowest = min(link_poses(design.robot, q)["wrist_3_link"].translation[2] for q in poses)
     free = excite.design_trajectory("ur10e", starts=1, harmonics=3, executor="serial", floor="none")
     assert min(link_poses(free.robot, q)["wrist_3_link"].translation[2] for q in poses_of(free)) < 0.0 < lowest
-    design.save(tmp_path / "d")
-    again = load_design(tmp_path / "d")
+    again = load_design(saved(tmp_path / "d", design))
     extremes = ({use.label: use.extreme for use in each.limits} for each in (again, design))
     assert next(extremes) == pytest.approx(next(extremes), abs=1e-9)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from pinocchio_chains import chain_model, drive_torques, inertia, joint_torques
+from written_files import saved
 
 import excite
 from constraints.enclosure import enclose
@@ -225,5 +226,4 @@ def test_a_design_keeps_the_limits_of_plausible_robots(tmp_path: Path) -> None:
     assert len(uses) == 14
     assert {use.method for use in uses} == {"enclosed"}
     assert used < max(use.use for use in uses) < used + 0.02
-    sure.save(tmp_path / "design")
-    assert excite.load_design(tmp_path / "design").task == sure.task
+    assert excite.load_design(saved(tmp_path / "design", sure)).task == sure.task

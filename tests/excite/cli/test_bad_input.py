@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from commands import SCRIPT, Here, files_below, run, run_process
+from written_files import saved
 
 from excite.cli.summary import LiteralConsole
 from excite.design.formulation import formulate
@@ -289,9 +290,8 @@ LARGE = {
 
 @pytest.fixture(scope="module")
 def design(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("designs") / "irp6"
-    design_trajectory(Task("irp6", harmonics=3, starts=1, executor="serial")).save(folder)
-    return folder
+    design = design_trajectory(Task("irp6", harmonics=3, starts=1, executor="serial"))
+    return saved(tmp_path_factory.mktemp("designs") / "irp6", design)
 
 
 def test_too_much_work_is_refused_at_once(here: Here, design: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,6 +14,7 @@ import pytest
 from commands import Here, table_of
 from designed import irp6, panda, ur10e
 from processes import running, stderr_of, until
+from written_files import saved
 from written_results import design, result
 
 import excite
@@ -131,8 +132,7 @@ def test_a_design_that_was_not_saved_is_found_by_its_coefficients(tmp_path: Path
     )
     written = excite.export_motion(design, "npz", tmp_path / "a.npz", rate=50.0)
     mapping = excite.read_mapping(written.files[-1])
-    design.save(tmp_path / "designs" / "later")
-    assert mapping.design == excite.load_design(tmp_path / "designs" / "later").coefficients_sha256
+    assert mapping.design == excite.load_design(saved(tmp_path / "designs" / "later", design)).coefficients_sha256
     assert mapping.design is not None
     assert find_design(mapping.design, [tmp_path / "designs"]) == tmp_path / "designs" / "later"
     assert find_design(mapping.design, [tmp_path]) is None  # not deeper than one folder

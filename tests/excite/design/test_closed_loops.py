@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from linkages import FOUR_BAR, PARALLELOGRAM, START, joint_angles, linkage, robot_of_text
 from mechanisms import delta
+from written_files import saved
 
 import excite
 from excite.design.design import Design
@@ -158,8 +159,7 @@ def test_a_motion_through_a_singular_configuration_is_not_certified() -> None:
 
 def test_a_stored_design_is_the_same_motion_of_all_joints(tmp_path: Path) -> None:
     design = design_of("four-bar", "energy")
-    design.save(tmp_path / "design")
-    again = excite.load_design(tmp_path / "design")
+    again = excite.load_design(saved(tmp_path / "design", design))
     assert isinstance(again.trajectory, ClosedTrajectory)
     assert again.series["joints"] == ["q1"]
     np.testing.assert_allclose(dense(again, 50).q, dense(design, 50).q, atol=1e-12)

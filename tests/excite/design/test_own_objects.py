@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from commands import Here
 from designed import short
+from written_files import saved
 
 import excite
 from constraints.geometry import HalfSpace, Obstacle, Part, World
@@ -142,8 +143,7 @@ TASK = excite.Task("irp6", harmonics=2, friction=False, starts=1, executor="seri
 
 def test_a_constraint_by_name_is_found_again(tmp_path: Path) -> None:
     design = excite.design_trajectory(TASK.changed(constraints=("torque",)))
-    design.save(tmp_path / "design")
-    stored = excite.load_design(tmp_path / "design")
+    stored = excite.load_design(saved(tmp_path / "design", design))
     assert stored.task == design.task
     again = excite.design_trajectory(stored.task)
     assert again.trajectory.x.tobytes() == design.trajectory.x.tobytes()

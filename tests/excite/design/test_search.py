@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
+from written_files import saved
 
 import excite
 from excite.design.formulation import formulate
@@ -287,8 +288,7 @@ def test_what_a_session_has_computed_before_is_not_of_the_budget(
 
 
 def test_what_is_left_is_in_the_file(undisturbed: excite.Design, tmp_path: Path) -> None:
-    undisturbed.save(tmp_path / "d")
-    assert undisturbed.search.rounds == excite.load_design(tmp_path / "d").search.rounds == 3
+    assert undisturbed.search.rounds == excite.load_design(saved(tmp_path / "d", undisturbed)).search.rounds == 3
     assert excite.load_design(tmp_path / "d").search == undisturbed.search
 
 

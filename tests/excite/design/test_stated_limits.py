@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from public_arms import robots_folder
+from written_files import saved
 
 import excite
 from constraints.certificate import LimitUse
@@ -211,8 +212,7 @@ def test_contact_of_a_urdf_with_itself_is_avoided_where_the_motion_has_it(tmp_pa
     distances = [use for use in kept.limits if use.unit == "m"]
     assert distances
     assert all(use.extreme >= 0.001 - 1e-9 for use in distances)
-    kept.save(tmp_path)
-    assert load_design(tmp_path).task.limits.self_collision
+    assert load_design(saved(tmp_path, kept)).task.limits.self_collision
     assert [each.limit for each in load_design(tmp_path).unchecked] == [e.limit for e in kept.unchecked]
 
 

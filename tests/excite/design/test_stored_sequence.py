@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from commands import Here
 from designed import panda, planar
+from written_files import saved
 
 import excite
 from constraints.interpolation import Curve
@@ -39,8 +40,7 @@ def designed(name: str) -> excite.Design:
 @pytest.mark.parametrize("name", OUTPUTS)
 def test_stored_and_made_sequences_are_the_same(name: str, tmp_path: Path) -> None:
     design = designed(name)
-    design.save(tmp_path)
-    stored = excite.load_design(tmp_path)
+    stored = excite.load_design(saved(tmp_path, design))
     spans = stored.sequence.spans()
     assert spans.keys() == design.sequence.spans().keys()
     assert all(spans[name] == pytest.approx(span) for name, span in design.sequence.spans().items())

@@ -11,6 +11,7 @@ import pytest
 import scipy.stats
 from observed import observations_of, random_problem
 from played import EXACT, TASK, described, found, irp6, noisy, played, three_joints
+from written_files import saved
 
 from excite.identification.allowances import (
     allowing_for_pull,
@@ -128,8 +129,7 @@ def test_joints_have_delays_of_their_own(tmp_path: Path) -> None:
     plain, other = (found(TASK, replace(log, effort=late, sha256="late"), recipe=recipe) for recipe in (exact, shifted))
     assert other.training_error < 0.1 * plain.training_error
     np.testing.assert_allclose(other.estimate.values, described(other), rtol=1e-6, atol=1e-6)
-    other.save(tmp_path)
-    assert load_result(tmp_path).recipe == other.recipe
+    assert load_result(saved(tmp_path, other)).recipe == other.recipe
     one, each = (found(TASK, log, recipe=replace(exact, delay=delay)) for delay in (2e-3, (2e-3,) * 3))
     np.testing.assert_array_equal(one.observations.y, each.observations.y)
     np.testing.assert_array_equal(one.observations.matrix, each.observations.matrix)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from played import EXACT, TASK, curves, described, found, irp6, mixed, noisy, periodic, played, three_joints
+from written_files import saved
 
 from excite.design.task_file import task_content, task_from_options
 from excite.identification.allowances import friction_columns
@@ -188,8 +189,7 @@ def test_planted_factors_come_back_with_the_parameters(log: Log, tmp_path: Path)
     assert result.friction_scale.factors == pytest.approx(FACTORS, rel=1e-9)
     assert result.estimate.names[7:] == ("F2c", "F2v")
     np.testing.assert_allclose(result.estimate.values, described(result), rtol=1e-8)
-    result.save(tmp_path)
-    stored = load_result(tmp_path)
+    stored = load_result(saved(tmp_path, result))
     np.testing.assert_allclose(stored.friction.curve("z1").torque([0.1, -0.5]), curves()["z1"].torque([0.1, -0.5]))
     assert result_content(stored)["friction_scale"]["z3"]["factor"] == pytest.approx(1.25)
     assert result_content(found(TASK, log, friction=STATED))["friction_scale"] is None

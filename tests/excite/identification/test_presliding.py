@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from played import EXACT, TASK, curves, described, found, irp6, played, three_joints
+from written_files import saved
 
 from excite.identification.equations import (
     dahl_direction,
@@ -104,8 +105,7 @@ def test_widths_and_distances_of_each_drive_are_taken(tmp_path) -> None:
         np.testing.assert_allclose(result.estimate.values, described(result), rtol=1e-8, atol=1e-8)
         assert "reverses over 0.2, 0, 0.02 rad/s" in " ".join(result.estimate.notes)
         assert result.training_error < 1e-8
-        result.save(tmp_path, replace=True)
-        assert load_result(tmp_path).recipe.sign_width == WIDTHS
+        assert load_result(saved(tmp_path, result, replace=True)).recipe.sign_width == WIDTHS
     log = played(three_joints(), 3)
     pace = log.dq @ C.T / log.rate
     hysteretic = turned(measured_direction(log.q @ C.T, np.array(DISTANCES), pace))

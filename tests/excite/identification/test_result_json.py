@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from played import TASK, described, found, irp6, mixed, periodic, played
 from recordings import write_sidecar
+from written_files import saved
 
 from excite.identification.identification import Identification
 from excite.identification.prediction import instantaneous_target, prediction, relative_error
@@ -123,8 +124,7 @@ def test_older_files_are_read_and_written_anew(sample: str, tmp_path: Path) -> N
     for log, before in zip(content["logs"], older["logs"], strict=True):
         assert before.items() <= log.items()
     assert (read.estimate.history is None) == (read.curves.time.size == 0) == (sample == "verification-1")
-    read.save(tmp_path)
-    again = load_result(tmp_path)
+    again = load_result(saved(tmp_path, read))
     assert plain(again) == content
     np.testing.assert_array_equal(again.curves.predicted, read.curves.predicted)
     assert repr(again) == repr(read)
@@ -136,8 +136,7 @@ def test_an_older_result_says_that_it_was_identified_with_a_pull(tmp_path: Path)
     for changed, added in ({"pull": 0.5, "estimator": "ridge"}, 1), ({"pull": 0}, 0):
         (tmp_path / "result.json").write_text(json.dumps({**older, "recipe": {**older["recipe"], **changed}}))
         read = load_result(tmp_path)
-        read.save(tmp_path / str(added))
-        again = load_result(tmp_path / str(added))
+        again = load_result(saved(tmp_path / str(added), read))
         for result in (read, again):
             notes = [note for note in result.estimate.notes if note.startswith("identified with a pull of 0.5 towards")]
             assert (len(notes), len(result.estimate.notes)) == (added, len(older["notes"]) + added)

@@ -10,6 +10,7 @@ import pytest
 from identified import relative
 from mirrored_arms import ALONE, BOTH, arms, log_of, motion
 from pinocchio_chains import joint_torques
+from written_files import saved
 
 import excite
 from excite.identification.identification import Identification
@@ -48,8 +49,7 @@ def test_equal_arms_are_found_equal_and_are_a_whole_robot(estimator: str, tmp_pa
     result = identified(estimator=estimator)
     assert not result.doubts
     assert result.symmetry.compared == len(result.names)
-    result.save(tmp_path / "result")
-    loaded = excite.load_result(tmp_path / "result")
+    loaded = excite.load_result(saved(tmp_path / "result", result))
     assert loaded.symmetry == result.symmetry
     check = excite.verify(loaded, log_of(arms(), motion(), 1))
     assert check.holds

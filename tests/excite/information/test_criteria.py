@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from criterion_laws import check_gradient, information_matrix, slope
 from hypothesis import given, strategies as st
+from written_files import saved
 
 import excite
 from excite.design.formulation import formulate
@@ -178,5 +179,4 @@ def test_a_design_for_the_largest_deviation_has_the_least(tmp_path: Path) -> Non
     panel = convergence_figure(best).axes[0]
     assert panel.get_ylabel() == "max-deviation in the solver"
     assert panel.get_title(loc="left").startswith("minimised: max-deviation")
-    best.save(tmp_path / "design")
-    assert excite.load_design(tmp_path / "design").task == best.task
+    assert excite.load_design(saved(tmp_path / "design", best)).task == best.task

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from written_files import saved
 
 import excite
 from excite.cli.summary import print_view
@@ -271,8 +272,7 @@ def test_a_design_says_what_rounding_it_left_out_and_its_identification_does_the
     run = excite.simulate(design, noise=0.01, seed=1)
     found = excite.identify(robot, run, design=design)
     assert found.estimate.names == design.base.names
-    found.save(tmp_path / "result")
-    again = excite.load_result(tmp_path / "result")
+    again = excite.load_result(saved(tmp_path / "result", found))
     assert target_of(again.robot, again.task).base.names == design.base.names
     assert any("exist by rounding only" in note for note in found.estimate.notes)
     kept = excite.identify(robot, run, design=designed())

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.stats
+from written_files import saved
 
 import excite
 from excite.design.design_json import read_precision_target
@@ -224,8 +225,7 @@ def test_a_share_is_of_the_torque_along_the_motion(torques: excite.TaskTorques) 
 
 
 def test_a_file_names_a_motion(design: excite.Design, tmp_path: Path) -> None:
-    design.save(tmp_path / "d")
-    assert excite.load_design(tmp_path / "d").task.objective.precision == design.task.objective.precision
+    assert excite.load_design(saved(tmp_path / "d", design)).task.objective.precision == design.task.objective.precision
     (tmp_path / "p.yaml").write_text("share: null\ntorques: {motion: d, share: 0.05}\n")
     torques = excite.PrecisionTarget(**read_precision_target(tmp_path / "p.yaml")).torques
     assert (torques.share, torques.motion.joints) == (0.05, ("q1", "q2", "q3"))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from servo_arm import JOINTS, small_arm, true_servos
+from written_files import saved
 
 import excite
 from excite.design.formulation import formulate
@@ -88,8 +89,7 @@ def test_a_design_counts_the_tracked_motion_and_its_files_hold_the_servos(tmp_pa
     problem = formulate(*robot_and_task(aware.task)).problem
     assert problem.exact_value(aware.trajectory.x) == pytest.approx(aware.minimised_value, rel=1e-9)
     assert aware.minimised_value < problem.exact_value(plain.trajectory.x) - 0.01
-    aware.save(tmp_path / "design")
-    loaded = excite.load_design(tmp_path / "design")
+    loaded = excite.load_design(saved(tmp_path / "design", aware))
     assert (
         loaded.task.objective.servos == task_servos(slow)
         or loaded.task.objective.servos.values == task_servos(slow).values

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from commands import Here
+from written_files import saved
 
 import excite
 from constraints.certificate import limit_uses
@@ -35,9 +36,7 @@ from regressors.errors import InputError, UnknownName
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("designs") / "one"
-    design(("q3",)).save(place)
-    return place
+    return saved(tmp_path_factory.mktemp("designs") / "one", design(("q3",)))
 
 
 def known(name: str, problem: str | None) -> DesignBound:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from written_files import saved
 from written_results import verification
 
 import excite
@@ -246,8 +247,7 @@ def test_gravity_that_is_not_known_is_read_from_null(tmp_path: Path) -> None:
 def test_a_friction_plan_is_read_as_written(drives: tuple[str, ...], tmp_path: Path) -> None:
     schedule = Schedule(percent=(20.0, 100.0), warm_up=1.0, breakaways=1, creeping=1.0, rate=50.0)
     new = plan_friction("irp6", schedule, drives=drives)
-    new.save(tmp_path / "a")
-    read = load_friction_plan(tmp_path / "a")
+    read = load_friction_plan(saved(tmp_path / "a", new))
     assert (json_of(read), repr(read), read.holds) == (json_of(new), repr(new), new.holds)
     read.save(tmp_path / "b")
     for each in (tmp_path / "a").iterdir():

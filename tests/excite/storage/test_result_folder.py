@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from commands import ENVIRONMENT, Here, files_below
 from filelock import FileLock
+from written_files import saved
 from written_results import COMMANDS, design, simulation
 
 import excite
@@ -213,8 +214,7 @@ def test_files_that_do_not_belong_together_are_named(
     name: str, change: Callable[[Path, str], None], text: str, tmp_path: Path
 ) -> None:
     folder = tmp_path / "out"
-    design("old").save(folder)
-    excite.load_design(folder)
+    excite.load_design(saved(folder, design("old")))
     change(folder, name)
     with pytest.raises(InputError, match=text):
         excite.load_design(folder)
@@ -224,8 +224,7 @@ def test_files_that_do_not_belong_together_are_named(
 
 
 def test_a_rehearsal_that_was_changed_is_not_played(tmp_path: Path) -> None:
-    design("old").save(tmp_path)
-    stored = excite.load_design(tmp_path)
+    stored = excite.load_design(saved(tmp_path, design("old")))
     edit(tmp_path, "trajectory-0.5.csv")
     with pytest.raises(InputError, match=r"trajectory-0\.5\.csv has been changed since design.json was written"):
         excite.simulate(stored, trajectory=tmp_path / "trajectory-0.5.csv")
@@ -256,8 +255,7 @@ def test_a_trajectory_of_the_users_own_is_not_overwritten(tmp_path: Path) -> Non
     with pytest.raises(TakenError, match=r"trajectory\.csv is already there, and is not of a design; `replace`"):
         design("old").save(tmp_path)
     assert files_below(tmp_path) == {"trajectory.csv"}
-    design("old").save(tmp_path, replace=True)
-    excite.load_design(tmp_path)
+    excite.load_design(saved(tmp_path, design("old"), replace=True))
 
 
 def test_a_verification_does_not_overwrite_another_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from designed import short
+from written_files import saved
 
 import excite
 from excite.design.design_folder import design_content
@@ -85,8 +86,7 @@ def test_objects_and_folders_are_the_same(
 
 
 def test_a_stored_design_runs_again_without_the_folders(after: excite.Design, folders: Path, tmp_path: Path) -> None:
-    after.save(tmp_path / "c")
-    stored = excite.load_design(tmp_path / "c")
+    stored = excite.load_design(saved(tmp_path / "c", after))
     content = design_content(stored)
     assert content["task"]["after"] == [str(folders / name) for name in "ab"]
     hashes = [sha256_of(folders / file) for file in ("a/result.json", "b/design.json")]
@@ -99,8 +99,7 @@ def test_a_stored_design_runs_again_without_the_folders(after: excite.Design, fo
 def test_a_result_after_others_names_them_without_opening(after: excite.Design, tmp_path: Path) -> None:
     log = excite.simulate(after, noise=1.0, seed=2)
     result = excite.identify(after.task, log, estimator="weighted", choose=False)
-    result.save(tmp_path / "r")
-    stored = excite.load_result(tmp_path / "r")
+    stored = excite.load_result(saved(tmp_path / "r", result))
     with pytest.raises(InputError, match="files that results name are not opened"):
         excite.design_trajectory(stored.task)
 

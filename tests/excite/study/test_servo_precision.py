@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from servo_arm import JOINTS, small_arm, true_servos
+from written_files import saved
 
 import excite
 from excite.design.design import Design
@@ -130,7 +131,6 @@ def test_a_rehearsal_keeps_its_promise_and_is_read_again(tmp_path: Path) -> None
     found = design.precision
     assert found is not None
     assert found.met
-    design.save(tmp_path)
-    loaded = excite.load_design(tmp_path)
+    loaded = excite.load_design(saved(tmp_path, design))
     assert loaded.precision == found
     assert loaded.precision_search.trials[0].runs >= found.runs

@@ -12,6 +12,7 @@ import click
 import numpy as np
 import pytest
 from commands import module_of
+from written_files import saved
 
 import excite
 from excite.cli.design_commands import design
@@ -325,8 +326,7 @@ def test_what_a_task_cannot_say_is_named_by_its_class(model: RegressorModel) -> 
 def test_a_loaded_design_has_the_columns_that_it_was_made_for(tmp_path: Path) -> None:
     search = {"starts": 1, "harmonics": 3, "executor": "serial"}
     design = excite.design_trajectory(MODELS["terms"], **search)
-    design.save(tmp_path / "told")
-    assert excite.load_design(tmp_path / "told").task.model.built(IRP6).names == MODELS["terms"].names
+    assert excite.load_design(saved(tmp_path / "told", design)).task.model.built(IRP6).names == MODELS["terms"].names
     other = UNTOLD["two kinds of friction"]
     excite.design_trajectory(other, **search).save(tmp_path / "untold")
     assert isinstance(excite.load_design(tmp_path / "untold").task.model.model, OwnPart)

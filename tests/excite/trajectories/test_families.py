@@ -12,6 +12,7 @@ from commands import Here
 from hypothesis import given, settings, strategies as st
 from motion_families import LINEAR, NONLINEAR, motion
 from scipy.interpolate import BPoly
+from written_files import saved
 
 from constraints.enclosure import (
     chebyshev_extrema,
@@ -308,9 +309,8 @@ def test_damaged_motions() -> None:
 
 @pytest.fixture(scope="module")
 def series_design(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("begin")
-    design_trajectory(Task("irp6", harmonics=3, starts=1, executor="serial")).save(folder)
-    return folder
+    design = design_trajectory(Task("irp6", harmonics=3, starts=1, executor="serial"))
+    return saved(tmp_path_factory.mktemp("begin"), design)
 
 
 @pytest.mark.slow

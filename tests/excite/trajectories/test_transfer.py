@@ -15,6 +15,7 @@ from commands import Here, content_of
 from hypothesis import given, settings, strategies as st
 from recordings import log_of
 from ruckig import InputParameter, Ruckig, Synchronization, Trajectory
+from written_files import saved
 
 import regressors
 from constraints.linear import linear_limits
@@ -58,9 +59,7 @@ def design() -> Design:
 
 @pytest.fixture(scope="module")
 def folder(design: Design, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("ways")
-    save_design(design, folder)
-    return folder
+    return saved(tmp_path_factory.mktemp("ways"), design)
 
 
 def rows_of(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from identified import with_estimate
 from played import EXACT, found, noisy, played, three_joints
+from written_files import saved
 
 from excite.identification.identification import Identification
 from excite.identification.result_json import load_result
@@ -50,9 +51,8 @@ def test_the_error_without_noise_is_that_of_the_model(share: float, noise: float
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> Identification:
-    folder = tmp_path_factory.mktemp("result")
-    found(Task("irp6"), noisy(played(three_joints(), 3, seconds=4.0), 0.3, 1e-6, 1), recipe=EXACT).save(folder)
-    return load_result(folder)
+    log = noisy(played(three_joints(), 3, seconds=4.0), 0.3, 1e-6, 1)
+    return load_result(saved(tmp_path_factory.mktemp("result"), found(Task("irp6"), log, recipe=EXACT)))
 
 
 def scaled(result: Identification, factor: float, but: str = "") -> Identification:

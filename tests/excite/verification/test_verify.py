@@ -10,6 +10,7 @@ import pytest
 from identified import with_estimate
 from played import FRICTION, LOAD, curves, found, noisy, periodic, played, three_joints
 from recordings import real_log
+from written_files import saved
 
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
@@ -39,8 +40,7 @@ def stored(result: Identification, folder: Path, friction: str | None = None) ->
     if friction is not None:
         (folder / "friction.yaml").write_text(friction)
         result = replace(result, friction_file=folder / "friction.yaml")
-    result.save(folder, replace=True)
-    return load_result(folder)
+    return load_result(saved(folder, result, replace=True))
 
 
 @pytest.fixture(scope="module")

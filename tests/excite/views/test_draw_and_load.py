@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from reported import ParsedPage, misplaced
+from written_files import saved
 from written_results import design, result, verification
 
 import excite
@@ -136,10 +137,8 @@ TEXT = re.compile(r"<text[^>]*>([^<]*)")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("results") / "result"
-    result("old").save(out)
-    verification("old").save(out, name="verification-run")
-    return out
+    out = saved(tmp_path_factory.mktemp("results") / "result", result("old"))
+    return saved(out, verification("old"), name="verification-run")
 
 
 def texts(section: PageSection) -> list[list[str]]:
@@ -164,8 +163,7 @@ def test_estimates_over_time_are_drawn_from_the_file(tmp_path: Path) -> None:
     made = excite.identify(
         "irp6", [excite.simulate(design("old"), rate=50.0, seed=0)], choose=False, estimator="recursive"
     )
-    made.save(tmp_path / "r")
-    section = section_of(excite.load_result(tmp_path / "r"), "s", LOOKS)
+    section = section_of(excite.load_result(saved(tmp_path / "r", made)), "s", LOOKS)
     assert "Estimates over time" in [figure.title for figure in section.figures]
 
 

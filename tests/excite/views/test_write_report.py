@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from reported import HOSTILE, ParsedPage, reported_design, saved
+from reported import HOSTILE, ParsedPage, reported_design
+from written_files import saved
 from written_results import design, plan, result, verification
 
 import excite
@@ -217,9 +218,7 @@ def test_entries_that_are_missing_are_named(entry: str, folder: Path, tmp_path: 
 
 @pytest.fixture(scope="module")
 def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("plans") / "plan"
-    plan("old").save(folder)
-    return folder
+    return saved(tmp_path_factory.mktemp("plans") / "plan", plan("old"))
 
 
 @pytest.fixture(scope="module")

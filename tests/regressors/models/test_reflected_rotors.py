@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from slow_dynamics import random_chain, three_axes
+from written_files import saved
 
 import excite
 from excite.information.target import target_of
@@ -200,8 +201,7 @@ def test_by_name_from_the_design_to_the_verdict(tmp_path: Path) -> None:
     task = excite.Task("irp6", model="springs", harmonics=3, starts=2, executor="serial")
     design = excite.design_trajectory(task)
     assert design.feasible
-    design.save(tmp_path / "design")
-    stored = excite.load_design(tmp_path / "design")
+    stored = excite.load_design(saved(tmp_path / "design", design))
     assert stored.task.model.model == "springs"
     logs = [excite.simulate(stored, noise=1.0, seed=seed, rate=200.0) for seed in (1, 2)]
     result = excite.identify("irp6", logs[0], design=stored)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from commands import Here, files_below
 from pinocchio_chains import drive_torques, gravity_along, joint_torques
+from written_files import saved
 
 from constraints.linear import LinearConstraint
 from excite.cli.summary import print_verdict, print_view
@@ -216,8 +217,7 @@ def test_windows_may_be_as_long_as_the_range_allows(tmp_path: Path) -> None:
     for window in c.windows:  # the range of 2 x 0.69813 less its reserve, less both ramps
         ramps = 2 * c.pace.ramp(abs(window.speed))
         assert abs(window.last - window.first) == pytest.approx(2 * 0.98 * 0.69813 - ramps, abs=1e-9)
-    plan.save(tmp_path)
-    assert load_friction_plan(tmp_path).schedule.longest == float("inf")
+    assert load_friction_plan(saved(tmp_path, plan)).schedule.longest == float("inf")
 
 
 def test_long_plans_say_what_shorter_windows_would_make_of_them(capfd: pytest.CaptureFixture[str]) -> None:

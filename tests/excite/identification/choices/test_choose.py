@@ -14,6 +14,7 @@ import scipy.signal
 from motions import Sines
 from played import LOAD, curves, irp6, noisy, periodic, played, three_joints
 from recordings import real_log
+from written_files import saved
 
 import excite
 from excite.errors import ConicSolverError
@@ -182,8 +183,7 @@ def test_delays_of_single_joints_and_logs_are_found_applied_stated_and_read_back
         assert all(low <= x <= high for x, (low, high) in zip(true, choice.intervals, strict=True))
         assert all(f"{name} {1e3 * x:.3g} ms (" in choice.reason for name, x in zip(names, choice.value, strict=True))
         assert result.training_error < 0.05  # of torques whose friction jumps, interpolated or shifted by rows
-        result.save(tmp_path / names[0])
-        assert load_result(tmp_path / names[0]).recipe == result.recipe
+        assert load_result(saved(tmp_path / names[0], result)).recipe == result.recipe
     assert joint.recipe.delay == choice_of(joint, "delay").value
     assert (logs.recipe.delay, dict(logs.recipe.log_delays)) == (0.0, {"B": choice.value[1]})
     for result, rows in ((joint, joint.observations.equation != 1), (logs, logs.observations.log == 0)):

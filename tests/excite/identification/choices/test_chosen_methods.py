@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from motions import Sines
 from played import curves, described, noisy, periodic, played, three_joints
+from written_files import saved
 
 import excite
 from excite.identification.choices.left_out import Choice
@@ -88,8 +89,7 @@ def test_what_repeats_itself_is_fitted_by_a_series(tmp_path) -> None:
     result = found("repeated", coarse=True)
     assert choice_of(result).value == result.recipe.signals == "fourier"
     assert [c.value for c in choice_of(result).candidates] == ["butterworth", "savitzky-golay", "spline", "fourier"]
-    result.save(tmp_path / "out")
-    stored = load_result(tmp_path / "out")
+    stored = load_result(saved(tmp_path / "out", result))
     assert stored.recipe == result.recipe
     unseen = log_of("not repeated", coarse=False, seed=3)
     judged = excite.verify(stored, unseen)  # the cutoff is kept for such logs
