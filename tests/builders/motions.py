@@ -31,6 +31,12 @@ class Sines:
         return Samples(time, *(self.at(time, d) for d in range(4)))
 
 
+def random_samples(n: int, seed: int | np.random.Generator, count: int = 40, size: float = 1.0) -> Samples:
+    """Random states of n joints, of no motion in particular."""
+    q, dq, ddq = size * np.random.default_rng(seed).uniform(-2, 2, (3, count, n))
+    return Samples(np.arange(float(count)), q, dq, ddq, np.zeros_like(q))
+
+
 def random_sines(n: int, seed: int, waves: int = 3, size: float = 0.4) -> Sines:
     rng = np.random.default_rng(seed)
     amplitude = size * rng.uniform(0.3, 1.0, (n, waves)) / np.arange(1, waves + 1)

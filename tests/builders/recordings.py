@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motions import Sines
 
 from excite.logs.log import Log
 from excite.logs.log_reading import SCHEMA, log_entry, read_log, sidecar_path
@@ -41,14 +42,9 @@ def so101_folder(name: str, into: Path) -> Path:
 
 def sines(time, joints=2, period=4.0):
     """Position, velocity, acceleration of a periodic motion of three harmonics, shape (N, joints) each."""
-    w = 2 * np.pi / period * np.array([1.0, 2.0, 3.0])
     amplitude = np.array([[0.8, 0.3, 0.1], [-0.5, 0.2, 0.2], [0.3, -0.4, 0.1]])[:joints]
-    angle = time[:, None, None] * w + 0.3
-    return (
-        (np.sin(angle) * amplitude).sum(axis=2),
-        (np.cos(angle) * amplitude * w).sum(axis=2),
-        (-np.sin(angle) * amplitude * w**2).sum(axis=2),
-    )
+    waves = Sines(np.zeros(joints), amplitude, 2 * np.pi / period * np.arange(1, 4), np.full(3, 0.3))
+    return tuple(waves.at(time, derivative) for derivative in range(3))
 
 
 def log_of(time, q, dq=None, effort=None, joints=None, **more):

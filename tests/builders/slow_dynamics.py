@@ -60,12 +60,12 @@ def joint_matrix(joint: Joint, q: complex, derivative: int = 0) -> np.ndarray:
     return A
 
 
-def poses(robot: Robot, q: np.ndarray) -> list[np.ndarray]:
-    """``T_i`` of every link, shape (4, 4)."""
+def poses(robot: Robot, q: np.ndarray, j: int | None = None) -> list[np.ndarray]:
+    """``T_i`` of every link, shape (4, 4), or ``dT_i/dq_j``: the chain's product with A_j differentiated."""
     T, found = np.eye(4), []
-    for joint, position in zip(robot.joints, q, strict=True):
-        T = T @ joint_matrix(joint, position)
-        found.append(T)
+    for k, (joint, position) in enumerate(zip(robot.joints, q, strict=True)):
+        T = T @ joint_matrix(joint, position, 1 if k == j else 0)
+        found.append(np.zeros((4, 4)) if j is not None and k < j else T)
     return found
 
 
@@ -80,15 +80,6 @@ def pose_rates(robot: Robot, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> 
     return found
 
 
-def partial_poses(robot: Robot, q: np.ndarray, j: int) -> list[np.ndarray]:
-    """``dT_i/dq_j`` of every link: the chain's product with A_j differentiated; zero for links before joint j."""
-    T, found = np.eye(4), []
-    for k, joint in enumerate(robot.joints):
-        T = T @ joint_matrix(joint, q[k], 1 if k == j else 0)
-        found.append(T if k >= j else np.zeros((4, 4)))
-    return found
-
-
 def gravity_matrix(robot: Robot) -> np.ndarray:
     G = np.zeros((4, 4))
     G[:3, 3] = robot.gravity
@@ -99,7 +90,7 @@ def torques(robot: Robot, thetas: np.ndarray, q: np.ndarray, dq: np.ndarray, ddq
     """Joint torques by Lagrange's equation; ``thetas`` has one row of ten parameters per link."""
     J = [mass_matrix_of_body(theta) for theta in thetas]
     bent = [ddT - gravity_matrix(robot) for _, ddT in pose_rates(robot, q, dq, ddq)]
-    tau = [sum(np.trace(P @ J_i @ B.T) for P, J_i, B in zip(partial_poses(robot, q, j), J, bent, strict=True))
+    tau = [sum(np.trace(P @ J_i @ B.T) for P, J_i, B in zip(poses(robot, q, j), J, bent, strict=True))
            for j in range(robot.n)]  # fmt: skip
     return np.real(tau)
 

@@ -9,6 +9,7 @@ from functools import cache
 import casadi as ca
 import numpy as np
 import pytest
+from motions import Polynomials, Sines, random_samples
 from pinocchio_chains import drive_torques, joint_torques, tool_motion
 from slow_dynamics import random_chain
 
@@ -36,11 +37,6 @@ INF = np.inf
 POINT = np.array([0.1, -0.05, 0.2])
 
 
-def states(n: int, seed: int, count: int = 40) -> Samples:
-    q, dq, ddq = np.random.default_rng(seed).uniform(-2, 2, (3, count, n))
-    return Samples(np.arange(float(count)), q, dq, ddq, np.zeros_like(q))
-
-
 # --- torques ---------------------------------------------------------------------------------------------------------
 
 
@@ -49,7 +45,7 @@ def states(n: int, seed: int, count: int = 40) -> Samples:
 def test_joint_torques_are_those_of_pinocchio(name: str, margin: float) -> None:
     robot = built_in(name)
     (limit,) = torque_limits(robot, standard_values(robot), margin)
-    samples = states(robot.n, 1)
+    samples = random_samples(robot.n, 1)
     np.testing.assert_allclose(limit.values(samples), joint_torques(robot, samples), atol=1e-10)
     np.testing.assert_allclose(limit.upper, (1 - margin) * robot.limits.torque, rtol=1e-15)
     np.testing.assert_array_equal(limit.lower, -limit.upper)
@@ -60,7 +56,7 @@ def test_joint_torques_are_those_of_pinocchio(name: str, margin: float) -> None:
 def test_drive_torques_are_those_behind_the_coupling() -> None:
     robot = built_in("irp6")
     (limit,) = torque_limits(robot, standard_values(robot), 0.1)
-    samples = states(robot.n, 2)
+    samples = random_samples(robot.n, 2)
     samples = dataclasses.replace(samples, q=0.3 * samples.q)
     np.testing.assert_allclose(limit.values(samples), drive_torques(robot, samples), atol=1e-6)
     coulomb = np.array([28.0, 28.75, 30.0, 10.0, 5.0])
@@ -73,7 +69,7 @@ def test_held_joints_bear_their_load_and_do_not_rub() -> None:
     robot = built_in("irp6")
     motion = of_joints(robot, [0, 1, 2])
     (limit,) = torque_limits(robot, standard_values(robot), 0.0, motion)
-    moving = states(3, 3)
+    moving = random_samples(3, 3)
     whole = Samples(moving.time, *(x @ motion.matrix.T for x in (moving.q, moving.dq, moving.ddq, moving.dddq)))
     np.testing.assert_allclose(limit.values(moving), drive_torques(robot, whole), atol=1e-6)
     np.testing.assert_allclose(limit.upper, [303.8, 182.15, 185.6, 191.6, 64.5])
@@ -124,7 +120,7 @@ def test_the_tool_is_where_pinocchio_has_it(robot: Robot) -> None:
     np.testing.assert_array_equal([box.lower, box.upper], [[-1, 0], [1, INF]])
     for moving in (list(range(robot.n)), [1, 2]):
         motion = of_joints(robot, moving)
-        samples = states(len(moving), 6)
+        samples = random_samples(len(moving), 6)
         parts = (samples.q, samples.dq, samples.ddq, samples.dddq)
         whole = Samples(samples.time, *(x @ motion.matrix.T for x in parts))
         whole = dataclasses.replace(whole, q=whole.q + motion.offset)
@@ -174,7 +170,8 @@ def limits_of(name: str) -> tuple[NonlinearConstraint, ...]:
 def test_slopes_are_derivatives(kind: int) -> None:
     """Of the functions with respect to the state, by central differences."""
     limit = limits_of("irp6")[kind]
-    x, h = np.concatenate([states(5, 7, 6).q, states(5, 8, 6).dq, states(5, 9, 6).ddq], axis=1), 1e-6
+    at, moving, pushed = (random_samples(5, seed, 6) for seed in (7, 8, 9))
+    x, h = np.concatenate([at.q, moving.dq, pushed.ddq], axis=1), 1e-6
 
     def values(x: Array) -> Array:
         return limit.values(Samples(np.arange(6.0), *np.split(x, 3, axis=1), np.zeros((6, 5))))
@@ -268,10 +265,7 @@ def test_what_happens_between_samples_is_found(width: float, bound: float, holds
     q, time = lambda t: np.sin(0.7 * t), 1.2345678
     limit = spike(np.sin(0.7 * time), width, bound)
 
-    def motion(t: Array) -> Samples:
-        x = np.stack([0.7**d * np.sin(0.7 * t + d * np.pi / 2) for d in range(4)])[:, :, None]
-        return Samples(t, *x)
-
+    motion = Sines(np.zeros(1), np.ones((1, 1)), np.array([0.7]), np.zeros((1, 1))).samples
     assert limit.values(motion(np.linspace(0, 2, 1025))).max() < 0.9 or width > 1e-3
     found = enclose(limit, motion, 2.0, np.array([0.7**3]))
     (use,) = found.uses(limit)
@@ -288,9 +282,7 @@ def test_what_is_reached_at_an_end_is_enclosed() -> None:
         1, lambda q, dq, ddq: ca.vertcat(q, dq, ddq), -scale, 1.5 * scale, scale, ("q", "dq", "ddq"), ("m",) * 3
     )
 
-    def motion(t: Array) -> Samples:
-        return Samples(t, *(x[:, None] for x in (t**3, 3 * t**2, 6 * t, np.full_like(t, 6.0))))
-
+    motion = Polynomials(np.array([[0.0], [0.0], [0.0], [1.0]])).samples
     found = enclose(limit, motion, 2.0, np.array([6.0]))
     assert np.all((found.high >= scale) & (found.high <= 1.01 * scale))
     assert np.all((found.low <= 0.0) & (found.low >= -0.01 * scale))
@@ -300,10 +292,7 @@ def test_what_cannot_be_bounded_does_not_hold() -> None:
     """``1 / q`` while q passes zero."""
     one = np.ones(1)
     limit = NonlinearConstraint(1, lambda q, dq, ddq: 1 / q, -one, one, one, ("pole",), ("m",))
-
-    def motion(t: Array) -> Samples:
-        return Samples(t, *(x[:, None] for x in (t - 0.7, np.ones_like(t), np.zeros_like(t), np.zeros_like(t))))
-
+    motion = Polynomials(np.array([[-0.7], [1.0]])).samples
     (use,) = enclose(limit, motion, 1.0, np.zeros(1)).uses(limit)
     assert not use.holds
     assert not use.margin > -1
@@ -348,11 +337,7 @@ def test_values_in_an_interval_are_within_its_slack(velocity: float) -> None:
     constraint = NonlinearConstraint(
         1, lambda q, dq, ddq: ca.vertcat(q, q**2, q * dq), -size, size, size, ("a", "b", "c"), ("",) * 3
     )
-
-    def motion(t: Array) -> Samples:
-        t = t[:, None]
-        return Samples(t[:, 0], velocity * t + 1.5 * t**2, velocity + 3.0 * t, 0 * t + 3.0, 0 * t)
-
+    motion = Polynomials(np.array([[0.0], [velocity], [1.5]])).samples
     value, slack = _mean_value(constraint, motion(np.zeros(1)), np.array([0.2]), np.zeros(1))
     assert np.all(np.abs(constraint.values(motion(np.linspace(-0.2, 0.2, 201))) - value) <= slack)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from motions import random_samples
 from pinocchio_chains import chain_model, drive_torques, inertia, joint_torques
 from written_files import saved
 
@@ -32,14 +33,9 @@ def imposed(robot: Robot, limit: PowerLimit, moving: list[int] | None = None) ->
     return constraint
 
 
-def states(n: int, seed: int, size: float = 1.0) -> Samples:
-    q, dq, ddq = size * np.random.default_rng(seed).uniform(-2, 2, (3, 40, n))
-    return Samples(np.arange(40.0), q, dq, ddq, np.zeros_like(q))
-
-
 @pytest.mark.parametrize("name", ["panda", "ur10e"])
 def test_power_of_joints_is_pinocchios_torque_times_speed(name: str) -> None:
-    robot, samples = built_in(name), states(built_in(name).n, 1)
+    robot, samples = built_in(name), random_samples(built_in(name).n, 1)
     limit = imposed(robot, PowerLimit(100.0))
     np.testing.assert_allclose(limit.values(samples), joint_torques(robot, samples) * samples.dq, atol=1e-9)
     np.testing.assert_array_equal(limit.upper, 100.0)
@@ -50,7 +46,7 @@ def test_power_of_joints_is_pinocchios_torque_times_speed(name: str) -> None:
 
 def test_power_of_drives_is_that_behind_the_coupling() -> None:
     """Rotors and viscous friction count; Coulomb friction at the velocity limit is taken off the upper bound."""
-    robot, samples = built_in("irp6"), states(5, 2, 0.3)
+    robot, samples = built_in("irp6"), random_samples(5, 2, size=0.3)
     limit = imposed(robot, PowerLimit())
     dz = samples.dq @ robot.transmission.coupling.T
     np.testing.assert_allclose(limit.values(samples), drive_torques(robot, samples) * dz, atol=1e-5)
@@ -62,7 +58,7 @@ def test_power_of_drives_is_that_behind_the_coupling() -> None:
 
 def test_held_drives_have_no_power_and_known_friction_counts() -> None:
     robot = built_in("irp6")
-    moving = states(3, 4, 0.3)
+    moving = random_samples(3, 4, size=0.3)
     limit = imposed(robot, PowerLimit(500.0), [0, 1, 2])
     assert np.abs(limit.values(moving)[:, 4]).max() == 0.0
     np.testing.assert_allclose(limit.upper[4], 500.0)

@@ -13,6 +13,7 @@ import pinocchio as pin
 import pytest
 from held_motions import assert_explained, held_motion, moving_part, subset
 from hypothesis import given, settings, strategies as st
+from motions import random_samples
 from refused import refusal
 from slow_dynamics import random_body, random_chain
 
@@ -51,11 +52,6 @@ def branched(kinds: str, beside: str, rng: np.random.Generator) -> Robot:
 
 def thetas_of(robot: Robot) -> Array:
     return np.array([body.theta for body in robot.bodies])
-
-
-def states(robot: Robot, rng: np.random.Generator, count: int = 3) -> Samples:
-    motion = rng.uniform(-2.0, 2.0, (3, count, robot.n))
-    return Samples(np.arange(float(count)), *motion, 0 * motion[0])
 
 
 def each(samples: Samples) -> Any:
@@ -121,7 +117,7 @@ class Tree:
 def test_regressor_is_that_of_a_tree_seen_through_the_coupling(kinds: str, beside: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     robot = branched(kinds, beside, rng)
-    tree, samples = Tree.of(robot), states(robot, rng)
+    tree, samples = Tree.of(robot), random_samples(robot.n, rng, 3)
     found = instants(DifferentialModel(robot, INERTIAL), samples)
     assert found.shape[2] == 10 * len(kinds + beside)
     for Y, state in zip(found, each(samples), strict=True):
@@ -287,7 +283,7 @@ def test_archive_brings_branches_back(kinds: str, beside: str, seed: int) -> Non
     robot = with_locked_joints(robot, sorted(rng.choice(robot.n, rng.integers(1, robot.n + 1), replace=False)))
     again = round_trip(robot)
     assert again.sha256() == robot.sha256()
-    samples = states(robot, rng)
+    samples = random_samples(robot.n, rng, 3)
     there, back = (instants(DifferentialModel(r, INERTIAL), samples) for r in (robot, again))
     np.testing.assert_array_equal(back, there)
 
