@@ -36,10 +36,7 @@ class Arm:
     @property
     def path(self) -> Path:
         """The file; the test is skipped where example-robot-data is not installed."""
-        folder = robots_folder()
-        if folder is None:
-            pytest.skip("example-robot-data is not installed (pip install example-robot-data)")
-        return folder / self.file
+        return robot_file(self.file)
 
     def __str__(self) -> str:
         return self.id
@@ -176,6 +173,14 @@ def robots_folder() -> Path | None:
     with suppress(PackageNotFoundError):
         places.insert(0, Path(str(distribution("example-robot-data").locate_file(_INSIDE))))
     return next((place for place in places if place.is_dir()), None)
+
+
+def robot_file(name: str = "") -> Path:
+    """A file or folder in that folder; the test is skipped where they are not installed."""
+    folder = robots_folder()
+    if folder is None:
+        pytest.skip("example-robot-data is not installed (pip install example-robot-data)")
+    return folder / name
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from commands import Here
 from moving_bases import mapping, played
-from public_arms import robots_folder
+from public_arms import robot_file
 from ruamel.yaml import YAML
 from scipy.spatial.transform import Rotation
 
@@ -40,13 +40,7 @@ _ARM = "hextilt_description/urdf/hextilt_flying_arm_5.urdf"
 
 
 def file_of(name: str) -> Path:
-    folder = robots_folder()
-    if folder is None:
-        pytest.skip("example-robot-data is not installed (pip install example-robot-data)")
-    return (
-        folder
-        / {"arm": "hextilt_description/urdf/hextilt_flying_arm_5.urdf", "go2": "go2_description/urdf/go2.urdf"}[name]
-    )
+    return robot_file({"arm": _ARM, "go2": "go2_description/urdf/go2.urdf"}[name])
 
 
 @cache
@@ -293,7 +287,6 @@ def test_a_hung_quadruped_from_files_to_the_page(
         ("export r --format urdf --out r.urdf", "written"),
     )
     for command, expected in commands:
-        ended = here.run(*command.split(), status=0)
-        assert expected in ended.stdout
+        assert expected in here.run(*command.split(), status=0).stdout
     refused = here.run("export", "r", "--format", "yaml", "--out", "r.yaml")
     assert "robot YAML cannot hold robot 'go2_description', whose base moves; choose mjcf" in refused.stderr

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from public_arms import robots_folder
+from public_arms import robot_file
 from written_files import saved
 
 import excite
@@ -200,10 +200,7 @@ def test_margins_that_cannot_be_are_refused() -> None:
 
 @pytest.mark.slow
 def test_contact_of_a_urdf_with_itself_is_avoided_where_the_motion_has_it(tmp_path: Path) -> None:
-    folder = robots_folder()
-    if folder is None:
-        pytest.skip("example-robot-data is not installed")
-    path = str(folder / "z1_description/urdf/z1.urdf")
+    path = str(robot_file("z1_description/urdf/z1.urdf"))
     options = {"velocity": (2.0,), "acceleration": (8.0,), "joints": ("2", "3"), **SHORT}
     free = excite.design_trajectory(excite.Task(path, self_collision=False, **options))
     kept = excite.design_trajectory(excite.Task(path, **options))

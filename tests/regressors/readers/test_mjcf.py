@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from public_arms import ARMS, Arm, reference, robots_folder
+from public_arms import ARMS, Arm, reference, robot_file
 from refused import refusal
 from reloaded import chain_xml, inverse_dynamics
 from written_files import text_file
@@ -82,14 +82,12 @@ def test_regressor_and_torques_equal_those_of_the_urdf_of_pinocchio_and_of_mujoc
 
 @pytest.mark.parametrize("file", ["ur_description/urdf/ur10_robot.urdf", "xarm_description/urdf/xarm7.urdf"])
 def test_what_mujoco_makes_of_a_urdf_is_read_as_mujoco_moves_it(file: str, tmp_path: Path) -> None:
-    folder = robots_folder()
-    if folder is None:
-        pytest.skip("example-robot-data is not installed")
-    urdf = (folder / file).read_text(encoding="utf-8").replace("<visual", "<!--v").replace("</visual>", "v-->")
+    path = robot_file(file)
+    urdf = path.read_text(encoding="utf-8").replace("<visual", "<!--v").replace("</visual>", "v-->")
     urdf = urdf.replace("<collision", "<!--c").replace("</collision>", "c-->")  # meshes are not found from here
     saved = str(tmp_path / "saved.xml")
     mujoco.mj_saveLastXML(saved, mujoco.MjModel.from_xml_string(urdf))
-    robot, of_urdf = load_robot(saved, snap_angles=False), read_urdf(folder / file, snap_angles=False)
+    robot, of_urdf = load_robot(saved, snap_angles=False), read_urdf(path, snap_angles=False)
     samples = motion(robot)
     assert robot.joint_names == of_urdf.joint_names
     np.testing.assert_allclose(robot.limits.torque, of_urdf.limits.torque, rtol=1e-5)  # it saves six digits

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from hypothesis import given, settings, strategies as st
-from public_arms import ARMS, SOME_TREES, THETA_FROM_PINOCCHIO, Arm, Reference, reference, robots_folder
+from public_arms import ARMS, SOME_TREES, THETA_FROM_PINOCCHIO, Arm, Reference, reference, robot_file
 from refused import refusal
 
 from regressors.errors import InputError, UnknownName
@@ -68,10 +68,7 @@ DEFAULTS = {
 
 @pytest.mark.parametrize(("name", "tips", "held"), DEFAULTS.values(), ids=DEFAULTS)
 def test_all_limbs_of_a_tree_move_but_neither_grippers_nor_wheels(name: str, tips: tuple[str, ...], held: str) -> None:
-    folder = robots_folder()
-    if folder is None:
-        pytest.skip("example-robot-data is not installed")
-    (path,) = folder.rglob(name)
+    (path,) = robot_file().rglob(name)
     robot = read_urdf(path)
     assert tuple(link.name for link in robot.tips) == tips
     assert not [joint for joint in robot.joint_names if re.search("wheel|caster|finger|thumb", joint)]
@@ -82,11 +79,8 @@ def test_all_limbs_of_a_tree_move_but_neither_grippers_nor_wheels(name: str, tip
 
 
 def test_every_public_file_is_read_or_refused_in_one_line() -> None:
-    folder = robots_folder()
-    if folder is None:
-        pytest.skip("example-robot-data is not installed")
     outcomes = {}
-    for path in sorted(folder.rglob("*.urdf")):
+    for path in sorted(robot_file().rglob("*.urdf")):
         try:
             outcomes[path.name] = f"{read_urdf(path).n} joints"
         except InputError as error:
