@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from commands import Here
 from hypothesis import settings
+from processes import DaskProcesses
 from xdist.remote import Producer
 from xdist.scheduler import LoadFileScheduling
 
@@ -47,3 +49,11 @@ def recorded(recorded_files: Path, here: Here) -> Here:
 
     link_files(recorded_files, here.cwd)
     return here
+
+
+@pytest.fixture(scope="module")
+def dask(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskProcesses]:
+    """A Dask scheduler and its workers."""
+    pytest.importorskip("distributed")
+    with DaskProcesses(tmp_path_factory.mktemp("dask")) as processes:
+        yield processes

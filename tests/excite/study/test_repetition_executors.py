@@ -7,7 +7,7 @@ import logging
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
 from commands import Here
@@ -20,13 +20,6 @@ from excite.study.repetitions import repeat_experiment
 
 pytestmark = pytest.mark.slow
 COUNT = 12
-
-
-@pytest.fixture(scope="module")
-def dask(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskProcesses]:
-    pytest.importorskip("distributed")
-    with DaskProcesses(tmp_path_factory.mktemp("dask")) as processes:
-        yield processes
 
 
 @pytest.fixture(autouse=True)

@@ -6,7 +6,7 @@ import logging
 import operator
 import os
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import CancelledError
 from dataclasses import replace
 from pathlib import Path
@@ -142,13 +142,6 @@ def test_an_error_of_a_unit_is_raised() -> None:
 
 
 COUNT = 6
-
-
-@pytest.fixture(scope="module")
-def dask(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskProcesses]:
-    pytest.importorskip("distributed")
-    with DaskProcesses(tmp_path_factory.mktemp("dask")) as processes:
-        yield processes
 
 
 @pytest.fixture(scope="module")
