@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, Stribeck
 from regressors.robot.friction.curves import Side
 from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm
 from regressors.robot.friction.uncertainty import CurveUncertainty
+from regressors.robot.robot import Robot
 
 TUSTIN = Stribeck(Side(14.0, 26.0, 16.8, 0.05, 1.0), Side(9.0, 20.0, 10.6, 0.08, 2.0), 0.4)
 CURVES: dict[str, FrictionCurve] = {
@@ -30,3 +33,9 @@ KNOWN = {
     ),
     "z3": uncertain(("temperature.viscous", "viscous"), 3),
 }
+
+
+def without_friction(robot: Robot) -> Robot:
+    """The robot whose description states no friction."""
+    drives = tuple(replace(drive, coulomb=None, viscous=None) for drive in robot.transmission.drives)
+    return robot.replace(transmission=replace(robot.transmission, drives=drives))

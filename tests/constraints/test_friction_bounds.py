@@ -7,7 +7,7 @@ import itertools
 
 import numpy as np
 import pytest
-from friction_curves import TUSTIN
+from friction_curves import TUSTIN, without_friction
 from hypothesis import given, settings, strategies as st
 from pinocchio_chains import drive_torques, joint_torques
 from slow_dynamics import random_chain
@@ -130,13 +130,6 @@ def test_friction_without_a_bound(curve: FrictionCurve, fastest: float, message:
 # --- torque limits ---------------------------------------------------------------------------------------------------
 
 
-def without_friction() -> Robot:
-    """The IRp-6 whose description states no friction."""
-    robot = built_in("irp6")
-    drives = tuple(dataclasses.replace(d, coulomb=None, viscous=None) for d in robot.transmission.drives)
-    return robot.replace(transmission=dataclasses.replace(robot.transmission, drives=drives))
-
-
 def states(robot: Robot, count: int, size: float) -> Samples:
     """Random ones within the velocity limits of the IRp-6's drives, with accelerations about their limits."""
     rng = np.random.default_rng(5)
@@ -160,7 +153,7 @@ OF_DRIVES: dict[str, FrictionCurve] = {
 @pytest.mark.parametrize("share", [0.0, 0.15])
 def test_torques_within_the_limits_leave_room_for_friction(share: float) -> None:
     """Total torques by Pinocchio and the curves themselves; no known friction counts beside that of a curve."""
-    robot, bare = built_in("irp6"), without_friction()
+    robot, bare = built_in("irp6"), without_friction(built_in("irp6"))
     known = {name: Loaded(curve, share, 0.5 * share) for name, curve in OF_DRIVES.items()} if share else OF_DRIVES
     (limit,) = torque_limits(robot, standard_values(robot), 0.5, friction=FrictionCurves(known))
     samples = states(robot, 400, 25.0)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import Here
+from friction_curves import without_friction
 from pinocchio_chains import drive_torques, whole_motion
 from played import EXACT, irp6, played, three_joints
 
@@ -32,7 +33,6 @@ from regressors.readers.library import built_in
 from regressors.robot.friction.curve import CoulombViscous, Scaled, Stribeck, TableFriction
 from regressors.robot.friction.curves import FrictionCurves, Side
 from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm
-from regressors.robot.robot import Robot
 from regressors.samples import Samples
 
 # [KD96] section 5.2: joints break away at 14.1; 16.8 and 10.6; 18.0 and 14.1 Nm
@@ -80,12 +80,6 @@ def here(saved: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixt
 
 
 # --- the motion ------------------------------------------------------------------------------------------------------
-
-
-def without_friction(robot: Robot) -> Robot:
-    """The robot whose description states no friction."""
-    drives = tuple(dataclasses.replace(d, coulomb=None, viscous=None) for d in robot.transmission.drives)
-    return robot.replace(transmission=dataclasses.replace(robot.transmission, drives=drives))
 
 
 def test_a_designed_motion_leaves_room_for_its_friction() -> None:
