@@ -321,8 +321,7 @@ def test_commands_refuse_devices_and_silent_pipes(here: Here, monkeypatch: pytes
     os.mkfifo(here.cwd / "pipe")
     for command in READING:
         for file, why in (("/dev/zero", "it is a device"), ("pipe", "nothing came through it")):
-            ended = here.run(*command.format(file).split(), status=2)
-            assert why in ended.stderr.splitlines()[-1]
+            assert why in here.run(*command.format(file).split(), status=2).stderr.splitlines()[-1]
             assert not (here.cwd / "out" / "design.json").exists()
 
 

@@ -192,8 +192,7 @@ def test_the_shortest_experiment_and_its_files(here: Here) -> None:
         front = list(csv.DictReader(stream))
     assert [float(row["largest_use"]) for row in front] == [point["use"] for point in whole["front"]]
     assert content_of(folder)["task"]["precision"]["share"] == 2.0
-    again = here.run("design", "irp6", "--precision", "200%", *FEW, "--out", "d", status=2)
-    assert "--force" in again.stderr
+    assert "--force" in here.run("design", "irp6", "--precision", "200%", *FEW, "--out", "d", status=2).stderr
 
 
 @pytest.mark.slow
@@ -276,8 +275,7 @@ def test_verbose_names_the_files_that_are_read(here: Here, capfd: pytest.Capture
     (here.cwd / "irp.yaml").write_text("name: irp\n")
     for words, named in ((("plan", "irp.yaml"), False), (("-v", "plan", "irp.yaml"), True)):
         here.monkeypatch.setattr("commands.without_steps", lambda text: text)
-        ended = here.run(*words)
-        assert ("excite: reading irp.yaml ..." in ended.stderr) == named
+        assert ("excite: reading irp.yaml ..." in here.run(*words).stderr) == named
 
 
 def test_robots_are_listed_by_name(here: Here) -> None:

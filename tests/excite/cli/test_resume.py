@@ -233,8 +233,7 @@ def test_own_code_is_part_of_the_problem(here: Here) -> None:
     options = (*SHORT, "--criterion", "mine_of_resume:Mine", "--starts", "2")
     run("design", *options, "--out", "out", cwd=here.cwd, status=0)
     without_files(here.cwd / "out")
-    again = run("design", *options, "--out", "out", cwd=here.cwd)
-    assert "2 of 2 starts are already done" in again.stderr
+    assert "2 of 2 starts are already done" in run("design", *options, "--out", "out", cwd=here.cwd).stderr
     without_files(here.cwd / "out")
     (here.cwd / "mine_of_resume.py").write_text(OWN.replace("1.0", "2.0"))
     other = run("design", *options, "--out", "out", cwd=here.cwd, status=2)

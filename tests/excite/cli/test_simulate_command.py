@@ -45,8 +45,7 @@ def here(designs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: 
 
 
 def simulated(here: Here, *arguments: str) -> str:
-    ended = here.run("simulate", "-v", *arguments, status=0, stderr="")
-    return ended.stdout
+    return here.run("simulate", "-v", *arguments, status=0, stderr="").stdout
 
 
 def test_the_log_is_that_of_the_library(here: Here) -> None:

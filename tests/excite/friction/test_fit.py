@@ -259,8 +259,7 @@ def test_only_drives_that_the_logs_show_and_those_that_sway_beside_them_are_name
 def test_the_command_writes_curves_that_read_back(here: Here) -> None:
     write_log(run(), here.cwd / "run.csv")
     fit = ("friction", "fit", "irp6", "run.csv", "--out")
-    ended = here.run(*fit, "fit", "-v", status=0, stderr="")
-    assert "asymmetric stribeck (exponent 1)" in ended.stdout
+    assert "asymmetric stribeck (exponent 1)" in here.run(*fit, "fit", "-v", status=0, stderr="").stdout
     folder = here.cwd / "fit"
     written = {"fit.json", "fit_curves.npz", "friction.yaml", "friction.png", "manifest.json"}
     assert {path.name for path in folder.iterdir()} == written

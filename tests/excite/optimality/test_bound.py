@@ -86,8 +86,7 @@ def test_a_stopped_command_keeps_the_bound_and_says_by_its_status_that_it_was_st
 ) -> None:
     monkeypatch.setattr("excite.optimality.design_bound.sensitivity", lambda *_: os.kill(os.getpid(), signal.SIGTERM))
     shutil.copytree(folder, here.cwd / "one")
-    ended = here.run("bound", "one", status=143)
-    assert "written: one/bound.json" in ended.stdout
+    assert "written: one/bound.json" in here.run("bound", "one", status=143).stdout
     assert stored_bound(load_design(here.cwd / "one")) is not None
     monkeypatch.undo()
     assert "bounds are read from bound.json; --force computes them again" in here.run("bound", "one").stdout
