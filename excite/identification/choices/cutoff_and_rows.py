@@ -222,7 +222,7 @@ def _timed_by(fast: Scoring, plain: Recipe, every: RowChoice) -> Chosen:
         return plain, ()
     recipe = replace(every.recipe, delay=plain.delay, log_delays=plain.log_delays)
     soft = fast.softened(recipe)
-    delay, choice = delay_of(soft, DelayFit(recipe), soft.parts(recipe))
+    delay, choice = delay_of(soft, DelayFit(recipe))
     if choice.interval and np.ptp(choice.interval) > LONGEST:
         choice = next(one for one in every.choices if one.name == "delay")
         delay = choice.value
@@ -280,7 +280,7 @@ def _counts(scoring: Scoring, masks: Sequence[Mask]) -> Array:
 def _errors(scoring: Scoring, recipe: Recipe, judge: Scoring) -> LeftOut:
     """Left-out errors of the judge's rows, with estimates from those of the scoring."""
     soft = scoring.softened(recipe)
-    equations = soft.trial.equations(soft.target, soft.parts(recipe), recipe)
+    equations = soft.equations(recipe)
     statistics, judged = (one.trial.statistics_of(equations, soft.target.base.rank) for one in (scoring, judge))
     return soft.of(statistics, judged)
 

@@ -62,10 +62,10 @@ def choose_terms(
 ) -> tuple[Task, Choice]:
     """Choose the optional parameters of each drive."""
     kinds = frozenset(kind for kind, (option, *_) in _TERMS.items() if option in free)
-    parts = scoring.parts(recipe)
-    wide_task = _with_all(task, kinds, scoring, scoring.statistics(recipe, parts), parts)
+    scoring = scoring.prepared_by(recipe)
+    wide_task = _with_all(task, kinds, scoring, recipe)
     wide = target_of(robot, wide_task, recipe.common_width, instantaneous=True)
-    statistics = replace(scoring, target=wide).statistics(recipe, parts)
+    statistics = replace(scoring, target=wide).statistics(recipe)
     always, optional = drive_terms(wide, kinds)
     estimates = () if scoring.estimate is None else _with_bodies(wide, statistics, always)
     groups, steps, tried = choose_columns(statistics, always, optional, *estimates)
@@ -74,22 +74,20 @@ def choose_terms(
     carried = task.model.carried
     if LOAD_SHARE in chosen_kinds:
         own = scoring.with_target(target_of(robot, chosen, recipe.common_width, instantaneous=True), recipe)
-        carried = _carried(own, own.statistics(recipe, parts))
+        carried = _carried(own, own.statistics(recipe))
     speed = chosen.model.stribeck_speed if STRIBECK in chosen_kinds else task.model.stribeck_speed
     chosen = chosen.changed(carried=carried, stribeck_speed=speed)
     return chosen, Choice("terms", tuple(map(_label, groups)), tried, _reason(groups, steps, kinds))
 
 
-def _with_all(
-    task: Task, kinds: frozenset[str], scoring: Scoring, statistics: BlockStatistics, parts: Sequence[PreparedLog]
-) -> Task:
+def _with_all(task: Task, kinds: frozenset[str], scoring: Scoring, recipe: Recipe) -> Task:
     """The task with every term that may be chosen, of the drives whose friction is not known."""
     every = without_curve(True, scoring.target.robot, scoring.trial.friction)
     changes: dict[str, object] = {_TERMS[kind][0]: True if kind == ROTOR else every for kind in kinds}
     if LOAD_SHARE in kinds:
-        changes["carried"] = _carried(scoring, statistics)
+        changes["carried"] = _carried(scoring, scoring.statistics(recipe))
     if STRIBECK in kinds:
-        speeds = np.concatenate([np.sqrt(np.mean(part.samples.dq**2, axis=0)) for part in parts])
+        speeds = np.concatenate([np.sqrt(np.mean(part.samples.dq**2, axis=0)) for part in scoring.parts(recipe)])
         changes["stribeck_speed"] = float(f"{_SPEED * np.median(speeds):.2g}")
     return task.changed(**changes)
 

@@ -51,6 +51,7 @@ class Scoring:
     trial: Trial
     target: IdentificationTarget
     estimate: Estimate | None = None  # see `left_out`; weighted least squares if not given
+    prepared: Sequence[PreparedLog] | None = None  # the logs, whatever is tried; else as each recipe prepares them
 
     def softened(self, recipe: Recipe) -> Scoring:
         """With friction that changes its sign over the recipe's velocity, where trials cannot write it themselves."""
@@ -59,15 +60,25 @@ class Scoring:
             return self
         return replace(self, target=replace(self.target, model=model.softened(width)))
 
-    def parts(self, recipe: Recipe) -> list[PreparedLog]:
-        """The logs under a recipe."""
-        return self.trial.prepared(self.target, recipe)
+    def prepared_by(self, recipe: Recipe) -> Scoring:
+        """With the logs as a recipe prepares them, whatever is tried."""
+        return replace(self, prepared=self.parts(recipe))
 
-    def statistics(
-        self, recipe: Recipe, parts: Sequence[PreparedLog] | None = None, delay: Delays = 0.0
-    ) -> BlockStatistics:
-        """Sums of products under a recipe; of the logs under it, where these are known."""
-        return self.trial.statistics(self.target, self.parts(recipe) if parts is None else parts, recipe, delay)
+    def parts(self, recipe: Recipe) -> Sequence[PreparedLog]:
+        """The logs under a recipe."""
+        return self.trial.prepared(self.target, recipe) if self.prepared is None else self.prepared
+
+    def step(self, recipe: Recipe) -> float:
+        """Least sample time of the logs [s]."""
+        return min(1 / part.log.rate for part in self.parts(recipe))
+
+    def equations(self, recipe: Recipe, delay: Delays = 0.0) -> list[TrialEquations]:
+        """W and y of every log, see `Trial.equations`."""
+        return self.trial.equations(self.target, self.parts(recipe), recipe, delay)
+
+    def statistics(self, recipe: Recipe, delay: Delays = 0.0) -> BlockStatistics:
+        """Sums of products under a recipe."""
+        return self.trial.statistics_of(self.equations(recipe, delay), self.target.base.rank)
 
     def of(self, statistics: BlockStatistics, judged: BlockStatistics | None = None) -> LeftOut:
         """Left-out errors, of the rows that are judged if these are not those of the estimates."""
@@ -325,12 +336,6 @@ class Trial:
             while len(self._prepared) > _MOST // own:
                 self._prepared.popleft()
         return known
-
-    def statistics(
-        self, target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe, delay: Delays = 0.0
-    ) -> BlockStatistics:
-        """Sums of products of every block."""
-        return self.statistics_of(self.equations(target, parts, recipe, delay), target.base.rank)
 
     def statistics_of(self, equations: Sequence[TrialEquations], rank: int) -> BlockStatistics:
         """Sums of products of every block, from the equations of every log."""

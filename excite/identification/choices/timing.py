@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -30,26 +30,22 @@ from regressors.samples import Array
 Chosen = tuple[Recipe, tuple[Choice, ...]]
 
 
-def delay_of(
-    scoring: Scoring, along: DelayFit, parts: Sequence[PreparedLog], *undelayed: Recipe
-) -> tuple[float, Choice]:
+def delay_of(scoring: Scoring, along: DelayFit, *undelayed: Recipe) -> tuple[float, Choice]:
     """Delay of the torques of some logs, see `choose_delay`; friction is softened already."""
 
     def scored(delay: float) -> LeftOut:
         recipes = (along.at(delay), *(() if delay else undelayed))
-        return min((scoring.of(scoring.statistics(one, parts, delay)) for one in recipes), key=lambda one: one.score)
+        return min((scoring.of(scoring.statistics(one, delay)) for one in recipes), key=lambda one: one.score)
 
     def residuals(weights: Array, delay: float) -> list[Array]:
-        return _residuals(scoring, along.at(delay), parts, delay, weights)
+        return _residuals(scoring, along.at(delay), delay, weights)
 
-    return choose_delay(scored, residuals, min(1 / part.log.rate for part in parts), *along.delays.tolist())
+    return choose_delay(scored, residuals, scoring.step(along.recipe), *along.delays.tolist())
 
 
-def _residuals(
-    scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], delay: Delays, weights: Array
-) -> list[Array]:
+def _residuals(scoring: Scoring, recipe: Recipe, delay: Delays, weights: Array) -> list[Array]:
     """Residuals of each equation under a delay, after the estimate with it."""  # weights (r,)
-    equations = scoring.trial.equations(scoring.target, parts, recipe, delay)
+    equations = scoring.equations(recipe, delay)
     statistics = scoring.trial.statistics_of(equations, scoring.target.base.rank)
     beta = scoring.fitted(statistics, weights)
     masks = scoring.trial.rows or [np.ones(y.shape, dtype=bool) for _, y in equations]
@@ -63,10 +59,10 @@ def _kind(recipe: Recipe) -> str:
     return "breakaway" if recipe.breakaway else "sign_width"
 
 
-def _is_smooth(recipe: Recipe, parts: Sequence[PreparedLog]) -> bool:
+def _is_smooth(scoring: Scoring, recipe: Recipe) -> bool:
     """Whether friction takes some samples to change its direction, so that a delay changes it smoothly."""
-    step = min(1 / part.log.rate for part in parts)
-    way = step ** (2 if recipe.breakaway else 1) * np.median([np.sqrt(np.mean(part.samples.ddq**2)) for part in parts])
+    accelerations = [np.sqrt(np.mean(part.samples.ddq**2)) for part in scoring.parts(recipe)]
+    way = scoring.step(recipe) ** (2 if recipe.breakaway else 1) * np.median(accelerations)
     return bool(np.any(np.atleast_1d(getattr(recipe, _kind(recipe))) > way))
 
 
@@ -106,29 +102,25 @@ class DelayFit:
         return _resized(self.recipe, np.clip(self.slope * (delay - self.delays).sum(), -_RANGE, _RANGE))
 
     @classmethod
-    def where_smooth(
-        cls, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, start: Array | float
-    ) -> DelayFit:
+    def where_smooth(cls, scoring: Scoring, recipe: Recipe, groups: Array, start: Array | float) -> DelayFit:
         """The fit; without delays where friction does not change its direction smoothly, before or after it."""
-        fit = cls.of(scoring, recipe, parts, groups, start) if _is_smooth(recipe, parts) else cls(recipe)
-        return fit if _is_smooth(fit.recipe, parts) else cls(fit.recipe)
+        fit = cls.of(scoring, recipe, groups, start) if _is_smooth(scoring, recipe) else cls(recipe)
+        return fit if _is_smooth(scoring, fit.recipe) else cls(fit.recipe)
 
     @classmethod
-    def of(
-        cls, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, start: Array | float
-    ) -> DelayFit:
+    def of(cls, scoring: Scoring, recipe: Recipe, groups: Array, start: Array | float) -> DelayFit:
         """By Gauss and Newton with Tukey's weights; each size is known to a factor of e before."""
         # groups (k, L, r): 1 for the equations of each log that are in it
-        step, k, m = min(1 / part.log.rate for part in parts), len(groups), np.size(getattr(recipe, _kind(recipe)))
+        step, k, m = scoring.step(recipe), len(groups), np.size(getattr(recipe, _kind(recipe)))
         x = np.append(np.full(k, start / step), np.zeros(m))  # delays in samples, logarithms of sizes over the given
         difference = np.repeat([_QUARTER, _LITTLE], [k, m])
         most, limit = (np.repeat([delay / step, size], [k, m]) for delay, size in (_FARTHEST, (LONGEST, _RANGE)))
 
         def residuals(x: Array) -> list[Array]:
             late = step * np.tensordot(x[:k], groups, 1)
-            return _residuals(scoring, _resized(recipe, x[k:]), parts, late, errors.weights)
+            return _residuals(scoring, _resized(recipe, x[k:]), late, errors.weights)
 
-        errors = scoring.of(scoring.statistics(recipe, parts, step * np.tensordot(x[:k], groups, 1)))
+        errors = scoring.of(scoring.statistics(recipe, step * np.tensordot(x[:k], groups, 1)))
         change = np.zeros(k + m)
         for _ in range(_ROUNDS):
             own, *ahead = (residuals(y) for y in (x, *(x + np.diag(difference))))
@@ -188,9 +180,7 @@ _EACH_WORTH = 0.02  # of the score: below that all have one delay
 _OFFSETS = 1e-3 * np.array([-40.0, -20.0, -10.0, -5.0, -2.0, 0.0, 2.0, 5.0, 10.0, 20.0, 40.0])  # that are tried [s]
 
 
-def _with_delays_of_each(
-    chosen: _Timing, timings: Sequence[_Timing], softened: Callable[[Recipe], Scoring], parts: Sequence[PreparedLog]
-) -> _Timing:
+def _with_delays_of_each(chosen: _Timing, timings: Sequence[_Timing], softened: Callable[[Recipe], Scoring]) -> _Timing:
     """Delays of single joints, or of single logs, where these are likelier than one of all, and predict clearly better.
 
     All kinds of presliding are tried again with them, for one that is wrong can stand for delays that differ. The
@@ -199,23 +189,23 @@ def _with_delays_of_each(
     """
     recipe, common = replace(chosen[0], delay=0.0), chosen[2][0].value
     scoring = softened(recipe)
-    errors = scoring.of(scoring.statistics(recipe, parts, common))
+    errors = scoring.of(scoring.statistics(recipe, common))
 
     def is_likelier(fit: DelayFit, found: LeftOut, groups: Array) -> bool:
         """Whether further delays raise the likelihood by more than chance does."""
         late = np.tensordot(fit.delays, groups, 1)
-        each = _residuals(softened(fit.recipe), fit.recipe, parts, late, found.weights)
+        each = _residuals(softened(fit.recipe), fit.recipe, late, found.weights)
         likelihood = DelayLikelihood.of(each, found)
-        one = likelihood.misfit_of(_residuals(scoring, recipe, parts, common, found.weights))
+        one = likelihood.misfit_of(_residuals(scoring, recipe, common, found.weights))
         return one - likelihood.misfit_of(each) > likelihood.margin(len(groups) - 1)
 
-    for names, groups in _groups(scoring, parts).items():
+    for names, groups in _groups(scoring, scoring.parts(recipe)).items():
         fits: dict[DelayFit, LeftOut] = {}
         for own in dict.fromkeys((recipe, *(replace(one[0], delay=0.0) for one in timings))):
             soft = softened(own)
-            start, coarse = _coarse_delays(soft, own, parts, groups, common)
+            start, coarse = _coarse_delays(soft, own, groups, common)
             if errors.score - coarse.score > (_EACH_WORTH if own == recipe else 0.0):
-                fit, found = _fit_of_each(soft, own, parts, groups, start, smooth=len(timings) > 1)
+                fit, found = _fit_of_each(soft, own, groups, start, smooth=len(timings) > 1)
                 if np.all(np.abs(fit.delays) <= LONGEST + BEYOND / 2) and is_likelier(fit, found, groups):
                     fits[fit] = found
             if not fits and own == recipe:
@@ -227,14 +217,14 @@ def _with_delays_of_each(
 
 
 def _fit_of_each(
-    scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, start: Array, *, smooth: bool
+    scoring: Scoring, recipe: Recipe, groups: Array, start: Array, *, smooth: bool
 ) -> tuple[DelayFit, LeftOut]:
     """Delays of each group with their errors, those of some shared where that predicts as well."""
-    fit = DelayFit.where_smooth(scoring, recipe, parts, groups, start) if smooth else DelayFit(recipe)
-    fit = fit if fit.delays.size else _delays_in_turn(scoring, fit.recipe, parts, groups, start)
+    fit = DelayFit.where_smooth(scoring, recipe, groups, start) if smooth else DelayFit(recipe)
+    fit = fit if fit.delays.size else _delays_in_turn(scoring, fit.recipe, groups, start)
     shared = fit.with_shared()
     with_shared, with_own = (
-        scoring.of(scoring.statistics(one.recipe, parts, np.tensordot(one.delays, groups, 1))) for one in (shared, fit)
+        scoring.of(scoring.statistics(one.recipe, np.tensordot(one.delays, groups, 1))) for one in (shared, fit)
     )
     return (fit, with_own) if with_shared.score - with_own.score > _EACH_WORTH else (shared, with_shared)
 
@@ -259,11 +249,9 @@ def _has_friction(scoring: Scoring) -> bool:
     return scoring.trial.friction is not None or bool(among)
 
 
-def _coarse_delays(
-    scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, common: float
-) -> tuple[Array, LeftOut]:
+def _coarse_delays(scoring: Scoring, recipe: Recipe, groups: Array, common: float) -> tuple[Array, LeftOut]:
     """The best delay of each group in turn, beside one of all, by left-out errors."""
-    grid = {delay: scoring.statistics(recipe, parts, delay) for delay in (common + _OFFSETS).tolist()}
+    grid = {delay: scoring.statistics(recipe, delay) for delay in (common + _OFFSETS).tolist()}
     blocks = [np.unique(block[block >= 0]).size for block in scoring.trial.blocks]
     rows = np.repeat(groups, blocks, axis=1) > 0  # (k, B, r)
 
@@ -284,26 +272,21 @@ def _coarse_delays(
 _SWEEPS, _AROUND = 2, 0.005  # times; how far at first [s]
 
 
-def _delays_in_turn(
-    scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], groups: Array, start: Array
-) -> DelayFit:
+def _delays_in_turn(scoring: Scoring, recipe: Recipe, groups: Array, start: Array) -> DelayFit:
     """The delay of each group beside the others', by likelihood: where friction jumps nothing has a slope."""
-    step, late, ends = min(1 / part.log.rate for part in parts), start.copy(), np.zeros((len(start), 2))
+    late, ends = start.copy(), np.zeros((len(start), 2))
+
+    def along(g: int, weights: Array, delay: float) -> list[Array]:
+        """Residuals where a group has another delay."""
+        delays = np.where(np.arange(len(late)) == g, delay, late)
+        return _residuals(scoring, recipe, np.tensordot(delays, groups, 1), weights)
+
     for _ in range(_SWEEPS):
         for g in range(len(groups)):
-
-            def others(delay: float, g: int = g) -> Array:
-                return np.tensordot(np.where(np.arange(len(late)) == g, delay, late), groups, 1)
-
-            errors = scoring.of(scoring.statistics(recipe, parts, others(late[g])))
-
-            def residuals(
-                delay: float, others: Callable[[float], Array] = others, weights: Array = errors.weights
-            ) -> list[Array]:
-                return _residuals(scoring, recipe, parts, others(delay), weights)
-
+            errors = scoring.of(scoring.statistics(recipe, np.tensordot(late, groups, 1)))
+            residuals = partial(along, g, errors.weights)
             likelihood = DelayLikelihood.of(residuals(late[g]), errors)
-            late[g], ends[g] = likelihood.found(residuals, late[g], _AROUND, step)
+            late[g], ends[g] = likelihood.found(residuals, late[g], _AROUND, scoring.step(recipe))
     return DelayFit(recipe, late, ends)
 
 
@@ -320,21 +303,21 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     less delay, since a sign that is smooth and late stands for it. No kind is preferred with a larger delay than that
     of the best.
     """
-    parts = scoring.parts(recipe)
+    scoring = scoring.prepared_by(recipe)
     softened = cache(scoring.softened)
 
     @cache
     def scored(recipe: Recipe, delay: float) -> LeftOut:
-        return softened(recipe).of(softened(recipe).statistics(recipe, parts, delay))
+        return softened(recipe).of(softened(recipe).statistics(recipe, delay))
 
     def along(tried: Recipe, start: float = 0.0) -> DelayFit:
-        return DelayFit.where_smooth(scoring, tried, parts, np.ones((1, 1, 1)), start) if together else DelayFit(tried)
+        return DelayFit.where_smooth(scoring, tried, np.ones((1, 1, 1)), start) if together else DelayFit(tried)
 
     def timing(tried: Recipe, along: DelayFit) -> _Timing:
         """Best delay of a kind of presliding, and then its best size at that delay."""
         if "delay" not in free:
             return tried, scored(tried, 0.0), ()
-        delay, choice = delay_of(softened(tried), along, parts, tried)
+        delay, choice = delay_of(softened(tried), along, tried)
         resized = min((tried, along.at(delay)), key=lambda one: scored(one, delay).score)
         low, high = choice.interval if delay and choice.interval else (0.0, 0.0)
         alike = [delay, *(one.value for one in choice.candidates if low <= one.value <= high)]
@@ -344,11 +327,11 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
             (choice,),
         )
 
-    slidings = _slidings(scoring, recipe, parts)
+    slidings = _slidings(scoring, recipe)
     together = "delay" in free and len(slidings) > 1
     timings = [timing(tried, along(tried)) for tried in slidings]
     (presliding, errors, _), distance = timings[-1], timings[-1][0].breakaway
-    if together and distance and _is_smooth(presliding, parts) and errors.is_better(timings[0][1], _SLIDING_WORTH):
+    if together and distance and _is_smooth(scoring, presliding) and errors.is_better(timings[0][1], _SLIDING_WORTH):
         own: Any = (distance,) * len(friction_rows(scoring.target.robot))
         each = along(replace(presliding, delay=0.0, breakaway=own), presliding.common_delay)
         if each.delays.size and scored(each.recipe, each.delays.item()).is_better(errors, LEAST_GAIN):
@@ -366,7 +349,7 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     elif last[0].breakaway and last[1].score - best[1].score <= _HOLDING[_later(best[0], last[0])]:
         chosen = last
     if chosen[2]:
-        chosen = _with_delays_of_each(chosen, timings, softened, parts)
+        chosen = _with_delays_of_each(chosen, timings, softened)
     if len(timings) == 1:
         return chosen[0], chosen[2]
     words = presliding_words(chosen[0])
@@ -378,12 +361,12 @@ def _later(one: Recipe, other: Recipe) -> bool:
     return abs(one.common_delay) > abs(other.common_delay)
 
 
-def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> list[Recipe]:
+def _slidings(scoring: Scoring, recipe: Recipe) -> list[Recipe]:
     if recipe.sign_width is not None or recipe.breakaway is not None:
         return [replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)]
     asked, known = (recipe, scoring.target, id(scoring.trial.friction)), scoring.trial.slidings
     if asked not in known:
-        known[asked] = presliding_candidates(recipe, scoring.target, parts, scoring.trial.friction)
+        known[asked] = presliding_candidates(recipe, scoring.target, scoring.parts(recipe), scoring.trial.friction)
     return [replace(recipe, **sliding) for sliding, _ in known[asked]]
 
 
