@@ -17,15 +17,7 @@ import scipy
 
 from excite.identification.estimator import CONFIDENCE
 from excite.identification.servo_result import encoder_step
-from excite.identification.servo_windows import (
-    Places,
-    ServoMotion,
-    moves,
-    row_steps,
-    start_values,
-    stretches,
-    windows_of,
-)
+from excite.identification.servo_windows import Places, moves, start_values, windows_of
 from regressors.models.servo_response import COARSE, QUANTITIES, SYMBOLS, Windows, arm_response, response
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index
@@ -54,11 +46,9 @@ _ITERATIONS, _AGAIN = 30, 10  # of the first of these, and of the others
 _PASSES = 3  # of the motion of all joints
 
 
-def fit_servos(
-    motions: Sequence[ServoMotion], places: Places, robot: Robot, progress: Callable[[str], None] = lambda _: None
-) -> ServoFit:
+def fit_servos(places: Places, robot: Robot, progress: Callable[[str], None]) -> ServoFit:
     """Fit the servos of all joints in some windows of logs; those of joints that hardly move stay unknown."""
-    start, windows = start_values(motions, robot), windows_of(motions, places)
+    start, windows = start_values(places.motions, robot), windows_of(places)
     moving = np.flatnonzero([moves(each) for each in np.split(windows.measured, robot.n)])
     values, half_width, of_ratios = start.copy(), np.full_like(start, np.inf), np.full_like(start, np.inf)
     residuals = np.zeros((robot.n, len(places.first), places.count))
@@ -69,7 +59,7 @@ def fit_servos(
     values[moving] = _search(_some(windows, robot.n, moving, few), start[moving])
     for number in range(_REPEATS):
         progress("fitting the servos of all joints")
-        windows = along_response(windows, motions, places, robot, _stuck(values, moving))
+        windows = along_response(windows, places, robot, _stuck(values, moving))
         those = _some(windows, robot.n, moving)
         if not number:
             values[moving] = _from_each(those, _of_other_scales(values[moving]), start[moving])
@@ -80,14 +70,12 @@ def fit_servos(
     return ServoFit(windows, values, half_width, of_ratios, residuals)
 
 
-def along_response(
-    windows: Windows, motions: Sequence[ServoMotion], places: Places, robot: Robot, values: Array
-) -> Windows:
+def along_response(windows: Windows, places: Places, robot: Robot, values: Array) -> Windows:
     """The windows along the motion of some servos, which begins some rows before each window as measured."""
-    command = stretches(motions, places, lambda m: m.command, places.lead + places.settle)
-    first = stretches(motions, places, lambda m: m.log.q, places.settle)
-    speed = stretches(motions, places, lambda m: m.samples.dq, places.settle)[:, 0]
-    arm = arm_response(robot, values, command, row_steps(motions, places), first, speed, _PASSES)
+    command = places.stretches(lambda m: m.command, places.lead + places.settle)
+    first = places.stretches(lambda m: m.log.q, places.settle)
+    speed = places.stretches(lambda m: m.samples.dq, places.settle)[:, 0]
+    arm = arm_response(robot, values, command, places.steps, first, speed, _PASSES)
     begin = places.settle * arm.substeps
 
     def cut(each: Array) -> Array:

@@ -67,8 +67,9 @@ def derivatives(q: Array, step: float) -> tuple[Array, Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Where windows are: of as many rows each."""
+    """Where windows are in the logs: of as many rows each."""
 
+    motions: Sequence[ServoMotion]
     log: Index  # (w,) number of the log
     first: Index  # (w,) first row
     count: int  # rows of each
@@ -79,6 +80,17 @@ class Places:
     def rows(self) -> Index:
         """Rows of every window, shape (w, T)."""
         return self.first[:, None] + np.arange(self.count)
+
+    @property
+    def steps(self) -> Array:
+        """Mean steps between the rows of each window, shape (w,) [s]."""
+        ends = [self.motions[k].log.time[rows[[0, -1]]] for k, rows in zip(self.log, self.rows, strict=True)]
+        return np.asarray(np.diff(ends, axis=1)[:, 0] / (self.count - 1))
+
+    def stretches(self, values: Callable[[ServoMotion], Array], before: int) -> Array:
+        """Values (N, n) of the windows and of some rows before each, shape (w, before + T, n)."""
+        pairs = zip(self.log, self.first, strict=True)
+        return np.array([values(self.motions[k])[first - before : first + self.count] for k, first in pairs])
 
 
 def windows_in(motions: Sequence[ServoMotion]) -> Places:
@@ -100,26 +112,18 @@ def windows_in(motions: Sequence[ServoMotion]) -> Places:
         )
     chosen = np.unique(np.linspace(0, len(places) - 1, min(_MOST_WINDOWS, len(places))).round().astype(int))
     log, first = np.array(places)[chosen].T
-    return Places(log, first, rows, settle, lead)
+    return Places(motions, log, first, rows, settle, lead)
 
 
-def stretches(
-    motions: Sequence[ServoMotion], places: Places, values: Callable[[ServoMotion], Array], before: int
-) -> Array:
-    """Values (N, n) of the windows and of some rows before each, shape (w, before + T, n)."""
-    pairs = zip(places.log, places.first, strict=True)
-    return np.array([values(motions[k])[first - before : first + places.count] for k, first in pairs])
-
-
-def windows_of(motions: Sequence[ServoMotion], places: Places) -> Windows:
+def windows_of(places: Places) -> Windows:
     """The windows of all joints, one joint's after the other's, that begin as measured."""
 
     def cut(values: Callable[[ServoMotion], Array], before: int = 0) -> Array:
-        return np.concatenate(np.moveaxis(stretches(motions, places, values, before), -1, 0))
+        return np.concatenate(np.moveaxis(places.stretches(values, before), -1, 0))
 
     measured = cut(lambda m: m.log.q)
     return Windows(
-        np.tile(row_steps(motions, places), motions[0].log.q.shape[1]),
+        np.tile(places.steps, places.motions[0].log.q.shape[1]),
         cut(lambda m: m.command, places.lead),
         cut(lambda m: m.load),
         cut(lambda m: m.inertia),
@@ -127,12 +131,6 @@ def windows_of(motions: Sequence[ServoMotion], places: Places) -> Windows:
         measured[:, 0],
         cut(lambda m: m.samples.dq)[:, 0],
     )
-
-
-def row_steps(motions: Sequence[ServoMotion], places: Places) -> Array:
-    """Mean steps between the rows of each window, shape (w,) [s]."""
-    ends = [motions[k].log.time[rows[[0, -1]]] for k, rows in zip(places.log, places.rows, strict=True)]
-    return np.asarray(np.diff(ends, axis=1)[:, 0] / (places.count - 1))
 
 
 def moves(measured: Array) -> bool:

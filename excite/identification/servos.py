@@ -16,7 +16,7 @@ from excite.identification.procedure import LogLike, read_logs
 from excite.identification.result import provenance_of
 from excite.identification.servo_fit import ServoFit, fit_servos
 from excite.identification.servo_result import ServoResult, motion_fits
-from excite.identification.servo_windows import Places, ServoMotion, servo_motion, windows_in
+from excite.identification.servo_windows import Places, servo_motion, windows_in
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
 from excite.tasks.installation import Installation
@@ -78,18 +78,17 @@ def identify_servos(
     began, cpu = time.monotonic(), time.process_time()
     whole, _ = robot_and_task(robot, base_link, tip, installation, snap_angles, xacro)
     whole.check_open("the identification of servos")
-    motions = [servo_motion(log, whole) for log in read_logs(logs, whole, mapping, tuple(drop), progress)]
-    places = windows_in(motions)
+    places = windows_in([servo_motion(log, whole) for log in read_logs(logs, whole, mapping, tuple(drop), progress)])
     with one_thread():
-        fit = fit_servos(motions, places, whole, progress)
+        fit = fit_servos(places, whole, progress)
     units = [unit for _, unit in ServoModel(whole).row_labels]
     spent = time.monotonic() - began, time.process_time() - cpu
     result = ServoResult(
         whole,
         fit.values,
         fit.half_width,
-        motion_fits(_predicted(motions, places, fit), units),
-        tuple(motion.log.reference for motion in motions),
+        motion_fits(_predicted(places, fit), units),
+        tuple(motion.log.reference for motion in places.motions),
         len(places.first),
         ratio_half_width=fit.ratio_half_width,
         provenance=provenance_of(spent, mapping, tuple(drop), 0),
@@ -97,12 +96,12 @@ def identify_servos(
     return replace(result, notes=_notes(result), doubts=_doubts(result))
 
 
-def _predicted(motions: Sequence[ServoMotion], places: Places, fit: ServoFit) -> list[tuple[Log, Array]]:
+def _predicted(places: Places, fit: ServoFit) -> list[tuple[Log, Array]]:
     """Each log with the positions that the servos have in the windows; NaN elsewhere."""
-    paths = [np.full_like(motion.log.q, np.nan) for motion in motions]
+    paths = [np.full_like(motion.log.q, np.nan) for motion in places.motions]
     for k, rows, left in zip(places.log, places.rows, np.moveaxis(fit.residuals, 0, -1), strict=True):
-        paths[k][rows] = motions[k].log.q[rows] + left
-    return [(motion.log, path) for motion, path in zip(motions, paths, strict=True)]
+        paths[k][rows] = places.motions[k].log.q[rows] + left
+    return [(motion.log, path) for motion, path in zip(places.motions, paths, strict=True)]
 
 
 def _notes(result: ServoResult) -> tuple[str, ...]:
