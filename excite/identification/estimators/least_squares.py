@@ -34,34 +34,32 @@ def least_squares(observations: Observations) -> Estimate:
     The covariance is ``s^2 (W'W)^-1`` with ``s^2 = ||y - W beta||^2 / (m - p)``; with known noise of covariance Sigma
     it is ``(W'W)^-1 W' Sigma W (W'W)^-1``.
     """
+    return _unweighted("least-squares", observations)
+
+
+def _unweighted(
+    method: str, observations: Observations, end: tuple[Array, Array] | None = None, notes: tuple[str, ...] = ()
+) -> Estimate:
+    """Estimate by rows that count alike; with the values, and a factor of their covariance, of a recursion's end."""
     factors = GroupFactors.of(observations)
     solution = solve_triangular_system(factors.stacked(np.ones(factors.count.size)))
-    freedom = factors.rows - solution.rank
-    variance = solution.square / freedom if freedom > 0 else np.nan
-    covariance = plain_covariance(observations, factors, solution, variance)
-    noise = residual_noise(observations, factors, solution.values, factors.leverages(solution.half))
-    notes = (_EQUAL_NOISE if observations.noise is None else _GIVEN_NOISE,)
-    return stated_estimate("least-squares", observations, solution, variance, solution.values, covariance, noise, notes)
-
-
-def plain_covariance(
-    observations: Observations, factors: GroupFactors, solution: LinearSolution, variance: float
-) -> Array:
-    """Covariance of an unweighted estimate, shape (p, p)."""
-    half = solution.half
-    if observations.noise is None:
-        return scaled_covariance(half, variance)
-    p = half.shape[0]
-    parts = [s * R[:, -p - 1 : -1] @ half for R, s in zip(factors.R, observations.noise.ravel(), strict=True)]
-    spread = np.linalg.qr(np.concatenate(parts), mode="r") @ half.T
-    return np.asarray(spread.T @ spread)
+    values, root = (solution.values, solution.half) if end is None else end
+    square, freedom = solution.square if end is None else factors.squares(values).sum(), factors.rows - solution.rank
+    variance = float(square) / freedom if freedom > 0 else np.nan
+    covariance, note = scaled_covariance(root, variance), _EQUAL_NOISE
+    if observations.noise is not None:
+        p = len(solution.half)
+        scaled = zip(factors.R, observations.noise.ravel(), strict=True)
+        parts = [s * R[:, -p - 1 : -1] @ solution.half for R, s in scaled]
+        spread = np.linalg.qr(np.concatenate(parts), mode="r") @ solution.half.T
+        covariance, note = np.asarray(spread.T @ spread), _GIVEN_NOISE
+    noise = residual_noise(observations, factors, values, factors.leverages(solution.half))
+    return stated_estimate(method, observations, solution, variance, values, covariance, noise, (*notes, note))
 
 
 def scaled_covariance(half: Array, variance: float) -> Array:
     """``variance * half half'``; infinite variances if the variance is not known (NaN)."""
-    if np.isnan(variance):
-        return np.diag(np.full(half.shape[0], np.inf))
-    return np.asarray(variance * (half @ half.T))
+    return np.diag(np.full(len(half), np.inf)) if np.isnan(variance) else np.asarray(variance * (half @ half.T))
 
 
 def residual_noise(observations: Observations, factors: GroupFactors, values: Array, leverages: Array) -> Array:
@@ -89,12 +87,7 @@ class LeastSquares(Estimator):
 
 def weighted(observations: Observations) -> Estimate:
     """Minimiser of ``sum_g ||y_g - W_g beta||^2 / sigma_g^2`` with covariance ``(W' Sigma^-1 W)^-1``."""
-    return weighted_estimate("weighted", weighting(observations))
-
-
-def weighted_estimate(method: str, problem: GroupWeights) -> Estimate:
-    """Estimate from the solution of a weighted problem."""
-    return problem.stated(method, problem.solution.values, problem.solution.half, problem.notes)
+    return weighting(observations).estimate("weighted")
 
 
 class Weighted(Estimator):
@@ -123,19 +116,19 @@ class GroupWeights:
     R: Array  # (k, p + 1) triangular factor of the rows divided by their scale
     solution: LinearSolution  # of that factor
     freedom: int  # rows less estimated parameters
-    notes: tuple[str, ...]
+    note: str
 
     @property
     def variance(self) -> float:
         """Variance of a row divided by its scale: one, or NaN where it is not given, and no redundant row is left."""
-        return 1.0 if self.freedom > 0 or self.notes[0] == _GIVEN else np.nan
+        return 1.0 if self.freedom > 0 or self.note == _GIVEN else np.nan
 
-    def stated(self, method: str, values: Array, half: Array, notes: tuple[str, ...]) -> Estimate:
-        """Estimate with some values, a factor of their covariance, and the noise of the residuals that they leave."""
-        rows, solution, covariance = self.observations, self.solution, scaled_covariance(half, self.variance)
-        leverages = self.factors.leverages(solution.half) / self.scale**2
-        noise = residual_noise(rows, self.factors, values, leverages)
-        return stated_estimate(method, rows, solution, self.variance, values, covariance, noise, notes)
+    def estimate(self, method: str) -> Estimate:
+        """The estimate of the solution, with the noise of its residuals."""
+        rows, solution, variance = self.observations, self.solution, self.variance
+        values, covariance = solution.values, scaled_covariance(solution.half, variance)
+        noise = residual_noise(rows, self.factors, values, self.factors.leverages(solution.half) / self.scale**2)
+        return stated_estimate(method, rows, solution, variance, values, covariance, noise, (self.note,))
 
 
 _GIVEN = "rows weighted by the given noise"
@@ -154,7 +147,7 @@ def weighting(observations: Observations, factors: GroupFactors | None = None) -
         scale = observations.noise.ravel()
         if not np.all(np.isfinite(scale) & (scale > 0)):
             raise InputError(f"observations: known noise must be positive, given {observations.noise.tolist()}")
-        return _problem(observations, factors, scale, (_GIVEN,))
+        return _problem(observations, factors, scale, _GIVEN)
     start = _first_scales(factors, p)
     scale, floor = start, _FLOOR * start
     for _ in range(_ITERATIONS):
@@ -166,12 +159,9 @@ def weighting(observations: Observations, factors: GroupFactors | None = None) -
         change = float(np.abs(np.log(updated / scale)).max())
         scale = updated
         if change < _TOLERANCE:
-            note = "each equation of each log counts by its own noise"
-            return _problem(observations, factors, scale, (note,))
-    note = (
-        f"the weights of the rows did not converge: they still changed by {change:.1e} after {_ITERATIONS} iterations"
-    )
-    return _problem(observations, factors, scale, (note,))
+            return _problem(observations, factors, scale, "each equation of each log counts by its own noise")
+    late = f"they still changed by {change:.1e} after {_ITERATIONS} iterations"
+    return _problem(observations, factors, scale, f"the weights of the rows did not converge: {late}")
 
 
 def _first_scales(factors: GroupFactors, p: int) -> Array:
@@ -190,10 +180,10 @@ def _first_scales(factors: GroupFactors, p: int) -> Array:
     return np.where(sizes > 0, sizes, np.where(made > 0, made, largest))
 
 
-def _problem(observations: Observations, factors: GroupFactors, scale: Array, notes: tuple[str, ...]) -> GroupWeights:
+def _problem(observations: Observations, factors: GroupFactors, scale: Array, note: str) -> GroupWeights:
     R = factors.stacked(scale)
     solution = solve_triangular_system(R[:, -observations.W.shape[1] - 1 :])
-    return GroupWeights(observations, factors, scale, R, solution, factors.rows - solution.rank, notes)
+    return GroupWeights(observations, factors, scale, R, solution, factors.rows - solution.rank, note)
 
 
 PRIOR = 1e8
@@ -211,7 +201,7 @@ def recursive(observations: Observations, prior: float = PRIOR, every: int = 1) 
         raise InputError(f"recursive: the prior c must be a positive number, given {prior}")
     if every < 1:
         raise InputError(f"recursive: every must be 1 or more, given {every}")
-    factors = GroupFactors.of(observations)
+    GroupFactors.of(observations)  # refuses what is not finite
     last = _ends_of_instants(observations)
     kept = np.unique(np.append(np.arange(every - 1, last.size, every), last.size - 1))
     p, wanted = observations.W.shape[1], last[kept]
@@ -221,16 +211,8 @@ def recursive(observations: Observations, prior: float = PRIOR, every: int = 1) 
         a, b = np.searchsorted(wanted, (rows.start, rows.stop))
         estimates[a:b] = path[wanted[a:b] - rows.start]
         values = path[-1]
-    solution = solve_triangular_system(factors.stacked(np.ones(factors.count.size)))
-    freedom = factors.rows - solution.rank
-    variance = float(factors.squares(values).sum()) / freedom if freedom > 0 else np.nan
-    if observations.noise is None:
-        covariance, note = scaled_covariance(root, variance), _EQUAL_NOISE
-    else:
-        covariance, note = plain_covariance(observations, factors, solution, variance), _GIVEN_NOISE
-    noise = residual_noise(observations, factors, values, factors.leverages(solution.half))
-    notes = (f"started from zero with P = {prior:g} E", "forgetting factor 1", note)
-    estimate = stated_estimate("recursive", observations, solution, variance, values, covariance, noise, notes)
+    notes = (f"started from zero with P = {prior:g} E", "forgetting factor 1")
+    estimate = _unweighted("recursive", observations, (values, root), notes)
     return replace(estimate, history=(observations.time[wanted], estimates))
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from excite.errors import ConicSolverError
 from excite.identification.estimator import Estimate
-from excite.identification.estimators.least_squares import GroupWeights, weighted_estimate
+from excite.identification.estimators.least_squares import GroupWeights
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import Base
 from regressors.models.model import RegressorModel
@@ -35,6 +35,7 @@ _EXACT = 1e-8  # of the length of a group's y: noise below it counts as that
 _EXACT_NOTE = "the data has hardly any noise: possible bodies fit it to about 1e-8 of its size, not to its noise"
 
 
+Described = Mapping[str, float]  # standard parameters by name, as a description states them
 # prior knowledge of single parameters, value and deviation: adds ``sum ((theta_k - value_k) / deviation_k)^2 / 2``
 Pull = Mapping[str, tuple[float, float]]
 
@@ -73,7 +74,7 @@ def standard_problem(
     model: RegressorModel,
     base: Base,
     pull: Pull | None = None,
-    reference: Mapping[str, float] | None = None,
+    reference: Described | None = None,
 ) -> StandardProblem:
     """Set up the problem for observations in a model's base columns."""
     if problem.observations.names != base.names:
@@ -92,12 +93,7 @@ def _exact_scale(problem: GroupWeights) -> Array:
 
 
 def problem_of_factor(
-    R: Array,
-    r: Array,
-    model: RegressorModel,
-    base: Base,
-    pull: Pull | None = None,
-    reference: Mapping[str, float] | None = None,
+    R: Array, r: Array, model: RegressorModel, base: Base, pull: Pull | None = None, reference: Described | None = None
 ) -> StandardProblem:
     """Set up the problem for a triangular factor of a model's base columns, ``min ||R A theta - r||``."""
     # R (k, b); r (k,)
@@ -118,9 +114,7 @@ def problem_of_factor(
     return StandardProblem(names, A, R @ A, r, S, bodies, positive, scale, prior, deviation)
 
 
-def _bodies(
-    model: RegressorModel, known: Mapping[str, float], size: float = 1.0
-) -> tuple[tuple[Body, ...], Array, Array]:
+def _bodies(model: RegressorModel, known: Described, size: float = 1.0) -> tuple[tuple[Body, ...], Array, Array]:
     """Bodies, reference values and sizes of all parameters; unknown ones for torques of about a size."""
     columns = model.standard_columns
     reference = np.array([known.get(c.name, size * _ROTOR if c.kind == ROTOR else 0.0) for c in columns])
@@ -139,7 +133,7 @@ def _bodies(
     return tuple(bodies), reference, scale
 
 
-def near_described(model: RegressorModel, described: Mapping[str, float], within: float) -> Pull:
+def near_described(model: RegressorModel, described: Described, within: float) -> Pull:
     """Pull of every body that is described towards its description."""
     pull: dict[str, tuple[float, float]] = {}
     for _, ten in _whole_bodies(model):
@@ -333,7 +327,7 @@ def possible_estimate(
     problem: GroupWeights, standard: StandardProblem, theta: Array, notes: tuple[str, ...]
 ) -> Estimate:
     """Estimate from possible standard parameters, with the covariance of weighted least squares."""
-    free = weighted_estimate("physical", problem)
+    free = problem.estimate("physical")
     fit = np.asarray(standard.A @ theta)
     values = np.where(np.isnan(free.values), np.nan, fit)
     named = dict(zip(standard.names, theta.tolist(), strict=True))

@@ -138,7 +138,7 @@ def instrumental(observations: Observations, instruments: Array) -> Estimate:
     variance = 1.0 if freedom > 0 or observations.noise is not None else np.nan
     values, covariance = solution.values, scaled_covariance(solution.half, variance)
     noise = residual_noise(observations, factors, values, factors.count - spare)
-    notes = ("instruments taken as free of the noise of the rows", start.notes[0])
+    notes = ("instruments taken as free of the noise of the rows", start.note)
     return stated_estimate("instrumental", observations, solution, variance, values, covariance, noise, notes)
 
 
