@@ -167,9 +167,7 @@ class Context:
     target: IdentificationTarget
     prepared: tuple[PreparedLog, ...]  # one per log
     recipe: Recipe
-    described: Mapping[str, float] = field(
-        default_factory=dict
-    )  # standard parameters as the robot's description states
+    described: Mapping[str, float] = field(default_factory=dict)  # standard parameters as the description states
     commanded: Trajectory | None = None  # the motion that was played
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -24,7 +24,7 @@ from excite.identification.choices.left_out import (
 )
 from excite.identification.equations import DirectedFriction, drive_directions, friction_drives, nearest
 from excite.identification.estimators.physical import possible_fit
-from excite.identification.estimators.possible_set import Pull, near_described
+from excite.identification.estimators.possible_set import Described, Pull, near_described
 from excite.identification.prediction import without_friction
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.presliding import Sliding
@@ -83,9 +83,7 @@ class Scoring:
     def of(self, statistics: BlockStatistics, judged: BlockStatistics | None = None) -> LeftOut:
         """Left-out errors, of the rows that are judged if these are not those of the estimates."""
         plain = left_out(statistics, judged=judged)
-        if self.estimate is None:
-            return plain
-        return left_out(statistics, self.estimate, plain.weights, judged=judged)
+        return plain if self.estimate is None else left_out(statistics, self.estimate, plain.weights, judged=judged)
 
     def fitted(self, statistics: BlockStatistics, weights: Array) -> Array:
         """The estimate from all blocks, shape (p,)."""
@@ -116,7 +114,7 @@ def scoring_of(trial: Trial, target: IdentificationTarget, recipe: Recipe, *, ma
 WITHIN = (10.0, 3.0, 1.0)  # of the described bodies, in their sizes
 
 
-def best_pulled(target: IdentificationTarget, described: Mapping[str, float], statistics: BlockStatistics) -> Estimate:
+def best_pulled(target: IdentificationTarget, described: Described, statistics: BlockStatistics) -> Estimate:
     """`pulled_least_squares` with the deviation that predicts left-out blocks best."""
     pulls = [near_described(target.model, described, within) for within in WITHIN]
     estimates = [pulled_least_squares(target, pull, range(target.base.rank)) for pull in pulls]
@@ -152,7 +150,7 @@ DEVIATIONS = (None, 10.0, 3.0, 1.0, 0.3)  # of the described bodies, in their si
 
 
 def choose_bodies(
-    statistics: BlockStatistics, target: IdentificationTarget, described: Mapping[str, float], recipe: Recipe
+    statistics: BlockStatistics, target: IdentificationTarget, described: Described, recipe: Recipe
 ) -> tuple[Recipe, Choice]:
     """Whether bodies are held physically possible, and how near to the description.
 
@@ -186,7 +184,7 @@ def choose_bodies(
     return taken, Choice("estimator", _words(chosen), listed, reason)
 
 
-def deviations_to_try(target: IdentificationTarget, described: Mapping[str, float]) -> Sequence[float | None]:
+def deviations_to_try(target: IdentificationTarget, described: Described) -> Sequence[float | None]:
     """Deviations from the description that are tried; only None where it states no body."""
     return DEVIATIONS if near_described(target.model, described, 1.0) else DEVIATIONS[:1]
 
@@ -198,7 +196,7 @@ def _words(deviation: float | None) -> str:
 
 
 def possible_estimate_of_products(
-    target: IdentificationTarget, described: Mapping[str, float], deviation: float | None
+    target: IdentificationTarget, described: Described, deviation: float | None
 ) -> Estimate:
     """Estimate by physically possible bodies from sums of products; by least squares where the solver finds none."""
     pull = _pull(target, described, deviation)
@@ -214,13 +212,11 @@ def possible_estimate_of_products(
     return estimate
 
 
-def _pull(target: IdentificationTarget, described: Mapping[str, float], deviation: float | None) -> Pull | None:
+def _pull(target: IdentificationTarget, described: Described, deviation: float | None) -> Pull | None:
     return None if deviation is None else near_described(target.model, described, deviation)
 
 
-def _possible_fit(
-    target: IdentificationTarget, both: Array, described: Mapping[str, float], pull: Pull | None
-) -> Array:
+def _possible_fit(target: IdentificationTarget, both: Array, described: Described, pull: Pull | None) -> Array:
     return possible_fit(factor_of_products(both), target.model, target.base, pull=pull, reference=described)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from excite.errors import ConicSolverError
 from excite.identification.estimator import Context, Estimate, Estimator
 from excite.identification.estimators.least_squares import weighting
 from excite.identification.estimators.possible_set import (
+    Described,
     PossibleSet,
     Pull,
     StandardProblem,
@@ -48,7 +49,7 @@ def physical(
     base: Base,
     *,
     pull: Pull | None = None,
-    reference: Mapping[str, float] | None = None,
+    reference: Described | None = None,
 ) -> Estimate:
     """Weighted least squares over physically possible standard parameters of bodies and drives.
 
@@ -67,7 +68,7 @@ def physical(
 
 
 def possible_fit(
-    factor: Array, model: RegressorModel, base: Base, *, pull: Pull | None, reference: Mapping[str, float] | None
+    factor: Array, model: RegressorModel, base: Base, *, pull: Pull | None, reference: Described | None
 ) -> Array:
     """Base parameters of `physical`, shape (b,), from a factor F of ``[W y]' [W y] = F' F`` in the rows' weights."""
     standard = problem_of_factor(factor[:, :-1], factor[:, -1], model, base, pull, reference)
