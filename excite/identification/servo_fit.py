@@ -34,7 +34,6 @@ _LATER = [SYMBOLS.index(symbol) for symbol in ("Fs", "mu", "delta")]  # what is 
 class ServoFit:
     """Unknowns of the servos of all joints."""
 
-    windows: Windows  # one joint's after the other's
     values: Array  # (n, p)
     half_width: Array  # (n, p) of 99 % intervals; infinite of what is not shown
     ratio_half_width: Array  # (n, p) of torques over the stiffness
@@ -53,7 +52,7 @@ def fit_servos(places: Places, robot: Robot, progress: Callable[[str], None]) ->
     values, half_width, of_ratios = start.copy(), np.full_like(start, np.inf), np.full_like(start, np.inf)
     residuals = np.zeros((robot.n, len(places.first), places.count))
     if not moving.size:
-        return ServoFit(windows, values, half_width, of_ratios, residuals)
+        return ServoFit(values, half_width, of_ratios, residuals)
     progress("searching for the servo of each joint")
     few = np.unique(np.linspace(0, len(places.first) - 1, _SEARCHED).round().astype(int))
     values[moving] = _search(_some(windows, robot.n, moving, few), start[moving])
@@ -67,7 +66,7 @@ def fit_servos(places: Places, robot: Robot, progress: Callable[[str], None]) ->
         values[moving] = fit.values
     values[moving], half_width[moving], of_ratios[moving] = _judged(those, fit)
     residuals[moving] = fit.left.reshape(len(moving), -1, places.count)
-    return ServoFit(windows, values, half_width, of_ratios, residuals)
+    return ServoFit(values, half_width, of_ratios, residuals)
 
 
 def along_response(windows: Windows, places: Places, robot: Robot, values: Array) -> Windows:

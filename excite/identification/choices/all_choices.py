@@ -172,7 +172,6 @@ class ChoicesInTurn:
     progress: Callable[[str], None]
     undivided: bool
     choices: tuple[Choice, ...] = ()
-    _known: tuple[Task, IdentificationTarget] | None = None
 
     def __post_init__(self) -> None:
         self.scoring, self.friction = self.whole, self.whole.trial.friction  # by the rows that settings are chosen by
@@ -247,9 +246,7 @@ class ChoicesInTurn:
 
     def _own_target(self) -> IdentificationTarget:
         """With the chosen parameters, single instants, and the exact sign."""
-        if self._known is None or self._known[0] is not self.task:
-            self._known = self.task, target_of(self.robot, self.task, 0.0, instantaneous=True)
-        return self._known[1]
+        return target_of(self.robot, self.task, 0.0, instantaneous=True)
 
     def _own(self, recipe: Recipe) -> Scoring:
         """By every row, in the columns of the chosen parameters."""
