@@ -173,11 +173,11 @@ def identify(
 
     if equations != asked:
         _check_instants(robot, task)
-    with _refusals_explained(robot, task, read, recipe, curves, progress):
+    known = {"commanded": commanded, "friction": curves, "progress": progress}
+    with _refusals_explained(robot, task, read, recipe, known):
         target = instantaneous_target(robot, task, recipe)
         read = [with_external_forces(robot, target, log, recipe) for log in read]
         chosen = choose_settings(robot, task, read, recipe, free, friction=curves, progress=progress)
-        known = {"commanded": commanded, "friction": curves, "progress": progress}
         floats = asked is None and layout is not None and layout.base is not None and layout.base.free
         estimated = _estimated_on_free_base if floats else _estimated
         chosen, result = estimated(robot, chosen, read, known, may_fall_back="estimator" in free)
@@ -207,12 +207,7 @@ def identify(
 
 @contextmanager
 def _refusals_explained(
-    robot: Robot,
-    task: Task,
-    logs: Sequence[Log],
-    recipe: Recipe,
-    friction: FrictionCurves | None,
-    progress: Callable[[str], None],
+    robot: Robot, task: Task, logs: Sequence[Log], recipe: Recipe, known: Mapping[str, Any]
 ) -> Iterator[None]:
     """Add to what refuses logs in the block the fault that explains it, found without the limits of the robot."""
     try:
@@ -221,10 +216,10 @@ def _refusals_explained(
         for jump in (jump for log in logs for jump in clock_jumps(log)):
             error.args = ("; ".join([str(error).split("; ")[0], f"{SPOILT} {jump.what}", jump.cure]),)
             raise
-        progress("looking for the fault that explains why the log is refused")
+        known["progress"]("looking for the fault that explains why the log is refused")
         unlimited = robot.replace(limits=Limits.none(robot.n))
         with suppress(ExciteError, ArithmeticError, np.linalg.LinAlgError):  # of what limits alone do not refuse
-            for doubt in estimate_parameters(unlimited, task, logs, recipe, friction=friction).doubts:
+            for doubt in estimate_parameters(unlimited, task, logs, recipe, friction=known["friction"]).doubts:
                 if doubt.what.startswith(SPOILT):
                     error.args = ("; ".join([str(error).split("; ")[0], doubt.what, doubt.cure]),)
         raise
