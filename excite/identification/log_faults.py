@@ -81,12 +81,9 @@ def obvious_faults(names: tuple[str, ...], parts: tuple[PreparedLog, ...]) -> It
         yield from _clipped(names, y[~within(part.log.time, part.saturated)])
         both_ways = np.minimum(np.mean(dq > 0, axis=0), np.mean(dq < 0, axis=0)) > 0.2
         if np.all(y >= 0) and np.any(y > 0) and both_ways.all() and len(names) > 1:
-            yield Fault(
-                "magnitudes",
-                names,
-                "the torques of all joints are never negative although all of them move both ways: they are magnitudes",
-                "record torques with their signs, or map the columns of the signed currents (`current`)",
-            )
+            what = "the torques of all joints are never negative although all of them move both ways"
+            cure = "record torques with their signs, or map the columns of the signed currents (`current`)"
+            yield Fault("magnitudes", names, f"{what}: they are magnitudes", cure)
 
 
 _NEAR, _JUMP, _LEAST_MOTION = 5, 0.1, 0.01  # rows on either side [-], least jump [s], motion in it [rad or m]
@@ -133,39 +130,27 @@ def _clipped(names: tuple[str, ...], y: Array) -> Iterator[Fault]:
 def column_faults(names: tuple[str, ...]) -> Iterator[Fault]:
     """Faults of columns that have no value of their own."""
     n = len(names)
-    for what, signed in (("torque", "torques"), ("position", "positions and velocities")):
+    for of, signed in (("torque", "torques"), ("position", "positions and velocities")):
         for a, b in combinations(range(n), 2):
             order = list(range(n))
             order[a], order[b] = b, a
-            yield Fault(
-                f"{what}s swapped",
-                (names[a], names[b]),
-                f"the {what} columns of {names[a]} and {names[b]} are exchanged",
-                f"exchange these two `columns` of the {what}s in the mapping{_order(names, order)}",
-                **_undone(what, np.eye(n)[order]),
-            )
+            what = f"the {of} columns of {names[a]} and {names[b]} are exchanged"
+            cure = f"exchange these two `columns` of the {of}s in the mapping{_order(names, order)}"
+            yield Fault(f"{of}s swapped", (names[a], names[b]), what, cure, **_undone(of, np.eye(n)[order]))
         for j, name in enumerate(names):
-            yield Fault(
-                f"{what} sign",
-                (name,),
-                f"the {what}s of {name} have the opposite sign",
-                f"use `{_each('sign', n, j, '-1')}` for the {signed} in the mapping",
-                **_undone(what, np.diag(np.where(np.arange(n) == j, -1.0, 1.0))),
-            )
+            what, cure = f"the {of}s of {name} have the opposite sign", f"use `{_each('sign', n, j, '-1')}`"
+            undone = _undone(of, np.diag(np.where(np.arange(n) == j, -1.0, 1.0)))
+            yield Fault(f"{of} sign", (name,), what, f"{cure} for the {signed} in the mapping", **undone)
     for shift in (1, -1) if n > 2 else ():
         order = [(k + shift) % n for k in range(n)]
-        yield Fault(
-            "torques shifted",
-            names,
-            f"the torque columns are shifted: that of {names[0]} is what stands for {names[shift % n]}",
-            f"shift the `columns` of the torques in the mapping by one{_order(names, order)}",
-            torques=np.eye(n)[order],
-        )
+        what = f"the torque columns are shifted: that of {names[0]} is what stands for {names[shift % n]}"
+        cure = f"shift the `columns` of the torques in the mapping by one{_order(names, order)}"
+        yield Fault("torques shifted", names, what, cure, torques=np.eye(n)[order])
 
 
-def _undone(what: str, A: Array) -> dict[str, Any]:
+def _undone(of: str, A: Array) -> dict[str, Any]:
     """What undoes a fault of the torques, or of the positions."""
-    return {"torques": A} if what == "torque" else {"positions": (A, np.zeros(len(A)))}
+    return {"torques": A} if of == "torque" else {"positions": (A, np.zeros(len(A)))}
 
 
 _UNITS = {1e3: ("kNm", "Nm"), 1e-3: ("mNm", "Nm")}  # of factors: what was recorded, and taken for
@@ -225,15 +210,11 @@ def gains_fault(names: tuple[str, ...], gains: Array, shown: Flags, *, known: bo
         else ("all together", "up to one factor")
     )
     hidden = "".join(f"; that of {name} does not show" for name in np.array(names)[~shown])
-    return Fault(
-        "gains",
-        tuple(np.array(names)[odd].tolist()),
-        f"the torques of {joints} are {values} times what {whose} would need, as currents or drive units are",
-        f"use `gain: [{', '.join(f'{g:.3g}' for g in np.where(shown, gains, 1.0))}]` for the torques in the mapping, "
-        f"{scale}, or the torque constants of the motors{hidden}",
-        np.diag(gains),
-        freedom=FREEDOM * (len(names) - 1),
-    )
+    concerned, listed = tuple(np.array(names)[odd].tolist()), ", ".join(f"{g:.3g}" for g in np.where(shown, gains, 1.0))
+    what = f"the torques of {joints} are {values} times what {whose} would need, as currents or drive units are"
+    line = f"use `gain: [{listed}]` for the torques in the mapping, {scale}"
+    cure = f"{line}, or the torque constants of the motors{hidden}"
+    return Fault("gains", concerned, what, cure, np.diag(gains), freedom=FREEDOM * (len(names) - 1))
 
 
 def gravity_fault(described: Array, gravity: Array) -> Fault:
@@ -313,14 +294,10 @@ def lengths_fault(robot: Robot, factors: Array, shown: Flags) -> Fault:
 def zero_fault(names: tuple[str, ...], j: int, zero: float) -> Fault:
     """True positions of a joint are ``zero`` more than those in the log."""
     n, degrees = len(names), float(np.rad2deg(zero))
-    return Fault(
-        "zero",
-        (names[j],),
-        f"the zero of {names[j]} is off by {degrees:.3g} degrees",
-        f"use `{_each('offset', n, j, f'{-degrees:.3g}', '0')}` for the positions in the mapping where their "
-        f"unit is deg, or {-zero:.3g} in rad",
-        positions=(np.eye(n), np.where(np.arange(n) == j, zero, 0.0)),
-    )
+    what = f"the zero of {names[j]} is off by {degrees:.3g} degrees"
+    line = f"use `{_each('offset', n, j, f'{-degrees:.3g}', '0')}` for the positions in the mapping"
+    cure = f"{line} where their unit is deg, or {-zero:.3g} in rad"
+    return Fault("zero", (names[j],), what, cure, positions=(np.eye(n), np.where(np.arange(n) == j, zero, 0.0)))
 
 
 def _each(key: str, n: int, j: int, value: str, other: str = "1") -> str:

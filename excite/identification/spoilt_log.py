@@ -91,9 +91,6 @@ def named(none: Fault, fits: list[Fault], noise: Array, zeros: float) -> Doubt |
     few = len(alike) <= 2 or {fit.kind for fit in alike} == _SAME_SIGNS[0]
     if not (clear and len(close) < len(alike) and few) or not best.what:
         return None
-    return Doubt(
-        f"{SPOILT} {', or '.join(fault.what for fault in alike)}",
-        f"without this fault the error of the joints is {percent(best.error)} instead of {percent(none.error)}",
-        ", or ".join(fault.cure for fault in alike),
-        about="torques",
-    )
+    what, cure = ", or ".join(fault.what for fault in alike), ", or ".join(fault.cure for fault in alike)
+    cause = f"without this fault the error of the joints is {percent(best.error)} instead of {percent(none.error)}"
+    return Doubt(f"{SPOILT} {what}", cause, cure, about="torques")
