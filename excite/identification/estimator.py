@@ -333,15 +333,8 @@ def stated_estimate(
     # values (p,); covariance (p, p); noise (groups,)
     freedom = observations.y.size - solution.rank
     seen, combinations = estimability(solution, observations.names, variance, freedom)
-    return Estimate(
-        method,
-        observations.names,
-        observations.units,
-        np.where(seen, values, np.nan),
-        of_seen(covariance, seen),
-        np.asarray(noise, dtype=float).reshape(len(observations.logs), len(observations.equations)),
-        freedom,
-        tuple(name for name, one in zip(observations.names, seen, strict=True) if not one),
-        (*notes, *combinations),
-        fit=np.asarray(values, dtype=float),
-    )
+    names, units, fit = observations.names, observations.units, np.asarray(values, dtype=float)
+    unseen = tuple(name for name, one in zip(names, seen, strict=True) if not one)
+    noise = np.asarray(noise, dtype=float).reshape(len(observations.logs), len(observations.equations))
+    values, covariance, notes = np.where(seen, values, np.nan), of_seen(covariance, seen), (*notes, *combinations)
+    return Estimate(method, names, units, values, covariance, noise, freedom, unseen, notes, fit=fit)
