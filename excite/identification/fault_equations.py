@@ -168,15 +168,9 @@ class Equations:
         known = np.zeros(inertial.size) if search.described is None else search.described * inertial
         believed = inertial.astype(float) * (search.described is not None)
         X = np.concatenate([W, added, (W @ known)[:, :, None]], axis=2)
-        right, squares = _with_torques(X, measured)
-        return Equations(
-            X,
-            np.array([x.T @ x for x in X.transpose(1, 0, 2)]),
-            right,
-            squares,
-            np.concatenate([search.signs, added_signs]),
-            np.concatenate([believed, np.zeros(added.shape[2])]),
-        )
+        products, signs = np.array([x.T @ x for x in X.transpose(1, 0, 2)]), np.concatenate([search.signs, added_signs])
+        believed = np.concatenate([believed, np.zeros(added.shape[2])])
+        return Equations(X, products, *_with_torques(X, measured), signs, believed)
 
     def of_torques(self, measured: Array) -> Equations:
         """The same equations of other torques, shape (N, n)."""

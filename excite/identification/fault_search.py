@@ -13,7 +13,6 @@ import scipy
 from excite.identification.fault_equations import Equations, Instants, friction_columns
 from excite.identification.impossible_parameters import described_coefficients, signs_of_bodies
 from excite.identification.log_faults import (
-    FREEDOM,
     LEAST_ERROR,
     NO_FAULT,
     OTHER_MASSES,
@@ -104,8 +103,7 @@ class FaultSearch(Instants):
 
     def with_load(self) -> Fault:
         """Fit where the robot may carry a load that is not described."""
-        n = self.samples.q.shape[1]
-        K = PayloadModel(self.target.robot).instants(self.samples).reshape(-1, n, 10)
+        K = PayloadModel(self.target.robot).instants(self.samples).reshape(*self.samples.q.shape, 10)
         fit = Equations.of(self, self.samples, self.columns, self.measured, K).fit(UNTOLD_LOAD)
         return fit if is_load(fit.parameters[-10:]) else NO_FAULT
 
@@ -113,10 +111,8 @@ class FaultSearch(Instants):
         """Fit where all described masses may be too large, or too small, by one factor."""
 
         def fit(log_factor: float) -> Fault:
-            known = None if self.described is None else self.described * np.exp(log_factor)
-            return Equations.of(replace(self, described=known), self.samples, self.columns, self.measured).fit(
-                replace(OTHER_MASSES, freedom=FREEDOM)
-            )
+            other = replace(self, described=None if self.described is None else self.described * np.exp(log_factor))
+            return Equations.of(other, self.samples, self.columns, self.measured).fit(OTHER_MASSES)
 
         found = scipy.optimize.minimize_scalar(lambda x: fit(x).size, bounds=_MASSES, method="bounded")
         return fit(float(found.x))

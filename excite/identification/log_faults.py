@@ -68,7 +68,9 @@ class Fault:
 
 
 NO_FAULT = Fault("none", (), "", "")
-UNTOLD_LOAD, OTHER_MASSES = Fault("untold load", (), "", ""), Fault("other masses", (), "", "")  # no faults of a log
+FREEDOM, _FREEDOM_OF_TIME = 0.1, 0.3  # of each value that is fitted; of a change from the best time on
+# no faults of a log
+UNTOLD_LOAD, OTHER_MASSES = Fault("untold load", (), "", ""), Fault("other masses", (), "", "", freedom=FREEDOM)
 
 
 def obvious_faults(names: tuple[str, ...], parts: tuple[PreparedLog, ...]) -> Iterator[Fault]:
@@ -190,7 +192,6 @@ def gain_or_masses(gain: Fault) -> Fault:
     return replace(gain, what=what, cure=f"{gain.cure}; or the masses of the description are off by as much")
 
 
-FREEDOM, _FREEDOM_OF_TIME = 0.1, 0.3  # of each value that is fitted; of a change from the best time on
 _ODD_SCALE = 3.0  # masses of descriptions are off by less
 _LEVEL, _MOVED = np.deg2rad([5.0, 2.0])  # a smaller tilt is not a fault, nor a smaller one from some time on
 _DRIFT = 0.1  # a smaller change of friction is not stated
