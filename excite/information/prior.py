@@ -84,11 +84,8 @@ def prior_of(model: RegressorModel, base: Base, prior: float | tuple[Belief, ...
         definition, names = _with_own(definition, names, model.names, own)
         values |= {belief.name: belief.value for belief in prior}
         deviations = {belief.name: belief.deviation for belief in prior}
-    return Prior(
-        base.D @ definition,
-        np.array([values.get(name, np.nan) for name in names]),
-        np.array([deviations.get(name, np.inf) for name in names]),
-    )
+    known = np.array([values.get(name, np.nan) for name in names])
+    return Prior(base.D @ definition, known, np.array([deviations.get(name, np.inf) for name in names]))
 
 
 def _with_own(

@@ -255,8 +255,7 @@ def pieces_of(part: PreparedLog) -> list[LogPiece]:
         return [(log, part.left_out)]
     length = _LONGEST // _PIECES
     spacing = (log.count - length) // (_PIECES - 1)
-    starts = (k * spacing for k in range(_PIECES))
-    return [(log.rows(slice(first, first + length)), part.left_out) for first in starts]
+    return [(log.rows(slice(k * spacing, k * spacing + length)), part.left_out) for k in range(_PIECES)]
 
 
 _MOST = 64_000_000  # [bytes]
