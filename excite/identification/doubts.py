@@ -34,6 +34,7 @@ from excite.identification.noise import residual_diagnostics
 from excite.identification.observations import GroupFactors, Observations
 from excite.identification.prediction import LogPrediction, fit_error, prediction
 from excite.identification.preparation import HELD
+from excite.identification.result import WHOLE
 from excite.identification.spoilt_log import spoilt_log
 from excite.information.target import IdentificationTarget
 from excite.logs.signals.method import interpolated
@@ -172,13 +173,21 @@ _MANY = 40  # names: the table has them all
 
 
 def unknown_texts(result: Identification) -> Iterator[str]:
-    """Which parameters may be zero, and which do not show, with what would show them: a sentence each."""
+    """Which parameters may be zero, and which do not show, with what would show them: a sentence each.
+
+    Parts of the friction of a drive that make up for each other may be zero, and their sum not.
+    """
     estimate = result.estimate
     with np.errstate(invalid="ignore"):
         uncertain = np.isfinite(estimate.deviation) & (estimate.relative_deviation > 1) & ~_offsets(result)
         vague = np.array(result.names)[uncertain].tolist()
-    if vague:
-        yield f"may be zero, as far as these logs show: {listed_names(vague, _MANY)}"
+    wholes = {whole: width for whole, width in result.facts.friction_of_drives.items() if width < 1}
+    parts = {name for whole in wholes for name in whole.split(WHOLE)}.intersection(vague)
+    if alone := [name for name in vague if name not in parts]:
+        yield f"may be zero, as far as these logs show: {listed_names(alone, _MANY)}"
+    if parts:
+        known = [f"{w} to {percent(width)}" for w, width in wholes.items() if not parts.isdisjoint(w.split(WHOLE))]
+        yield f"friction over speed is known as a whole, but not its parts: {', '.join(known)}"
     if estimate.unseen:
         named = ", ".join(estimate.unseen)
         yield f"not shown by these logs: {named}; design a motion for them, or state what is known beforehand"

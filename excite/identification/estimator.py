@@ -91,9 +91,13 @@ class Estimate:
 
     @property
     def half_width(self) -> Array:
-        """Half of the 99 % confidence interval of each value, by Student's t, shape (p,)."""
-        quantile = scipy.special.stdtrit(max(self.degrees_of_freedom, 1), 0.5 + CONFIDENCE / 2)
-        return np.asarray(quantile * self.deviation)
+        """Half of the 99 % confidence interval of each value, shape (p,)."""
+        return self.quantile * self.deviation
+
+    @property
+    def quantile(self) -> float:
+        """Half of a 99 % confidence interval over the standard deviation, by Student's t."""
+        return float(scipy.special.stdtrit(max(self.degrees_of_freedom, 1), 0.5 + CONFIDENCE / 2))
 
     @property
     def interval(self) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from hashlib import sha256
@@ -29,8 +29,9 @@ from excite.storage.records import chosen, every, short
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
 from regressors.models.nominal import MotorSide, motor_sides, parameter_values, standard_values
+from regressors.robot.columns import COULOMB, ROOT, STRIBECK, VISCOUS
 from regressors.robot.symbolic.vectorised import evaluation
-from regressors.samples import Array, Index
+from regressors.samples import Array, Index, Samples
 
 if TYPE_CHECKING:
     from excite.identification.identification import Identification
@@ -149,6 +150,9 @@ class FitFacts:
     noise_density: Mapping[str, float] | None  # of each equation; None where that of one is not known
     doubts: tuple[Doubt, ...] = ()  # why the result cannot be right, and what the logs do not determine
     warnings: tuple[Doubt, ...] = ()
+    # of each drive over speed, such as ``F1c + F1v``, whose parts may make up for each other: half of the 99 % interval
+    # of the whole over its size, both at the instants of the logs
+    friction_of_drives: Mapping[str, float] = field(default_factory=dict)
     curves: FitCurves = field(default_factory=FitCurves)
 
     def __post_init__(self) -> None:
@@ -178,8 +182,28 @@ class FitFacts:
             noise_density=dict(zip(names, density.tolist(), strict=True)) if np.isfinite(density).all() else None,
             doubts=result.doubts,
             warnings=result.warnings,
+            friction_of_drives=dict(_friction_of_drives(result)),
             curves=result.curves,
         )
+
+
+WHOLE = " + "  # between the parts of a drive's friction
+_OVER_SPEED = (COULOMB, VISCOUS, ROOT, STRIBECK)
+_INSTANTS = 500
+
+
+def _friction_of_drives(result: Identification) -> Iterator[tuple[str, float]]:
+    estimate, target = result.estimate, result.target_of_instants
+    columns = [target.base.columns[j] for j in target.base.index]
+    motion = Samples.joined([part.samples for part in result.prepared])
+    some = motion.rows(np.unique(np.linspace(0, motion.time.size - 1, _INSTANTS).astype(int)))
+    Y, C = target.model.selected(some, target.base.index), estimate.covariance
+    for drive in dict.fromkeys(column.owner for column in columns if column.kind == COULOMB):
+        parts = [k for k, column in enumerate(columns) if column.owner == drive and column.kind in _OVER_SPEED]
+        torque, rows = Y[:, parts] @ estimate.coefficients[parts], Y[:, parts]
+        variance, size = np.sum((rows @ C[np.ix_(parts, parts)]) * rows), np.sum(torque**2)
+        if size > 0 and np.isfinite(variance):
+            yield WHOLE.join(estimate.names[k] for k in parts), float(estimate.quantile * np.sqrt(variance / size))
 
 
 def _within(numbers: Index, count: int) -> bool:

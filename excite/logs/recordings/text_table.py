@@ -142,12 +142,12 @@ def _joint_states(text: Text, layout: TextLayout) -> dict[str, Meaning]:
         if (match := re.fullmatch(_ELEMENT.format("name"), title)) and len(set(column)) == 1 and _words(column):
             some = [column[0]] if match[2] else re.findall(r"[^\s,'\[\]()]+", column[0])
             joints.update(enumerate(some, int(match[2] or 0)))
-    known = {}
-    for name, title in zip(layout.names, titles, strict=True):
-        match = re.fullmatch(_ELEMENT.format("|".join(_OF_JOINTS)), title)
-        if match and match[2] and int(match[2]) in joints:
-            known[name] = Meaning(match[1], joints[int(match[2])], SI_UNITS[match[1]], JOINT_STATE)
-    return known
+    pattern = _ELEMENT.format("|".join(_OF_JOINTS))
+    found = [(name, re.fullmatch(pattern, title)) for name, title in zip(layout.names, titles, strict=True)]
+    elements = [(name, match[1], int(match[2])) for name, match in found if match and match[2]]
+    if not {k for _, _, k in elements} <= joints.keys() or len(set(joints.values())) < len(joints):
+        return {}
+    return {name: Meaning(of, joints[k], SI_UNITS[of], JOINT_STATE) for name, of, k in elements}
 
 
 def _kind_of(layout: TextLayout) -> str:

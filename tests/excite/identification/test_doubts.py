@@ -12,7 +12,9 @@ from observed import observations_of, robot_model
 from pinocchio_chains import chain_model
 from played import EXACT, TASK, found, noisy, periodic, played, three_joints
 from recordings import REAL, real_log
+from written_files import saved
 
+import excite
 from excite.identification.doubts import answers, expected_error, few_data, known_text, other_motion, unknown_texts
 from excite.identification.equations import measured_regressor
 from excite.identification.estimator import hide_parameters
@@ -104,6 +106,27 @@ def test_offsets_that_may_be_zero_are_no_parameters_that_are_missing() -> None:
         held = replace(plain, estimate=replace(plain.estimate, values=values))
         assert known_text(held) == end
         assert list(unknown_texts(held)) == [f"may be zero, as far as these logs show: {', '.join(held.names[:left])}"]
+
+
+def test_friction_whose_parts_make_up_for_each_other_is_known_as_a_whole(tmp_path: Path) -> None:
+    plain = found(TASK, noisy(played(three_joints(), 3, seconds=4.0), 0.3, 1e-5, 1))
+    speed, estimate = plain.prepared[0].samples.dq[:, 0], plain.estimate
+    parts = [estimate.names.index(name) for name in ("F1c", "F1v")]
+    coulomb = estimate.values[parts[0]]
+    viscous = coulomb / np.sqrt(np.mean(speed**2))
+    values, traded = estimate.values.copy(), np.zeros(13)
+    values[parts], traded[parts] = (coulomb, viscous), (1.1 * coulomb, -1.1 * viscous)
+    covariance = estimate.covariance + np.outer(traded, traded)
+    wide = replace(plain, estimate=replace(estimate, values=values, fit=None, covariance=covariance))
+    draws = np.random.default_rng(0).multivariate_normal(
+        [coulomb, viscous], wide.estimate.covariance[parts][:, parts], 4000
+    )
+    torques = draws @ np.array([np.sign(speed), speed])
+    spread = np.sqrt(np.mean(np.var(torques, axis=0)) / np.mean((coulomb * np.sign(speed) + viscous * speed) ** 2))
+    assert wide.facts.friction_of_drives["F1c + F1v"] == pytest.approx(2.58 * spread, rel=0.04)
+    (text,) = unknown_texts(wide)
+    assert text.startswith("friction over speed is known as a whole, but not its parts: F1c + F1v to ")
+    assert list(unknown_texts(excite.load(saved(tmp_path, wide)))) == [text]
 
 
 @pytest.mark.slow

@@ -232,6 +232,9 @@ def test_printed_messages_of_joints_are_taken_by_the_names_in_them(tmp_path: Pat
     np.testing.assert_allclose(log.time - log.time[0], six.time, rtol=0, atol=1e-6)
     mapping = excite.guess_mapping(path, robot).mapping
     assert_read(excite.read_log(path, mapping=mapping, robot=robot), six)
+    text = path.read_text().replace(LIST, "run").replace(MIXED[0], MIXED[1])
+    path.write_text(text)  # no name for each joint any more
+    assert excite.guess_mapping(path, robot).questions
 
 
 def test_dates_and_german_names_are_read(tmp_path: Path, moved: Motion) -> None:
