@@ -177,10 +177,10 @@ def is_number(cell: str) -> bool:
 
 
 def _check_header(source: str, names: list[str]) -> None:
-    if all(is_number(name) for name in names if name):
+    there = [is_number(name) for name in names if name]
+    if 2 * sum(there) >= len(there):  # beside words, as of a frame or of joints
         raise ForeignHeader(
-            f"{source}: line 1 holds numbers only, expected a header; give a mapping with "
-            "header: false, which names the columns"
+            f"{source}: line 1 holds numbers, expected a header; give a mapping with header: false and the columns"
         )
     if (name := twice(names)) is not None:
         raise InputError(f"{source}: two columns are named {shortened(name)}")

@@ -224,6 +224,7 @@ def test_printed_messages_of_joints_are_taken_by_the_names_in_them(tmp_path: Pat
     (header, before), six, robot = PRINTED[name], motion(6), excite.load_robot("ur10e")
     stamps = [(1_700_000_000 + ns // 10**9, ns % 10**9) for ns in np.round(1e9 * six.time).astype(int).tolist()]
     order = [ARM.index(joint) for joint in MIXED]
+    six.dq[0] = 0.0  # the same number several times in the first row, which is no header
     numbers = np.column_stack([six.q[:, order], six.dq[:, order], six.tau[:, order]]).tolist()
     rows = [[*before(*stamp), *row] for stamp, row in zip(stamps, numbers, strict=True)]
     path = write_table(tmp_path / "log.csv", header, rows)
