@@ -149,6 +149,8 @@ def _joint_name(title: str, parsed: ColumnName) -> tuple[str, str]:
     if not parsed_name(parts[k]).label and len(parts) > 1:  # the quantity alone: the joint stands before or behind it
         joint = k - 1 if k else 1
         return "/".join(part for n, part in enumerate(parts) if n not in (k, joint)), parts[joint]
+    if k < len(parts) - 1:  # joint_positions/shoulder
+        return "/".join(parts[:-1]), parts[-1]
     return "/".join(parts[:k]), "_".join(parsed_name(parts[k]).label) or "joint"
 
 

@@ -84,6 +84,8 @@ class ArrayFile:
     form: str  # name of the format
     arrays: list[NamedArray] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)  # why others are not read, by their names
+    # array of names of joints and the names, by the group and the number of columns that they are of
+    joints: dict[tuple[_Group, int], tuple[str, list[str]]] = field(default_factory=dict)
 
     def add(self, array: NamedArray, kind: np.dtype[Any]) -> None:
         """Add an array, or the fields of one of records, which are loaded by their names."""
@@ -97,6 +99,8 @@ class ArrayFile:
     def _add(self, array: NamedArray, kind: np.dtype[Any]) -> None:
         """Add an array if it holds real numbers, at many instants; else note why it is left out."""
         if kind.kind not in "biuf":
+            if names := _names_in(array, kind):
+                self.joints[array.group, len(names)] = array.name, names
             kinds = {"c": "complex numbers", "O": "objects, which only code could read", "V": "records"}
             self.left_out[array.name] = f"holds {kinds.get(kind.kind, 'text')}"
         elif len(array.sides) > 2:
@@ -130,15 +134,24 @@ class ArrayFile:
         for name, (rows, arrays) in self.streams().items():
             units = {column: array.unit for array in arrays if array.unit for column in array.columns(rows)}
             columns = tuple(column for array in arrays for column in array.columns(rows))
-            contents.append(StreamContents(name, columns, rows, units=units))
+            titles = {column: title for array in arrays for column, title in self._titles(array, rows)}
+            contents.append(StreamContents(name, columns, rows, units=units, titles=titles))
         if not contents:
             why = "; ".join(f"{cut(name)} {why}" for name, why in list(self.left_out.items())[:5])
             raise InputError(f"{self.path} has no array of numbers" + (f": {why}" if why else ""))
         return Contents(str(self.path), self.form, tuple(contents), left_out_note(self.left_out))
 
+    def _titles(self, array: NamedArray, rows: int) -> Iterator[tuple[str, str]]:
+        """Columns of an array, and their titles by the names of joints in the file, if it has as many."""
+        columns = array.columns(rows)
+        keys = [(array.group[:depth], len(columns)) for depth in range(len(array.group), -1, -1)]
+        for of, names in [self.joints[key] for key in keys if key in self.joints][:1]:
+            self.left_out.pop(of, None)
+            yield from ((column, f"{array.name}/{name}") for column, name in zip(columns, names, strict=True))
+
     def read(self, wanted: Wanted) -> Recording:
         """Columns of the file."""
-        streams, read = self.streams(), {}
+        notes, streams, read = self.contents().notes, self.streams(), {}
         known = {name: [c for array in arrays for c in array.columns(rows)] for name, (rows, arrays) in streams.items()}
         check_wanted(self.path, wanted, known)
         for name, columns in wanted.items():
@@ -152,7 +165,22 @@ class ArrayFile:
                 named = enumerate(array.columns(rows))
                 values.update({column: numbers_of(table[:, k]) for k, column in named if column in asked})
             read[name] = Stream(name, {column: values[column] for column in columns})
-        return Recording(str(self.path), self.form, read, left_out_note(self.left_out))
+        return Recording(str(self.path), self.form, read, notes)
+
+
+_OF_JOINTS = re.compile(r"(?:^|[./_])(?:joint_?)?names?$", re.IGNORECASE)
+
+
+def _names_in(array: NamedArray, kind: np.dtype[Any]) -> list[str]:
+    """Different names of joints in an array of text, which may repeat them in each row; none where it holds none."""
+    variable: Any = dict(kind.metadata or {}).get("vlen")  # type of the texts of HDF5 in an array of objects
+    is_text, sides = kind.kind in "US" or variable in (str, bytes), array.sides
+    if not (is_text and _OF_JOINTS.search(array.name) and 0 < len(sides) <= 2 and sides[-1] <= LARGEST_ARRAY):
+        return []
+    rows = np.asarray(array.load()).reshape(array.sides)
+    first = rows if rows.ndim == 1 else rows[0]
+    names = [name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name) for name in first.tolist()]
+    return names if np.all(rows == first) and len(set(names)) == len(names) > 1 else []
 
 
 def _place(array: NamedArray, clocks: set[tuple[_Group, int]], lengths: set[int]) -> tuple[_Group, int]:

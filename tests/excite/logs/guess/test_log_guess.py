@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -236,6 +237,22 @@ def test_printed_messages_of_joints_are_taken_by_the_names_in_them(tmp_path: Pat
     text = path.read_text().replace(LIST, "run").replace(MIXED[0], MIXED[1])
     path.write_text(text)  # no name for each joint any more
     assert excite.guess_mapping(path, robot).questions
+
+
+def test_messages_in_json_are_taken_by_the_names_in_them(tmp_path: Path) -> None:
+    six, order = motion(6), [ARM.index(joint) for joint in MIXED]
+    parts = {"position": six.q[:, order], "velocity": six.dq[:, order], "effort": six.tau[:, order]}
+    rows = [
+        {"header": {"stamp": {"sec": 1_700_000_000 + ns // 10**9, "nanosec": ns % 10**9}}, "name": MIXED}
+        | {of: values[k].tolist() for of, values in parts.items()}
+        for k, ns in enumerate(np.round(1e9 * six.time).astype(int).tolist())
+    ]
+    path, robot = tmp_path / "log", excite.load_robot("ur10e")
+    for text in (json.dumps(rows), "\n".join(map(json.dumps, rows))):
+        path.write_text(text)
+        mapping = excite.guess_mapping(path, robot).mapping
+        assert mapping.position.columns[0] == "position[2]"
+        assert_read(excite.read_log(path, mapping=mapping, robot=robot), six)
 
 
 def test_dates_and_german_names_are_read(tmp_path: Path, moved: Motion) -> None:

@@ -51,6 +51,19 @@ def test_json_of_arrays_and_of_rows(tmp_path: Path) -> None:
     assert contents.notes == ("left out: its last line was not written to its end",)
 
 
+def test_names_of_joints_are_the_titles_of_as_many_columns(tmp_path: Path) -> None:
+    h5py, names = pytest.importorskip("h5py", reason="h5py is not installed"), ["elbow", "base"]
+    np.savez(tmp_path / "npz", t=motion()["t"], q=motion()["q"][:, :2], joint_names=np.array(names))
+    with h5py.File(tmp_path / "hdf5", "w") as file:
+        group = file.create_group("arm")
+        group["t"], group["q"], group["names"] = motion()["t"], motion()["q"][:, :2], names
+    for name, q in (("npz.npz", "q"), ("hdf5", "arm/q")):
+        contents, recording = read_all(tmp_path / name)
+        (stream,) = contents.streams
+        assert [stream.title(f"{q}[{k}]") for k in range(2)] == [f"{q}/elbow", f"{q}/base"]
+        assert (contents.notes, recording.notes) == ((), ())
+
+
 def test_streams_of_an_npz_are_of_equal_length(tmp_path: Path) -> None:
     wrench = np.arange(60.0).reshape(10, 6)
     np.savez(tmp_path / "log.npz", **motion(), t_ft=np.arange(10) * 1e-2, wrench=wrench, turned=wrench.T)
