@@ -12,7 +12,7 @@ from played import EXACT, TASK, curves, found, irp6, noisy, periodic, played, th
 
 from excite.identification.fault_search import GAIN, FaultSearch
 from excite.identification.identify import identify
-from excite.identification.log_faults import NO_FAULT, gains_fault
+from excite.identification.log_faults import NO_FAULT, Fault, gains_fault
 from excite.identification.procedure import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.identification.spoilt_log import SPOILT, named
@@ -226,6 +226,15 @@ def test_another_robot_of_the_family_is_named_with_its_lengths() -> None:
     (doubt,) = estimate_parameters(robot.replace(joints=joints, shapes=()), Task("ur10e"), (log,), EXACT).doubts
     lengths = numbers(r"the lengths up to elbow_joint, wrist_1_joint are (.+), (.+) times", doubt.what)
     np.testing.assert_allclose(lengths, [1 / 0.7, 1 / 0.65], rtol=0.05)
+
+
+@pytest.mark.parametrize(("size", "is_named"), [(1.0, False), (0.1, True)])
+def test_a_fault_of_all_joints_that_leaves_most_of_their_error_is_none(size: float, is_named: bool) -> None:
+    before = np.array([0.220, 0.140, 0.130, 0.191, 0.394, 0.539])  # of a sound log of three seconds of motion
+    after = np.array([0.115, 0.132, 0.137, 0.197, 0.305, 0.543])
+    moved = Fault("moved base", (), "the base is tilted", "fix the base", errors=size * after)
+    doubt = named(replace(NO_FAULT, errors=size * before), [moved], np.full(6, 0.02 * size), 0.0)
+    assert (doubt is not None) == is_named
 
 
 def test_a_refusal_says_which_fault_explains_it_and_else_stays_as_it_is() -> None:
