@@ -16,15 +16,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 86_189,
-    "lines of code": 53_000,
+    "lines": 86_190,
+    "lines of code": 53_001,
     "files": 396,
     "classes": 708,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 17,
     "imports inside functions": 61,
     "look-ups of built-in parts by name": 19,
-    "lines of code of tests": 39_782,
+    "lines of code of tests": 39_784,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 141,

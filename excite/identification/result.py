@@ -197,12 +197,13 @@ def _friction_of_drives(result: Identification) -> Iterator[tuple[str, float]]:
     columns = [target.base.columns[j] for j in target.base.index]
     motion = Samples.joined([part.samples for part in result.prepared])
     some = motion.rows(np.unique(np.linspace(0, motion.time.size - 1, _INSTANTS).astype(int)))
-    Y, C = target.model.selected(some, target.base.index), estimate.covariance
+    Y = target.model.selected(some, target.base.index)
     for drive in dict.fromkeys(column.owner for column in columns if column.kind == COULOMB):
         parts = [k for k, column in enumerate(columns) if column.owner == drive and column.kind in _OVER_SPEED]
-        torque, rows = Y[:, parts] @ estimate.coefficients[parts], Y[:, parts]
-        variance, size = np.sum((rows @ C[np.ix_(parts, parts)]) * rows), np.sum(torque**2)
-        if size > 0 and np.isfinite(variance):
+        rows, C = Y[:, parts], estimate.covariance[np.ix_(parts, parts)]
+        size = np.sum((rows @ estimate.coefficients[parts]) ** 2)
+        if size > 0 and np.isfinite(C).all():
+            variance = max(0.0, np.sum((rows @ C) * rows))
             yield WHOLE.join(estimate.names[k] for k in parts), float(estimate.quantile * np.sqrt(variance / size))
 
 

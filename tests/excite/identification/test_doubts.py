@@ -127,6 +127,8 @@ def test_friction_whose_parts_make_up_for_each_other_is_known_as_a_whole(tmp_pat
     (text,) = unknown_texts(wide)
     assert text.startswith("friction over speed is known as a whole, but not its parts: F1c + F1v to ")
     assert list(unknown_texts(excite.load(saved(tmp_path, wide)))) == [text]
+    hidden = replace(plain, estimate=hide_parameters(estimate, np.arange(13) == parts[1]))
+    assert "F1c + F1v" not in hidden.facts.friction_of_drives
 
 
 @pytest.mark.slow
