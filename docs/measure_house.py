@@ -17,7 +17,7 @@ PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
     "lines": 86_190,
-    "lines of code": 53_001,
+    "lines of code": 53_003,
     "files": 396,
     "classes": 708,
     "public names": 95,

@@ -173,14 +173,12 @@ _MANY = 40  # names: the table has them all
 
 
 def unknown_texts(result: Identification) -> Iterator[str]:
-    """Which parameters may be zero, and which do not show, with what would show them: a sentence each.
-
-    Parts of the friction of a drive that make up for each other may be zero, and their sum not.
-    """
+    """Which parameters may be zero, and which do not show, with what would show them: a sentence each."""
     estimate = result.estimate
     with np.errstate(invalid="ignore"):
         uncertain = np.isfinite(estimate.deviation) & (estimate.relative_deviation > 1) & ~_offsets(result)
         vague = np.array(result.names)[uncertain].tolist()
+    # parts of the friction of a drive that make up for each other may be zero, and their sum not
     wholes = {whole: width for whole, width in result.facts.friction_of_drives.items() if width < 1}
     parts = {name for whole in wholes for name in whole.split(WHOLE)}.intersection(vague)
     if alone := [name for name in vague if name not in parts]:

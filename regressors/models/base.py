@@ -35,7 +35,9 @@ def random_states(robot: Robot, count: int, seed: int = 0) -> Samples:
 
     Velocities stay below 100 rad/s or m/s, whatever a description states.
     """
-    return (_closed_states if robot.closures else _free_states)(robot, count, seed)
+    if robot.closures:
+        return _closed_states(robot, count, seed)
+    return _free_states(robot, count, seed)
 
 
 def _free_states(robot: Robot, count: int, seed: int) -> Samples:
