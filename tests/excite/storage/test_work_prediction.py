@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -228,6 +227,12 @@ def many(rows: int, joints: int, logs: int = 1) -> list[Log]:
     return [Log(f"log {k}", "", names, time, columns, effort=columns) for k in range(logs)]
 
 
+def _moved(rows: int) -> Any:
+    """As much of an experiment with the irp6 as tells how long its repetitions take."""
+    model = SimpleNamespace(robot=built_in("irp6"), window=None)
+    return SimpleNamespace(model=model, samples=SimpleNamespace(time=np.zeros(rows)), low_pass=None)
+
+
 def lasting(log: Log, seconds: float) -> Log:
     """The same over some time."""
     return replace(log, time=np.linspace(0.0, seconds, log.count))
@@ -240,33 +245,16 @@ def lasting(log: Log, seconds: float) -> Log:
         (identification_seconds(many(2000, 5, logs=5), chosen=True), 4.73, 3),
         (identification_seconds(many(100_000, 6), chosen=True), 12.9, 3),
         (identification_seconds(many(100_000, 6), chosen=False), 2.63, 3),
+        (identification_seconds(many(4000, 3), chosen=True), 0.89, 3),
+        (identification_seconds(many(4000, 3), chosen=False), 0.105, 3),
         (verification_seconds(many(20_000, 6)[0], simulated=True), 5.04, 4),
         (verification_seconds(many(8000, 7)[0], simulated=True), 4.38, 4),
         (verification_seconds(lasting(many(600_000, 7)[0], 600.0), simulated=True), 14.5, 4),
         (campaign_seconds(63, 72, 6), 2.19, 3),
         (campaign_seconds(127, 84, 1), 0.59, 3),
+        (repetition_seconds(_moved(4000), 100), 0.26, 3),
         (study_seconds([10.0], 5, 2000.0, 100, 4), 3.54, 3),
     ],
 )
 def test_rules_are_near_what_was_measured(predicted: float, measured: float, factor: float) -> None:
     assert 1 / factor < predicted / measured < factor
-
-
-def _cpu(work: Callable[[], object]) -> float:
-    began = time.process_time()
-    work()
-    return time.process_time() - began
-
-
-@pytest.mark.slow
-def test_the_time_of_an_identification_and_its_repetitions() -> None:
-    long = noisy(played(three_joints(), 3, 400.0, 10.0), 0.2, 1e-6, 1)
-    plain = excite.identify("irp6", long, choose=False)
-    again = replace(long, sha256="another")
-    for chosen in (False, True):
-        measured = _cpu(lambda: excite.identify("irp6", again, choose=chosen))  # noqa: B023
-        assert 0.25 < identification_seconds([long], chosen=chosen) / measured < 4.0
-    one, more = (_cpu(lambda: repeat_experiment(experiment_of(plain, count), count, 0)) for count in (2, 102))  # noqa: B023
-    model = plain.target.model
-    experiment = SimpleNamespace(model=model, samples=plain.prepared[0].samples, low_pass=None)
-    assert 0.25 < repetition_seconds(experiment, 100) / (more - one) < 4.0
