@@ -52,7 +52,7 @@ _SHORT = 0.02  # lengths that are not fitted [m]
 _LENGTH_ROUNDS, _COMMON, _STEP = 7, 2, 1e-3  # of their fit, those with one factor for all, and of differences
 _LONGER, _SHORTEST = 0.3, 0.3  # most by which a factor changes at once; least and, inverted, largest
 _MASSES = (np.log(0.3), np.log(3.0))
-_ZEROS = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0])
+_ZEROS, _LARGE_ZERO = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0]), np.deg2rad(30.0)
 _REACH = 0.6  # of the logarithm of a gain
 _GAINS = np.log([1e-3, 1e-2, 0.05, 0.1, 0.2, 0.35, 0.6, 0.8, 1.25, 1.6, 2.8, 5.0, 10.0, 20.0, 100.0, 1e3])
 
@@ -65,13 +65,20 @@ class FaultSearch(Instants):
         names, n = self.target.robot.joint_names, self.samples.q.shape[1]
         fits = [*map(self.fit, column_faults(names)), self._with_gains(), *self._tilted()]
         fits += [self._delayed(np.ones(n, dtype=int)), self._late_from(), self._drifting(), self._moved()]
-        fits += [self._at_best(partial(zero_fault, names, j), _ZEROS, 0.14, maxiter=7) for j in range(n)]
+        fits += [self._with_zero(j) for j in range(n)]
         return [fit for fit in [*fits, *self._gains_of_one()] if fit.kind != NO_FAULT.kind]
 
     @cached_property
     def free(self) -> FaultSearch:
         """The search with free bodies, which take up what a description has wrong."""
         return replace(self, described=None)
+
+    def _with_zero(self, j: int) -> Fault:
+        """The best zero of a joint: as free bodies need it, or else a large one, which the described masses need."""
+        names, none = self.target.robot.joint_names, self.free.plain.fit(NO_FAULT)
+        zero = self._at_best(partial(zero_fault, names, j), _ZEROS, 0.14, maxiter=7)
+        small = zero.positions is None or np.abs(zero.positions[1]).max() < _LARGE_ZERO
+        return zero if not small or none.size - self.free.fit(zero).size > _SHOWN else NO_FAULT
 
     def _gains_of_one(self) -> list[Fault]:
         """The best gain of each joint: as free bodies need it, or else a large one, which the described masses need."""

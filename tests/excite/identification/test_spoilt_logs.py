@@ -23,6 +23,7 @@ from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
 from regressors.robot.friction.load_and_temperature import drives_with_friction
+from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 
@@ -166,14 +167,15 @@ def test_a_clock_that_jumps_is_named_and_a_real_gap_is_not() -> None:
 def ur10e_log(masses: tuple[float, ...] = (1.0,) * 6, noise: float = 0.02) -> Log:
     """Torques of the described bodies times factors."""
     robot = built_in("ur10e")
-    motion = periodic(np.eye(6), 3, 0.6).samples(np.arange(800) / 200)
-    model = DifferentialModel(robot)
-    links = dict(zip((f"{k}" for k in range(1, 7)), masses, strict=True))
-    factors = [
-        links[c.name.lstrip("mI")[0]] if c.name[0] in "mI" and c.name[1].isdigit() else 1.0 for c in model.columns
-    ]
-    known = standard_values(robot)
-    theta = [known.get(column.name, 0.0) * f for column, f in zip(model.columns, factors, strict=True)]
+    links = (replace(link, theta=factor * link.theta) for link, factor in zip(robot.links, masses, strict=True))
+    return log_of(robot.replace(links=tuple(links)), noise)
+
+
+def log_of(robot: Robot, noise: float) -> Log:
+    """Torques of a robot in motion."""
+    motion = periodic(np.eye(robot.n), 3, 0.6).samples(np.arange(800) / 200)
+    model, known = DifferentialModel(robot), standard_values(robot)
+    theta = [known.get(column.name, 0.0) for column in model.columns]
     y = (model.instants(motion) @ theta).reshape(motion.q.shape)
     y += noise * np.sqrt(np.mean(y**2, axis=0)) * np.random.default_rng(0).normal(size=y.shape)
     return Log("LOG", "other", robot.joint_names, motion.time, motion.q, effort=y)
@@ -217,6 +219,20 @@ def test_a_gain_of_one_joint_is_named_where_masses_do_not_explain_it(case: str) 
     doubts = estimate_parameters(built_in("ur10e"), Task("ur10e"), (off,), EXACT).doubts
     assert len(doubts) == (what is not None)
     assert all(what in doubt.what for doubt in doubts)
+
+
+@pytest.mark.parametrize(("angle", "is_named"), [(15.0, False), (90.0, True)])
+def test_a_last_body_that_is_described_a_little_turned_is_no_zero(angle: float, is_named: bool) -> None:
+    robot = built_in("ur10e")
+
+    def with_tool(angle: float) -> Robot:
+        c = 0.08 * np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle)), 1.0])
+        inertia = 2.0 * (c @ c * np.eye(3) - np.outer(c, c)) + 0.01 * np.eye(3)
+        theta = np.array([2.0, *(2.0 * c), *inertia[np.triu_indices(3)]])
+        return robot.replace(links=(*robot.links[:-1], replace(robot.links[-1], theta=theta)))
+
+    doubts = estimate_parameters(with_tool(0.0), Task("ur10e"), (log_of(with_tool(angle), 0.02),), EXACT).doubts
+    assert ["the zero of wrist_3_joint is off by" in doubt.what for doubt in doubts] == [True] * is_named
 
 
 def test_another_robot_of_the_family_is_named_with_its_lengths() -> None:
