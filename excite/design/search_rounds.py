@@ -91,7 +91,8 @@ class Rounds:
         self.count += 1
         if not self.population.members:
             return self._random(self._together)
-        return self._descending("combination", min(self._together, COMBINED), self.population.members[:_PARENTS])
+        parents, others = self.population.members[:_PARENTS], self.population.members[_PARENTS:]
+        return self._descending("combination", min(self._together, COMBINED), parents, others)
 
     @property
     def _at_first(self) -> int:
@@ -137,8 +138,10 @@ class Rounds:
         self.planned += count
         return range(self.planned - count, self.planned)
 
-    def _descending(self, kind: Kind, count: int, parents: tuple[StartResult, ...]) -> tuple[PlannedStart, ...]:
-        return tuple(PlannedStart(index, kind, parents) for index in self._random(count))
+    def _descending(
+        self, kind: Kind, count: int, parents: tuple[StartResult, ...], others: tuple[StartResult, ...] = ()
+    ) -> tuple[PlannedStart, ...]:
+        return tuple(PlannedStart(index, kind, parents, others) for index in self._random(count))
 
     def _is_spent(self, spent: float) -> bool:
         return self.search.budget is not None and spent >= self.search.budget

@@ -223,12 +223,12 @@ class _Snapshots:
 
 def _attempt(problem: Problem, start: PlannedStart, seed: int, watch: _Snapshots) -> Attempt:
     rng = np.random.default_rng([seed, start.index])
-    known = [parent.coefficients for parent in start.parents]
+    parents, others = ([each.coefficients for each in group] for group in (start.parents, start.others))
     if start.kind == "random":
         return Attempt("solve", candidates(problem, start.index, rng), watch=watch)
     if start.kind == "combination":
-        return Attempt("combine", combinations(problem, known, rng), known, watch)
-    return Attempt("refine", [shrunk(problem, known[0])], watch=watch)
+        return Attempt("combine", combinations(problem, parents, rng), [*parents, *others], watch)
+    return Attempt("refine", [shrunk(problem, parents[0])], watch=watch)
 
 
 def _within_broken(problem: Problem, method: Solver, attempt: Attempt, outcome: SolverResult) -> SolverResult:

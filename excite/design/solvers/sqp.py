@@ -23,7 +23,7 @@ from regressors.samples import Array
 
 _RACE = (25, 15)  # iterations of the first and of a middle stage that each of several starts gets
 _HEATS = ((1, 8, 2), (-2, 20, 1))  # of combinations: stage, iterations, how many go on
-_RETURNED = 0.1  # distance from a known motion, in parts of that from rest, at which a combination has returned to it
+_RETURNED = 0.3  # distance from a known motion, in parts of that from rest, at which a combination has returned to it
 _SHARPER = 4.0  # than the last stage: for the motion that is the result
 
 

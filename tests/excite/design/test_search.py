@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -74,6 +75,18 @@ def test_numbers_go_on_from_round_to_round_and_parents_are_of_earlier_ones() -> 
     assert planned[-1][0][0] == "refinement"
     best = min(range(len(numbers) - 1), key=random_value)
     assert planned[-1][0][2] == (best,)
+
+
+def test_combinations_know_all_motions_so_far() -> None:
+    rounds = Rounds(Search(rounds=9))
+    planned = [one for one in run(rounds, random_value)[2] if isinstance(one, PlannedStart)]
+    for one in planned:
+        known = (*one.parents, *one.others)
+        assert [result.value for result in known] == sorted(result.value for result in known)
+        assert len(one.parents) == 3
+        assert len(known) > len(one.parents)
+    assert planned[0].lineage != replace(planned[0], others=()).lineage
+    assert planned[0].lineage != replace(planned[0], parents=(*known,), others=()).lineage
 
 
 @given(st.integers(0, 100))
