@@ -147,8 +147,10 @@ def test_servos_are_exported(here: Here) -> None:
 def test_servos_of_a_real_desktop_arm_follow_unseen_commands(here: Here) -> None:
     for name in ("chirp_sweep", "hold_under_gravity"):
         so101_folder(name, here.cwd)
-    here.run("identify", "so101", "chirp_sweep", "--model", "servo", "--out", "servos", status=0)
-    here.run("verify", "servos", "hold_under_gravity")
+    for path in (here.cwd / "chirp_sweep").iterdir():  # half of it is enough
+        path.write_text("".join(path.read_text().splitlines(keepends=True)[:3001]))
+    here.run("identify", "so101", "chirp_sweep", "--model", "servo", "--figures", "none", "--out", "servos", status=0)
+    here.run("verify", "servos", "hold_under_gravity", "--figures", "none")
     path = here.cwd / "servos" / "verification-hold_under_gravity.json"
     errors = json.loads(path.read_text(encoding="utf-8"))["position_error"]
     assert errors.pop("gripper") < 0.01

@@ -217,7 +217,7 @@ def test_values_of_options(name: str, folder: Path) -> None:
 
 @pytest.mark.slow
 def test_numbers_in_files(folder: Path) -> None:
-    @settings(OF_TESTS, max_examples=2 * CASES)
+    @settings(OF_TESTS, max_examples=CASES)
     @given(file_cases())
     def ends_as_it_must(case: tuple[list[str], dict[str, str]]) -> None:
         arguments, files = case
