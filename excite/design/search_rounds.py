@@ -91,8 +91,8 @@ class Rounds:
         self.count += 1
         if not self.population.members:
             return self._random(self._together)
-        parents, others = self.population.members[:_PARENTS], self.population.members[_PARENTS:]
-        return self._descending("combination", min(self._together, COMBINED), parents, others)
+        members = self.population.members
+        return self._descending("combination", min(self._together, COMBINED), members[:_PARENTS], members)
 
     @property
     def _at_first(self) -> int:
@@ -139,9 +139,10 @@ class Rounds:
         return range(self.planned - count, self.planned)
 
     def _descending(
-        self, kind: Kind, count: int, parents: tuple[StartResult, ...], others: tuple[StartResult, ...] = ()
+        self, kind: Kind, count: int, parents: tuple[StartResult, ...], known: tuple[StartResult, ...] = ()
     ) -> tuple[PlannedStart, ...]:
-        return tuple(PlannedStart(index, kind, parents, others) for index in self._random(count))
+        """Every other one looks for new basins: better motions are as often near known ones as far from them."""
+        return tuple(PlannedStart(k, kind, parents, known if k % 2 else ()) for k in self._random(count))
 
     def _is_spent(self, spent: float) -> bool:
         return self.search.budget is not None and spent >= self.search.budget

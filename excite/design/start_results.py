@@ -66,14 +66,14 @@ class PlannedStart:
     # whether it begins with random motions, with combinations of its parents, or goes on from its only parent
     kind: Kind = "random"
     parents: tuple[StartResult, ...] = ()  # the best motions of earlier rounds
-    others: tuple[StartResult, ...] = ()  # further ones, to whose basins it is not to return either
+    avoided: tuple[StartResult, ...] = ()  # motions to whose basins it is not to return
 
     @property
     def lineage(self) -> str:
         """Hash of what the start depends on beside the problem and its number; empty for a random one."""
         if self.kind == "random":
             return ""
-        content = json.dumps([self.kind, *([each.x for each in group] for group in (self.parents, self.others))])
+        content = json.dumps([self.kind, *([each.x for each in group] for group in (self.parents, self.avoided))])
         return hashlib.sha256(content.encode()).hexdigest()
 
 

@@ -223,11 +223,11 @@ class _Snapshots:
 
 def _attempt(problem: Problem, start: PlannedStart, seed: int, watch: _Snapshots) -> Attempt:
     rng = np.random.default_rng([seed, start.index])
-    parents, others = ([each.coefficients for each in group] for group in (start.parents, start.others))
+    parents, avoided = ([each.coefficients for each in group] for group in (start.parents, start.avoided))
     if start.kind == "random":
         return Attempt("solve", candidates(problem, start.index, rng), watch=watch)
     if start.kind == "combination":
-        return Attempt("combine", combinations(problem, parents, rng), [*parents, *others], watch)
+        return Attempt("combine", combinations(problem, parents, rng), avoided, watch)
     return Attempt("refine", [shrunk(problem, parents[0])], watch=watch)
 
 

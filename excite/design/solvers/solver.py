@@ -96,7 +96,7 @@ class Solver(ABC):
         starts : sequence of ndarray
             One or more, inside the limits.
         known : sequence of ndarray
-            Local minima that they were combined from: it does not pay to return to them.
+            Local minima to which it does not pay to return; none where any end will do.
         watch : callable, optional
         """
         return self.solve(problem, starts, watch)

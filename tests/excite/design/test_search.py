@@ -77,16 +77,13 @@ def test_numbers_go_on_from_round_to_round_and_parents_are_of_earlier_ones() -> 
     assert planned[-1][0][2] == (best,)
 
 
-def test_combinations_know_all_motions_so_far() -> None:
-    rounds = Rounds(Search(rounds=9))
-    planned = [one for one in run(rounds, random_value)[2] if isinstance(one, PlannedStart)]
-    for one in planned:
-        known = (*one.parents, *one.others)
-        assert [result.value for result in known] == sorted(result.value for result in known)
+def test_every_other_combination_avoids_all_motions_so_far() -> None:
+    for one in run(Rounds(Search(rounds=9)), random_value)[2]:
+        assert isinstance(one, PlannedStart)
         assert len(one.parents) == 3
-        assert len(known) > len(one.parents)
-    assert planned[0].lineage != replace(planned[0], others=()).lineage
-    assert planned[0].lineage != replace(planned[0], parents=(*known,), others=()).lineage
+        assert one.avoided[:3] == (one.parents if one.index % 2 else ())
+        assert (len(one.avoided) > 3) is bool(one.index % 2)
+        assert one.lineage != replace(one, avoided=one.parents).lineage
 
 
 @given(st.integers(0, 100))
