@@ -185,7 +185,7 @@ def unknown_texts(result: Identification) -> Iterator[str]:
         yield f"may be zero, as far as these logs show: {listed_names(alone, _MANY)}"
     if parts:
         known = [f"{w} to {percent(width)}" for w, width in wholes.items() if not parts.isdisjoint(w.split(WHOLE))]
-        yield f"friction over speed is known as a whole, but not its parts: {', '.join(known)}"
+        yield f"parts of friction may be zero, but not as a whole over speed, which is known: {', '.join(known)}"
     if estimate.unseen:
         named = ", ".join(estimate.unseen)
         yield f"not shown by these logs: {named}; design a motion for them, or state what is known beforehand"

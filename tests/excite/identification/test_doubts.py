@@ -125,7 +125,7 @@ def test_friction_whose_parts_make_up_for_each_other_is_known_as_a_whole(tmp_pat
     spread = np.sqrt(np.mean(np.var(torques, axis=0)) / np.mean((coulomb * np.sign(speed) + viscous * speed) ** 2))
     assert wide.facts.friction_of_drives["F1c + F1v"] == pytest.approx(2.58 * spread, rel=0.04)
     (text,) = unknown_texts(wide)
-    assert text.startswith("friction over speed is known as a whole, but not its parts: F1c + F1v to ")
+    assert text.startswith("parts of friction may be zero, but not as a whole over speed, which is known: F1c + F1v ")
     assert list(unknown_texts(excite.load(saved(tmp_path, wide)))) == [text]
     hidden = replace(plain, estimate=hide_parameters(estimate, np.arange(13) == parts[1]))
     assert "F1c + F1v" not in hidden.facts.friction_of_drives
