@@ -17,14 +17,14 @@ PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
     "lines": 86_190,
-    "lines of code": 53_003,
+    "lines of code": 53_002,
     "files": 396,
     "classes": 708,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 17,
     "imports inside functions": 61,
     "look-ups of built-in parts by name": 19,
-    "lines of code of tests": 39_784,
+    "lines of code of tests": 39_796,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 141,

@@ -147,10 +147,7 @@ def _blend(x: Array, _: Array, other: Array, rng: np.random.Generator) -> Array:
 
 def _renew(x: Array, drawn: Array, _: Array, rng: np.random.Generator) -> Array:
     """One coordinate of a random motion."""
-    new = x.copy()
-    joint = rng.integers(len(x))
-    new[joint] = drawn[joint]
-    return new
+    return np.where(np.arange(len(x))[:, None] == rng.integers(len(x)), drawn, x)
 
 
 def _mix(x: Array, drawn: Array, _: Array, rng: np.random.Generator) -> Array:
@@ -161,10 +158,7 @@ def _mix(x: Array, drawn: Array, _: Array, rng: np.random.Generator) -> Array:
 
 def _mirror(x: Array, _: Array, __: Array, rng: np.random.Generator) -> Array:
     """One coordinate mirrored; coordinates are about the pose at rest."""
-    new = x.copy()
-    joint = rng.integers(len(x))
-    new[joint] = -new[joint]
-    return new
+    return np.where(np.arange(len(x))[:, None] == rng.integers(len(x)), -x, x)
 
 
 def _disturb(x: Array, _: Array, __: Array, rng: np.random.Generator) -> Array:

@@ -21,7 +21,6 @@ from excite.design.formulation import Formulation, formulate
 from excite.design.interruption import signal_answered
 from excite.design.start_results import (
     HarmonicsTrial,
-    Kind,
     PlannedStart,
     Progress,
     SearchSummary,
@@ -87,12 +86,13 @@ class Rounds:
             return ()
         if self._ends_here(spent):
             self._over = True
-            return self._descending("refinement", 1, (self._best,))
+            return tuple(PlannedStart(k, "refinement", (self._best,)) for k in self._random(1))
         self.count += 1
         if not self.population.members:
             return self._random(self._together)
-        members = self.population.members
-        return self._descending("combination", min(self._together, COMBINED), members[:_PARENTS], members)
+        # every other one looks for new basins: better motions are as often near known ones as far from them
+        members, numbers = self.population.members, self._random(min(self._together, COMBINED))
+        return tuple(PlannedStart(k, "combination", members[:_PARENTS], members if k % 2 else ()) for k in numbers)
 
     @property
     def _at_first(self) -> int:
@@ -137,12 +137,6 @@ class Rounds:
     def _random(self, count: int) -> range:
         self.planned += count
         return range(self.planned - count, self.planned)
-
-    def _descending(
-        self, kind: Kind, count: int, parents: tuple[StartResult, ...], known: tuple[StartResult, ...] = ()
-    ) -> tuple[PlannedStart, ...]:
-        """Every other one looks for new basins: better motions are as often near known ones as far from them."""
-        return tuple(PlannedStart(k, kind, parents, known if k % 2 else ()) for k in self._random(count))
 
     def _is_spent(self, spent: float) -> bool:
         return self.search.budget is not None and spent >= self.search.budget
