@@ -142,12 +142,9 @@ class Rounds:
         return self.search.budget is not None and spent >= self.search.budget
 
     def _ends_here(self, spent: float) -> bool:
-        if self._is_spent(spent):
-            return True
-        if self.search.rounds is not None:
-            return self.count >= self.search.rounds
-        if self.search.budget is not None:
-            return False
+        rounds, budget = self.search.rounds, self.search.budget
+        if rounds is not None or budget is not None:
+            return self._is_spent(spent) or (rounds is not None and self.count >= rounds)
         ends = np.sort(self.ends)[:_REPETITIONS]
         found_again = ends.size == _REPETITIONS and ends[-1] <= (1.0 + _GAIN) * ends[0]
         return bool(found_again) or self.count >= _ROUNDS or self._evaluations <= 0

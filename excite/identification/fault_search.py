@@ -53,7 +53,7 @@ _LENGTH_ROUNDS, _COMMON, _STEP = 7, 2, 1e-3  # of their fit, those with one fact
 _LONGER, _SHORTEST = 0.3, 0.3  # most by which a factor changes at once; least and, inverted, largest
 _MASSES = (np.log(0.3), np.log(3.0))
 _ZEROS, _LARGE_ZERO = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0]), np.deg2rad(30.0)
-_REACH = 0.6  # of the logarithm of a gain
+_REACH, _MOVES, _EDGE = 0.6, 5, 0.9  # of the logarithm of a gain; moves by almost a whole reach, which go on
 _GAINS = np.log([1e-3, 1e-2, 0.05, 0.1, 0.2, 0.35, 0.6, 0.8, 1.25, 1.6, 2.8, 5.0, 10.0, 20.0, 100.0, 1e3])
 
 
@@ -183,15 +183,18 @@ class FaultSearch(Instants):
         return replace(fault, errors=best.errors) if fits[0][0].size - best.size > GAIN + fault.freedom else NO_FAULT
 
     def _at_best(self, fault: Callable[[float], Fault], grid: Array, reach: float, **options: float) -> Fault:
-        """Fit with the fault of the best value undone: the best on a grid, refined within reach of it."""
+        """Fit with the fault of the best value undone: the best on a grid, and then within reach of the best so far."""
 
         def size(value: float) -> float:
             return self.fit(fault(value)).size
 
         best = grid[int(np.argmin([size(value) for value in grid.tolist()]))]
-        bounds = (best - reach, best + reach)
-        refined = scipy.optimize.minimize_scalar(size, bounds=bounds, method="bounded", options=options)
-        return self.fit(fault(float(refined.x)))
+        for _ in range(_MOVES):
+            before, bounds = best, (best - reach, best + reach)
+            best = scipy.optimize.minimize_scalar(size, bounds=bounds, method="bounded", options=options).x
+            if abs(best - before) < _EDGE * reach:
+                break
+        return self.fit(fault(float(best)))
 
     def _with_gains(self) -> Fault:
         """The best gains of all joints, from those with which the described torques are the measured ones."""

@@ -53,10 +53,10 @@ def joints_of(log: Log, robot: Robot) -> tuple[list[str], list[str]]:
     if known:
         return known, [name for name in log.joints if name not in known]
     others = [name for name in built_in_names() if set(log.joints) <= set(built_in(name).joint_names)]
-    hint = f"; robots with these joints: {', '.join(others)}" if others else ""
+    hint = f"robots with these joints: {', '.join(others)}" if others else "`robot` names them where a log is read"
     raise InputError(
         f"{log.source}: robot {robot.name} has none of its joints {', '.join(log.joints)}; the robot's joints: "
-        f"{', '.join(robot.joint_names)}{hint}"
+        f"{', '.join(robot.joint_names)}; {hint}"
     )
 
 
