@@ -52,7 +52,7 @@ _SHORT = 0.02  # lengths that are not fitted [m]
 _LENGTH_ROUNDS, _COMMON, _STEP = 7, 2, 1e-3  # of their fit, those with one factor for all, and of differences
 _LONGER, _SHORTEST = 0.3, 0.3  # most by which a factor changes at once; least and, inverted, largest
 _MASSES = (np.log(0.3), np.log(3.0))
-_ZEROS, _LARGE_ZERO = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0]), np.deg2rad(30.0)
+_ZEROS, _LARGE_ZERO = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0]), np.deg2rad(45.0)
 _REACH, _MOVES, _EDGE = 0.6, 5, 0.9  # of the logarithm of a gain; moves by almost a whole reach, which go on
 _GAINS = np.log([1e-3, 1e-2, 0.05, 0.1, 0.2, 0.35, 0.6, 0.8, 1.25, 1.6, 2.8, 5.0, 10.0, 20.0, 100.0, 1e3])
 
