@@ -68,11 +68,11 @@ def problem_of(name: str, options: dict[str, Any]) -> Formulation:
 
 def best(made: Formulation) -> tuple[Array, float]:
     """Coefficients of the best start that keeps every limit, and the processor time of a start."""
-    from excite.design.starts import optimise_start
+    from excite.design.starts import optimise_starts
     from excite.registry import instance
 
     method = instance("solver", "sqp")
-    found = [optimise_start(made.problem, method, SEED, index, None) for index in range(STARTS)]
+    found = [optimise_starts(made.problem, method, SEED, [index], None)[0] for index in range(STARTS)]
     return min(found, key=lambda start: start.value).coefficients, sum(start.cpu for start in found) / STARTS
 
 

@@ -78,11 +78,11 @@ def problem_of(setting: Setting, goal: str) -> Formulation:
 def designed(made: Formulation) -> dict[str, Any]:
     """Best of all starts, one after the other in this process, and what they took."""
     from excite.design.optimisation import limits_of
-    from excite.design.starts import optimise_start
+    from excite.design.starts import optimise_starts
     from excite.registry import instance
 
     problem, method = made.problem, instance("solver", "sqp")
-    found = [optimise_start(problem, method, SEED, index, None) for index in range(STARTS)]
+    found = [optimise_starts(problem, method, SEED, [index], None)[0] for index in range(STARTS)]
     best = min(found, key=lambda start: start.value)
     motion = problem.information.trajectory(best.coefficients)
     return {

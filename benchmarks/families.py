@@ -90,7 +90,7 @@ def designed(setting: Setting, task: Task) -> dict[str, Any]:
     """Best of all starts, one after the other in this process, judged as `excite design` judges it."""
     from excite.design.formulation import formulate
     from excite.design.optimisation import certify
-    from excite.design.starts import optimise_start
+    from excite.design.starts import optimise_starts
     from excite.registry import instance
     from regressors.errors import InputError
 
@@ -100,7 +100,7 @@ def designed(setting: Setting, task: Task) -> dict[str, Any]:
     except InputError as error:  # such motions do not show every parameter
         return {"refused": str(error)}
     problem, method = made.problem, instance("solver", "sqp")
-    found = tuple(optimise_start(problem, method, SEED, index, None) for index in range(STARTS))
+    found = tuple(optimise_starts(problem, method, SEED, [index], None)[0] for index in range(STARTS))
     design = certify(robot, made, found, {})
     return {
         "coefficients": problem.family.size,

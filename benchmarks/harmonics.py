@@ -13,7 +13,7 @@ from measure import script
 from problems import FREE_SPACE, PERIOD, PROBLEMS, RATE
 
 from excite.design.formulation import formulate
-from excite.design.starts import optimise_start
+from excite.design.starts import optimise_starts
 from excite.registry import instance
 from excite.tasks.task import Task
 from regressors.readers.library import load_robot
@@ -31,7 +31,7 @@ def measured(robot: str, harmonics: int) -> dict[str, list[float]]:
         arm, task = load_robot(robot), Task(robot, harmonics=harmonics, **FREE_SPACE)
     problem, method = formulate(arm, task).problem, instance("solver", "sqp")
     problem.gradient(problem.point(problem.rest, 1.0))
-    results = [optimise_start(problem, method, 0, k, None) for k in range(STARTS)]
+    results = [optimise_starts(problem, method, 0, [k], None)[0] for k in range(STARTS)]
     return {
         "cpu": [r.cpu for r in results],
         "evaluations": [float(r.evaluations) for r in results],

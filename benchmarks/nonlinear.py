@@ -130,7 +130,7 @@ def problem_of(robot: str, limits: dict[str, Any]) -> Problem:
 
 def of_starts(robot: str) -> list[dict[str, Any]]:
     """The same starts with each of the limits, one after the other in this process."""
-    from excite.design.starts import optimise_start
+    from excite.design.starts import optimise_starts
     from excite.registry import instance
 
     problems = {name: problem_of(robot, limits) for name, limits in OF_STARTS[robot].items()}
@@ -138,7 +138,7 @@ def of_starts(robot: str) -> list[dict[str, Any]]:
     for seed in SEEDS:
         for index in range(STARTS_OF_SEED):
             for name, problem in problems.items():
-                found[name].append(optimise_start(problem, instance("solver", "sqp"), seed, index, None))
+                found[name].append(optimise_starts(problem, instance("solver", "sqp"), seed, [index], None)[0])
     plain = [result.cpu for result in found["-"]]
     return [
         {

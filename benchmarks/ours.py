@@ -84,12 +84,12 @@ def search(wanted: Specification) -> dict[str, Any]:
 
 def starts(wanted: Specification) -> list[dict[str, Any]]:
     """Single starts, each on its own, one after the other in this process."""
-    from excite.design.starts import optimise_start
+    from excite.design.starts import optimise_starts
     from excite.registry import instance
 
     made = formulation(wanted)
     problem, method = made.problem, instance("solver", "sqp")
-    results = (optimise_start(problem, method, made.task.search.seed, k, None) for k in range(wanted["starts"]))
+    results = (optimise_starts(problem, method, made.task.search.seed, [k], None)[0] for k in range(wanted["starts"]))
     return [
         {"index": r.index, "value": r.value, "cpu": r.cpu, "trajectory": _plain(made, r.coefficients)} for r in results
     ]

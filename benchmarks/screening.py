@@ -25,7 +25,7 @@ from excite.design.problem import Problem
 from excite.design.search_rounds import Rounds
 from excite.design.solvers.limit_rows import LinearRows
 from excite.design.solvers.sqp import SequentialQuadratic
-from excite.design.starts import optimise_start, optimise_starts
+from excite.design.starts import optimise_starts
 from excite.tasks.search import Search
 from excite.tasks.task import Task
 from regressors.jax_models import JaxModel
@@ -106,7 +106,7 @@ def plain(made: Formulation, seed: int) -> Iterator[tuple[float, float]]:
     """Random starts as the search makes them: each takes the best of a race."""
     best, solver = math.inf, SequentialQuadratic()
     for k in range(10**6):
-        best = min(best, optimise_start(made.problem, solver, seed, k, None).value)
+        best = min(best, optimise_starts(made.problem, solver, seed, [k], None)[0].value)
         yield best, 0.0
 
 

@@ -74,7 +74,7 @@ def starts(folder: Path) -> Iterator[Callable[[int], None]]:
     from excite.design.formulation import formulate
     from excite.design.solvers.descent import SqpOptions
     from excite.design.solvers.sqp import SequentialQuadratic
-    from excite.design.starts import optimise_start
+    from excite.design.starts import optimise_starts
 
     formulation = formulate(excite.load_robot("irp6"), excite.Task("irp6", period=4.0, harmonics=3))
 
@@ -85,7 +85,7 @@ def starts(folder: Path) -> Iterator[Callable[[int], None]]:
             return super().solve(problem, starts[:1], watch)
 
     problem, solver = formulation.problem, OneGuess(SqpOptions(iterations=1))
-    yield lambda number: optimise_start(problem, solver, 0, number, folder) and None
+    yield lambda number: optimise_starts(problem, solver, 0, [number], folder) and None
 
 
 def measured(work: Callable[[int], None], count: int, seconds: float) -> list[dict[str, Any]]:

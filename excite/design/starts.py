@@ -136,11 +136,6 @@ def _remove(paths: Sequence[Path]) -> None:
 _SAVE_EVERY = 1.0  # seconds between saves of an unfinished start
 
 
-def optimise_start(problem: Problem, method: Solver, seed: int, start: Start, folder: Path | None) -> StartResult:
-    """Draw the initial guess of a start and optimise it, saving the best point so far every second."""
-    return optimise_starts(problem, method, seed, [start], folder)[0]
-
-
 def optimise_starts(
     problem: Problem,
     method: Solver,
@@ -150,9 +145,9 @@ def optimise_starts(
     answer: Callable[[], None] = lambda: None,
     origin: Origin | None = None,
 ) -> list[StartResult]:
-    """Optimise several starts beside each other, as `optimise_start` does each; no result depends on the others.
+    """Draw the initial guesses of some starts and optimise them beside each other; no result depends on the others.
 
-    A start's processor time is its share of that of all that were at work with it.
+    The best point so far of each is saved every second. A start's processor time is its share of that of all at work.
     """
     planned = [start if isinstance(start, PlannedStart) else PlannedStart(start) for start in starts]
     results = []

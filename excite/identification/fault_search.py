@@ -188,11 +188,13 @@ class FaultSearch(Instants):
         def size(value: float) -> float:
             return self.fit(fault(value)).size
 
-        best = grid[int(np.argmin([size(value) for value in grid.tolist()]))]
+        sizes = [size(value) for value in grid.tolist()]
+        best, least = grid[int(np.argmin(sizes))], min(sizes)
         for _ in range(_MOVES):
-            before, bounds = best, (best - reach, best + reach)
-            best = scipy.optimize.minimize_scalar(size, bounds=bounds, method="bounded", options=options).x
-            if abs(best - before) < _EDGE * reach:
+            before, above, bounds = best, least, (best - reach, best + reach)
+            found = scipy.optimize.minimize_scalar(size, bounds=bounds, method="bounded", options=options)
+            best, least = found.x, found.fun
+            if abs(best - before) < _EDGE * reach or above - least < _SHOWN:
                 break
         return self.fit(fault(float(best)))
 

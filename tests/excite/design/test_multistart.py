@@ -21,7 +21,7 @@ from excite.design.optimisation import _unwound, certify, design_trajectory, lim
 from excite.design.problem import Problem
 from excite.design.solvers.solver import Solver, SolverResult, Status, Watcher
 from excite.design.start_results import RUNNING, BestStarts, StartResult, read_starts
-from excite.design.starts import optimise_start
+from excite.design.starts import optimise_starts
 from excite.errors import NoFeasibleMotionError
 from excite.registry import EXECUTORS, built_in, instance
 from excite.tasks.task import Task
@@ -53,7 +53,7 @@ def without_cpu(results: Sequence[StartResult]) -> list[dict[str, object]]:
 def test_seed_and_number_fix_a_start_which_ends_better_than_it_began(made: Formulation, tmp_path: Path) -> None:
     method, ends = instance("solver", "sqp"), set()
     for seed, index in ((0, 0), (0, 1), (1, 3)):
-        result, again = (optimise_start(made.problem, method, seed, index, place) for place in (None, tmp_path))
+        result, again = (optimise_starts(made.problem, method, seed, [index], place)[0] for place in (None, tmp_path))
         assert without_cpu([again]) == without_cpu([result])
         assert again.index == index
         ends.add(json.dumps(result.x))
@@ -88,7 +88,7 @@ def test_the_best_point_of_an_unfinished_start_is_on_disk(
 ) -> None:
     monkeypatch.setattr("excite.design.starts._SAVE_EVERY", -1.0)
     method = Slow(tmp_path)
-    result = optimise_start(made.problem, method, 0, 5, tmp_path)
+    (result,) = optimise_starts(made.problem, method, 0, [5], tmp_path)
     first, second, third = (seen[0] for seen in method.seen)
     assert (first.index, first.status, first.value, first.history) == (5, RUNNING, 3.0, [3.0])
     assert (second.value, second.history) == (1.0, [3.0, 1.0])
@@ -100,7 +100,7 @@ def test_the_best_point_of_an_unfinished_start_is_on_disk(
 
 def test_points_are_not_written_at_every_iterate(made: Formulation, tmp_path: Path) -> None:
     method = Slow(tmp_path)
-    optimise_start(made.problem, method, 0, 0, tmp_path)
+    optimise_starts(made.problem, method, 0, [0], tmp_path)[0]
     assert method.seen == [[], [], []]  # less than a second went by
 
 
