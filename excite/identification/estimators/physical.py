@@ -184,7 +184,7 @@ def _active(standard: StandardProblem, theta: Array) -> tuple[str, ...]:
         T = own_scale(body.reference)
         slack = np.linalg.eigvalsh(T @ (pseudo_inertia(theta[body.index]) - LEAST * np.eye(4)) @ T.T)
         if slack[0] < _AT_BOUND:
-            held.append(body.name)
+            held.append(body.name.removeprefix("link ") if held else body.name)
     zero = [standard.names[j] for j in standard.positive if theta[j] < _AT_BOUND * standard.scale[j]]
     bodies = "the data alone give an impossible body; held at the nearest possible one, which the intervals ignore"
     drives = "the data alone give a negative value; held at zero, which the intervals ignore"
