@@ -30,6 +30,7 @@ from regressors.samples import Samples
 
 ROBOTS = ("irp6", "ur10e", "panda", "iiwa7")
 COULOMB, VISCOUS, ROTOR = 0.02, 0.02, 0.002  # of the torque limit: Nm, Nm s/rad, kg m^2
+CENTRES = 0.0  # standard deviation of each coordinate of the bodies' centres [m]
 NOISE = 0.02  # of the root mean square of each joint's torque
 KINDS = (
     "torques swapped", "torques shifted", "torque sign", "positions swapped", "position sign",
@@ -59,6 +60,8 @@ def true_robot(name: str, seed: int) -> Robot:
         replace(link, theta=_body(rng) if link.theta is None else link.theta * rng.uniform(0.85, 1.15))
         for link in robot.links
     )
+    rng = np.random.default_rng([seed, 3])
+    links = tuple(replace(link, theta=_moved(link.theta, rng.normal(0.0, CENTRES, 3))) for link in links)
     robot = robot.replace(links=links)
     if robot.transmission is not None:
         return robot
@@ -69,6 +72,17 @@ def true_robot(name: str, seed: int) -> Robot:
         for drive, limit in zip(geared.transmission.drives, robot.limits.torque.tolist(), strict=True)
     )
     return geared.replace(transmission=replace(geared.transmission, drives=drives))
+
+
+def _moved(theta: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """A body whose centre is another one, with the same inertia about it."""
+    m, c = theta[0], theta[1:4] / theta[0] if theta[0] > 0 else np.zeros(3)
+
+    def about_origin(c: np.ndarray) -> np.ndarray:
+        return m * ((c @ c) * np.eye(3) - np.outer(c, c))[np.triu_indices(3)]
+
+    inertia = theta[4:] + (about_origin(c + by) - about_origin(c) if np.any(by) else 0.0)
+    return np.array([m, *(theta[1:4] + m * by), *inertia])
 
 
 def _body(rng: np.random.Generator) -> np.ndarray:

@@ -188,8 +188,7 @@ class FaultSearch(Instants):
         def size(value: float) -> float:
             return self.fit(fault(value)).size
 
-        sizes = [size(value) for value in grid.tolist()]
-        best, least = grid[int(np.argmin(sizes))], min(sizes)
+        least, best = min((size(value), value) for value in grid.tolist())
         for _ in range(_MOVES):
             before, above, bounds = best, least, (best - reach, best + reach)
             found = scipy.optimize.minimize_scalar(size, bounds=bounds, method="bounded", options=options)

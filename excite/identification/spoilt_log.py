@@ -22,7 +22,7 @@ from regressors.samples import Array
 _GAIN_EACH = 0.15  # that a fault must win for each joint: what a model lacks of friction gains a third of it by a delay
 MARGIN = 0.25  # and on the next fault
 _ONE_JOINT = 1.2  # factor by which the error of one joint at least must fall
-_ALL_JOINTS, _LITTLE = 0.8, 0.1  # what a fault of all joints may leave of their error; error that is little anyway
+_ALL_JOINTS, _LITTLE = 0.8, 0.1  # what a fault of all joints, or a zero, may leave of the error; a little error
 _WHITE, _GAIN_OF_ZERO, _MARGIN_OF_ZERO = 1.2, 0.08, 0.04  # white noise at most; what a zero then must win
 _LEAST_ZERO = np.deg2rad(2.5)
 _SAME_SIGNS = ({"torque gain", "gains"}, {"zero", "gravity"})  # kinds of which a log may not tell which it is
@@ -88,6 +88,7 @@ def named(none: Fault, fits: list[Fault], noise: Array, zeros: float) -> Doubt |
     needed = _GAIN_OF_ZERO if fine else max(GAIN, _GAIN_EACH * len(best.joints))
     clear = gain > needed and (fine or falls > _ONE_JOINT) and best.error < EXPLAINED
     clear = clear and (bool(best.joints) or best.error < max(_ALL_JOINTS * none.error, _LITTLE))
+    clear = clear and (best.kind != "zero" or fine or best.error < _ALL_JOINTS * none.error)
     few = len(alike) <= 2 or {fit.kind for fit in alike} == _SAME_SIGNS[0]
     if not (clear and len(close) < len(alike) and few) or not best.what:
         return None

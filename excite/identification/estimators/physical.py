@@ -179,7 +179,7 @@ def _free_scale(standard: StandardProblem) -> Array:
 
 def _active(standard: StandardProblem, theta: Array) -> tuple[str, ...]:
     """A note on the active bounds of bodies, and one on those of zero."""
-    held = []
+    held: list[str] = []
     for body in standard.bodies:
         T = own_scale(body.reference)
         slack = np.linalg.eigvalsh(T @ (pseudo_inertia(theta[body.index]) - LEAST * np.eye(4)) @ T.T)
