@@ -98,11 +98,11 @@ def written_files(page: Path, folder: Path) -> None:
 
 
 def with_few_starts(command: Any) -> Any:
-    """A design with a quarter of its starts, or with one where its search would last until more do not pay."""
+    """A design with a quarter of its starts, at least two, or with one where its search ends when more do not pay."""
     words = list(command.words)
     if words[:2] == ["excite", "design"] and "--starts" in words:
         at = words.index("--starts") + 1
-        words[at] = str(-(-int(words[at]) // 4))
+        words[at] = str(max(int(words[at]) // 4, min(int(words[at]), 2)))
     elif words[:2] == ["excite", "design"] and "auto" not in words:
         words += ["--starts", "1"]
     return replace(command, words=tuple(words))
