@@ -12,7 +12,7 @@ from played import EXACT, TASK, curves, found, irp6, noisy, periodic, played, th
 
 from excite.identification.fault_search import GAIN, FaultSearch
 from excite.identification.identify import identify
-from excite.identification.log_faults import NO_FAULT, Fault, gains_fault
+from excite.identification.log_faults import NO_FAULT, Fault, gains_fault, zero_fault
 from excite.identification.procedure import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.identification.spoilt_log import SPOILT, named
@@ -253,6 +253,14 @@ def test_a_fault_of_all_joints_that_leaves_most_of_their_error_is_none(size: flo
     moved = Fault("moved base", (), "the base is tilted", "fix the base", errors=size * after)
     doubt = named(replace(NO_FAULT, errors=size * before), [moved], np.full(6, 0.02 * size), 0.0)
     assert (doubt is not None) == is_named
+
+
+@pytest.mark.parametrize(("last", "is_named"), [(0.045, False), (0.3, True)])
+def test_a_zero_that_leaves_most_of_the_error_is_none(last: float, is_named: bool) -> None:
+    sound = replace(NO_FAULT, errors=np.array([0.03] * 6 + [last]))
+    zero = replace(zero_fault(tuple("abcdefg"), 6, -1.7), errors=np.array([0.03] * 6 + [0.028]))
+    assert sound.size - zero.size > GAIN
+    assert (named(sound, [zero], np.full(7, 0.02), 0.0) is not None) == is_named
 
 
 def test_a_refusal_says_which_fault_explains_it_and_else_stays_as_it_is() -> None:
