@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -141,7 +142,7 @@ def collision_limits(robot: Robot, world: World, motion: PartialMotion) -> list[
 
     Left out are: adjacent links; ignored pairs; constant distances that keep the clearance; what never moves away from
     the surface that the robot is fastened to; and pairs of links, or of a link and that surface, that collide in every
-    one of 2000 random poses, since their capsules touch by construction: the notes of the constraints list these.
+    one of 2000 random poses, or nearly so: their capsules touch by construction, and notes of the limits list them.
     """
     world.check(robot)
     return _limits(robot, world, motion, _pairs(robot, world).values())
@@ -169,7 +170,7 @@ def _limits(
     robot: Robot, world: World, motion: PartialMotion, groups: Iterable[list[Pair]]
 ) -> list[NonlinearConstraint]:
     clearances: list[Clearance] = []
-    notes: list[str] = []
+    notes: defaultdict[str, list[str]] = defaultdict(list)  # pairs by what is to be known of them
     poses = _poses(robot, motion)
     for pairs in (pairs for pairs in groups if pairs):
         limit = Clearance(robot, motion, pairs, world)
@@ -177,13 +178,17 @@ def _limits(
         if kept:
             clearances.append(limit if kept == list(pairs) else Clearance(robot, motion, kept, world))
     if clearances:
-        clearances[0].notes = tuple(notes)
+        clearances[0].notes = tuple(f"{', '.join(pairs)}: {what}" for what, pairs in notes.items())
     return list(clearances)
 
 
-def _kept(limit: Clearance, poses: Array, notes: list[str]) -> list[Pair]:
-    """Pairs whose distance varies and is allowed in some pose; a note lists pairs left out without being safe."""
-    if len(poses) > _FEW and (few := _kept(limit, poses[:_FEW], [])) == list(limit.pairs):
+_ALWAYS = f"closer than allowed, or nearly so, in all of {_POSES} random poses"
+_NEARLY = 0.003  # m: a pair that no pose brings farther beyond its clearance leaves a motion no room
+
+
+def _kept(limit: Clearance, poses: Array, notes: defaultdict[str, list[str]]) -> list[Pair]:
+    """Pairs whose distance varies and is allowed in some pose; notes list pairs left out without being safe."""
+    if len(poses) > _FEW and (few := _kept(limit, poses[:_FEW], defaultdict(list))) == list(limit.pairs):
         return few  # more poses would keep them too
     distance = limit.shown(limit.values(Samples.at_rest(poses)))
     kept = []
@@ -199,24 +204,22 @@ def _kept(limit: Clearance, poses: Array, notes: list[str]) -> list[Pair]:
                 f"changes that; expected the clearance of {allowed:g} m or more; move the object, or list the pair "
                 "under ignore"
             )
-        if widest < allowed and not pair.is_obstacle:
-            notes.append(f"{pair.label} is not checked: in all of {_POSES} random poses they are closer than allowed")
+        if widest < allowed + _NEARLY and not pair.is_obstacle:
+            notes[f"not checked, as {_ALWAYS}"].append(pair.label)
         elif not fixed:
             kept.append(pair)
     return kept
 
 
-def _above_mounting(pair: Pair, distance: Array, notes: list[str]) -> list[Pair]:
+def _above_mounting(pair: Pair, distance: Array, notes: defaultdict[str, list[str]]) -> list[Pair]:
     """A pair with the surface that the robot is fastened to, without ends of capsules that never leave it."""
     # distance (poses, ends)
     still, near = np.ptp(distance, axis=0) < _STILL, distance.max(axis=0) < pair.clearance
     if np.any(near & ~still):
-        notes.append(
-            f"{pair.label} is checked in part: some of its shape is closer than allowed in all of {_POSES} random poses"
-        )
+        notes[f"checked in part, as some of the shape is {_ALWAYS}"].append(pair.label)
     if (depth := -distance[0, still].min(initial=np.inf)) > DEEP:
         where = f"in every pose some of its shape, which no joint raises, is {depth:.2g} m below it"
-        notes.append(f"{pair.label} is not checked in full: {where}; check its height (`floor`)")
+        notes[f"not checked in full, as {where}; check its height (`floor`)"].append(pair.label)
     kept, column = [], iter(~(still | near))
     for capsule in pair.capsules:
         ends = [capsule.start] if capsule.length == 0 else [capsule.start, capsule.end]

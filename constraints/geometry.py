@@ -187,8 +187,7 @@ def enclosing_capsule(points: Array) -> Capsule:
     """Capsule of small volume that contains all points.
 
     ``radius = max_k |p_k - line|`` for the line from a to b; a and b by the simplex method of Nelder and Mead on the
-    outermost points, from each of their principal axes: the smallest of three local minima, which need not be the
-    global one.
+    outermost points, from each of their principal axes: the smallest of three local minima, perhaps not the global one.
     """  # points (N, 3)
     points = np.asarray(points, dtype=float)
     if points.ndim != 2 or points.shape[0] == 0 or not np.all(np.isfinite(points)):

@@ -120,8 +120,7 @@ def explained_columns(R: Array, kept: Index, sizes: Array) -> Array:
 def pivoted_columns(R: Array, tolerance: float = TOLERANCE) -> Index:
     """Columns in the order of column-pivoted QR: each time the one with the largest remainder after projection.
 
-    Equal remainders are common, since links share lengths; the leftmost is taken, so that the choice does not depend on
-    rounding.
+    Equal remainders are common, since links share lengths; the leftmost is taken, whatever the rounding.
     """  # R (k, p)
     rest = R.copy()
     chosen: list[int] = []

@@ -70,7 +70,10 @@ class GridLimits:
 
     def with_expected(self, motions: Sequence[Array]) -> GridLimits:
         """With those that hold by default, but not for all of some motions, among the others, evaluated as one."""
-        limits = self._with([limit for limit in self.stated if not all(limit.holds(x) for x in motions)])
+        kept = self.stated
+        for x in motions:  # where all joints are is computed once a motion
+            kept = tuple(limit for limit in kept if limit.holds(x))
+        limits = self._with([limit for limit in self.stated if limit not in kept])
         if limits is self:
             return self
         functions = [limit.function for limit in limits.nonlinear if isinstance(limit.function, JointFunction)]

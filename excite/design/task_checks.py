@@ -158,7 +158,7 @@ def _slopes(
 
 def _rank_with(blueprint: Blueprint, by: int, base: Base) -> int:
     task = blueprint.task.changed(trajectory=blueprint.task.trajectory.finer(by))
-    return _identifiable(replace(blueprint, task=task).problem(), base)[0]
+    return _identifiable(replace(blueprint, task=task).problem((), ()), base)[0]
 
 
 def _identifiable(problem: Problem, base: Base) -> tuple[int, list[str]]:

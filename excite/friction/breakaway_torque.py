@@ -265,8 +265,7 @@ def rest_points(breaks: Sequence[BreakAway], *, paired: bool = False) -> tuple[P
     """Points at speed zero; the sign of the zero is that of the direction.
 
     The deviation of each is the scatter of the repeats, pooled over both directions and widened as Student's t is than
-    the normal distribution; no less than its own, which repeats of one log and direction share, so that their mean is
-    no better.
+    the normal distribution; no less than its own, which repeats of one log and direction share, and their mean has too.
     """
     sides = _sides(breaks)
     freedom = sum(max(len(side) - 1, 0) for side in sides)

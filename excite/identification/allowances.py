@@ -193,8 +193,7 @@ def allowing_for_curves(
 ) -> Estimate:
     """Extend the covariance of an estimate, and so its intervals, by the uncertainty of the friction curves.
 
-    Where errors of the curves have already increased the residuals, they count twice and the intervals are
-    conservative.
+    Where errors of the curves have already increased the residuals, they count twice: intervals are too wide.
     """
     moving = [name for name, _ in drives_with_friction(measured.target.robot) if name in friction.curves]
     exact = [name for name in moving if name not in friction.uncertainty]

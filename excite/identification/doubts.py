@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +16,7 @@ from excite.identification.impossible_parameters import (
     described_coefficients,
     impossible_parameters,
     inertial_columns,
-    mass_matrix_check,
+    negative_inertia,
 )
 from excite.identification.large_residual import (
     LARGEST,
@@ -75,16 +74,20 @@ def _found(result: Identification, target: IdentificationTarget) -> tuple[Doubt,
     residual = _residual(result, target, noisy, above)
     checks = [residual]
     if residual is None:  # else the others follow from it
-        if target.base.names == result.names:
-            poses = allowed_poses(target.robot, _motions(result).q)
-            mass = mass_matrix_check(target, result.estimate, poses, _tried(result), noisy)
-            rest = _resting(result)
-            checks.append(replace(mass, cause=rest.what, cure=rest.cure) if mass and rest else mass)
+        inertia = _negative_inertia(result, target, noisy) if target.base.names == result.names else None
+        checks.append(inertia if inertia and inertia.about == "bodies" else None)
         checks.append(
             impossible_parameters(result.estimate, result.target.base, _shares(result), noisy, _tried(result))
         )
         checks.append(None if result.symmetry is None else result.symmetry.doubt)
     return tuple(doubt for doubt in checks if doubt is not None)
+
+
+def _negative_inertia(
+    result: Identification, target: IdentificationTarget, noisy: tuple[str, str] | None = None
+) -> Doubt | None:
+    poses = allowed_poses(target.robot, _motions(result).q)
+    return negative_inertia(target, result.estimate, poses, _tried(result), noisy)
 
 
 @one_thread()
@@ -94,9 +97,10 @@ def warnings_of(result: Identification) -> tuple[Doubt, ...]:
     checks = [left_out_rows(part.log.source, part.left_out_share) for part in result.prepared]
     if target.base.names == result.names and _residual_size(result) <= LARGEST:  # a larger one is no noise
         errors = expected_error(target, result.observations, result.estimate, _motions(result))
-        method, tried = result.estimate.method, _tried(result)
-        few = few_data(len(result.prepared), *errors, method, _excess(result), tried=tried)
+        few = few_data(len(result.prepared), *errors, result.estimate.method, _excess(result), tried=_tried(result))
         checks.append(_resting(result) or few)  # which follows from it
+        inertia = _negative_inertia(result, target)
+        checks.append(inertia if inertia and inertia.about == "inertia" else None)
         checks.append(_untold_load(result, target))
     return tuple(warning for warning in checks if warning is not None)
 
@@ -148,6 +152,8 @@ def _possible(result: Identification) -> str:
         return f"bodies: no possible robot has these parameters: {bodies[0]}"
     if any(doubt.about == "torques" for doubt in result.doubts):
         return "bodies: not checked, since the torques are not explained"
+    if left_open := [warning.what for warning in result.warnings if warning.about == "inertia"]:
+        return f"bodies: the data leave open whether a possible robot has these parameters: {left_open[0]}"
     if result.estimate.method == "physical":
         return "bodies: physically possible, since the estimator allows no others"
     return f"bodies: no sign of impossible ones (checked: signs of the parameters, mass matrix in some {POSES} poses)"

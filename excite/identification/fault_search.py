@@ -36,6 +36,7 @@ from regressors.models.base import base_parameters, few_states, random_states
 from regressors.models.load import PayloadModel
 from regressors.models.nominal import standard_values
 from regressors.robot.columns import COULOMB, VISCOUS
+from regressors.robot.robot import Robot
 from regressors.samples import Array, Index
 
 GAIN = 0.4  # in the logarithm of the errors of all joints together that a fault must win on none
@@ -53,6 +54,7 @@ _LENGTH_ROUNDS, _COMMON, _STEP = 7, 2, 1e-3  # of their fit, those with one fact
 _LONGER, _SHORTEST = 0.3, 0.3  # most by which a factor changes at once; least and, inverted, largest
 _MASSES = (np.log(0.3), np.log(3.0))
 _ZEROS, _LARGE_ZERO = np.deg2rad([-8.0, 8.0, -90.0, 90.0, 180.0]), np.deg2rad(45.0)
+_CENTRE = 0.03  # that descriptions may be off in the centre of a body [m]
 _REACH, _MOVES, _EDGE = 0.6, 5, 0.9  # of the logarithm of a gain; moves by almost a whole reach, which go on
 _GAINS = np.log([1e-3, 1e-2, 0.05, 0.1, 0.2, 0.35, 0.6, 0.8, 1.25, 1.6, 2.8, 5.0, 10.0, 20.0, 100.0, 1e3])
 
@@ -74,11 +76,15 @@ class FaultSearch(Instants):
         return replace(self, described=None)
 
     def _with_zero(self, j: int) -> Fault:
-        """The best zero of a joint: as free bodies need it, or else a large one, which the described masses need."""
-        names, none = self.target.robot.joint_names, self.free.plain.fit(NO_FAULT)
-        zero = self._at_best(partial(zero_fault, names, j), _ZEROS, 0.14, maxiter=7)
-        small = zero.positions is None or np.abs(zero.positions[1]).max() < _LARGE_ZERO
-        return zero if not small or none.size - self.free.fit(zero).size > _SHOWN else NO_FAULT
+        """The best zero of a joint: as free bodies need it, or else a large one, which the described masses need.
+
+        One that moves the centre of the joint's own body by little is one of a wrong description.
+        """
+        none, fault = self.free.plain.fit(NO_FAULT), partial(zero_fault, self.target.robot.joint_names, j)
+        zero = self._at_best(fault, _ZEROS, 0.14, maxiter=7)
+        angle = 0.0 if zero.positions is None else float(np.abs(zero.positions[1]).max())
+        large = angle > _LARGE_ZERO and _moved_centre(self.target.robot, j, angle) > _CENTRE
+        return zero if large or none.size - self.free.fit(zero).size > _SHOWN else NO_FAULT
 
     def _gains_of_one(self) -> list[Fault]:
         """The best gain of each joint: as free bodies need it, or else a large one, which the described masses need."""
@@ -358,6 +364,14 @@ class FaultSearch(Instants):
 
         best = _refined(min(self._delays, key=size), max(1, round(0.01 / self.step)), size)
         return self.fit(delay_fault(names, best * which, self.step))
+
+
+def _moved_centre(robot: Robot, j: int, angle: float) -> float:
+    """How far the turn of a joint moves the described centre of its own body [m]."""
+    theta = robot.links[j].theta
+    if theta is None or theta[0] <= 0:
+        return 0.0
+    return float(2 * np.sin(angle / 2) * np.linalg.norm(np.cross(robot.joints[j].axis, theta[1:4])) / theta[0])
 
 
 def _refined(best: int, stride: int, size: Callable[[int], float]) -> int:

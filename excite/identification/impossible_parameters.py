@@ -177,10 +177,10 @@ def allowed_poses(robot: Robot, travelled: Array, seed: int = 0) -> Array:
     return np.asarray(middle + half * np.vstack([spread, corners, np.zeros(robot.n)]))
 
 
-def mass_matrix_check(
-    target: IdentificationTarget, estimate: Estimate, poses: Array, method: str, noisy: tuple[str, str] | None
+def negative_inertia(
+    target: IdentificationTarget, estimate: Estimate, poses: Array, method: str, noisy: tuple[str, str] | None = None
 ) -> Doubt | None:
-    """Doubt where the mass matrix is not positive definite in some poses, which no real robot has.
+    """Doubt where the mass matrix is not positive definite in some poses; one about inertia where that is left open.
 
     It names the direction v and the pose of the least inertia ``v' M(q) v``. Coordinates are scaled by their own mean
     inertia, so that radians and metres, shoulder and wrist, compare. Since direction and pose are the worst of all, the
@@ -209,7 +209,8 @@ def mass_matrix_check(
         "the mass matrix is not positive definite, which no robot has: in the pose "
         f"({', '.join(f'{x:.2f}' for x in poses[worst])}) the inertia along {names[joint]} is {least:.3g}"
     )
-    return Doubt(what, *cause_of_negative_inertia(least, half, method, noisy))
+    cause, cure = cause_of_negative_inertia(least, half, method, noisy)
+    return Doubt(what, cause, cure, about="inertia" if least + half > 0 else "bodies")
 
 
 def cause_of_negative_inertia(least: float, half: float, method: str, noisy: tuple[str, str] | None) -> tuple[str, str]:

@@ -27,7 +27,8 @@ class Doubt:
     what: str  # what cannot be right, with its numbers
     cause: str  # why, as far as the data show it
     cure: str  # what to do, with options in backticks
-    about: Literal["bodies", "torques", "limbs"] = "bodies"  # which question it answers with no
+    # which question it answers with no; a warning about inertia leaves that of possible bodies open
+    about: Literal["bodies", "torques", "limbs", "inertia"] = "bodies"
 
     @property
     def text(self) -> str:

@@ -116,6 +116,7 @@ _CLIPPED = 10  # rows in succession, and 1 % of all
 
 def _clipped(names: tuple[str, ...], y: Array) -> Iterator[Fault]:
     """Joints whose largest torque is held exactly, as no noisy value is."""
+    found = list[tuple[str, str, str]]()
     for name, column in zip(names, y.T, strict=True):
         within_range = column[(column > column.min()) & (column < column.max())]
         varied = np.unique(within_range).size > 0.2 * within_range.size
@@ -123,10 +124,12 @@ def _clipped(names: tuple[str, ...], y: Array) -> Iterator[Fault]:
             at = np.flatnonzero(column == level)
             longest = max((run.size for run in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)), default=0)
             if varied and longest >= _CLIPPED and at.size > 0.01 * column.size:
-                rows = f"{at.size} rows, {longest} of them in succession"
-                cure = "record them over their whole range, or leave these rows out (`rows`)"
-                yield Fault("clipped", (name,), f"the torques of {name} are cut off at {level:.4g} in {rows}", cure)
+                found.append((name, f"{level:.4g}", f"{at.size}"))
                 break
+    if found:
+        joints, levels, rows = zip(*found, strict=True)
+        what = f"the torques of {', '.join(joints)} are cut off at {', '.join(levels)} in {', '.join(rows)} rows"
+        yield Fault("clipped", joints, what, "record them over their whole range, or leave these rows out (`rows`)")
 
 
 def column_faults(names: tuple[str, ...]) -> Iterator[Fault]:
@@ -204,6 +207,8 @@ def gains_fault(names: tuple[str, ...], gains: Array, shown: Flags, *, known: bo
     odd = np.flatnonzero(size > np.log(ODD_GAIN))
     if odd.size < 2 or (np.ptp(np.log(gains[shown])) < 2 * np.log(ODD_GAIN) and size.max() < np.log(_ODD_SCALE)):
         return NO_FAULT
+    if known and np.count_nonzero(size > np.log(_OF_MASSES)) == 1 and size.max() > np.log(_ODD_SCALE):
+        return NO_FAULT  # the gain of one joint, beside masses
     joints, values = (", ".join(x) for x in (np.array(names)[odd], [f"{1 / g:.2g}" for g in gains[odd]]))
     whose, scale = (
         ("the described robot", "as right as its masses, which another robot has otherwise")

@@ -57,8 +57,7 @@ class _Block:
 class Information:
     """M(x) for one model's columns over one family.
 
-    The equation of a joint depends on the bodies that the joint carries. Products with W leave the zeros of the others
-    out.
+    The equation of a joint depends on the bodies that the joint carries. Products with W leave out zeros of the others.
     """  # Y regressor of one instant, (r, b) of q, dq, ddq; noise (r,)
 
     def __init__(

@@ -24,8 +24,7 @@ def exciting_rows(log: Log) -> tuple[slice, str]:
 
     Stretches of motion are separated by pauses of half a second or more. The rows are those from the first to the last
     stretch that lasts at least a fifth of the longest and is not a point-to-point motion, in which no joint reverses;
-    where all stretches are point-to-point motions, only their length counts. A tenth of a second of rest is kept at
-    both ends.
+    where all stretches are point-to-point motions, only their length counts. 0.1 s of rest is kept at both ends.
     """
     stretches, reversing = _stretches(log) if log.count >= _FEWEST else ([], [])
     if not stretches:

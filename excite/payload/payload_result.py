@@ -99,8 +99,7 @@ def load_data_text(body: HeldBody, frame: str) -> str:
     KUKA System Software, "Operating and Programming Instructions for System Integrators", load data, and the data
     sheets' "Load center of gravity and mass moment of inertia": mass M in kg; CM the centre of gravity in mm and the
     orientation of the principal axes of inertia in degrees, relative to the flange, A about Z, then B about the new Y,
-    then C about the new X; J the moments about these axes in kg m^2. In `$config.dat` it belongs to tool number 1 of
-    16.
+    then C about the new X; J the moments about these axes in kg m^2. In `$config.dat` it belongs to tool 1 of 16.
     """
     moments, axes = body.principal
     place = _fields("XYZ", _MM * body.centre, 4) + "," + _fields("ABC", angles_of(axes), 6)

@@ -268,8 +268,7 @@ def steepest_direction(robot: Robot, way: ca.SX, gain: ca.SX, dq: ca.SX, distanc
 def leads(plant: Plant, pose: Array) -> Array:
     """T of each drive per square root of d, ``T = 2 zeta sqrt(d m / F)``, shape (k,) [s / sqrt(rad or m)].
 
-    F is half the range of torques between break-away in both directions, and ``1 / m = c' M^-1 c`` of the drive's row
-    c.
+    F is half the range of torques between break-away in both directions, and ``1 / m = c' M^-1 c``, c its row.
     """  # pose (n,)
     q = ca.SX.sym("q", plant.robot.n)
     M = np.array(ca.Function("mass", [q], [plant.mass_matrix(q)])(pose))

@@ -300,8 +300,7 @@ class TorqueDeviation(TorqueCriterion):
 class MaxTorqueDeviation(TorqueCriterion):
     """Largest standard deviation of any predicted torque, ``sqrt(max_k y_k M^-1 y_k')``.
 
-    The approximation ``(1/2p) log sum_k v_k^p`` of the variances v is never below its logarithm, and tends to it as p
-    grows.
+    The approximation ``(1/2p) log sum_k v_k^p`` of the variances v tends to its logarithm from above as p grows.
     """
 
     name = "max-torque-deviation"

@@ -49,8 +49,7 @@ class Polynomial(LinearFamily):
     def _rest_basis(self) -> Array:
         """Coefficients of motions at rest at both ends, at the same pose, shape (degree + 1, size).
 
-        Polynomial k is weighted by 1/k so that equal coefficients mean about equal velocities, which limits usually
-        bound.
+        Polynomial k is weighted by 1/k so that equal coefficients mean about equal velocities, the usual bound.
         """
         ends = np.array([0.0, self.duration])
         position, *rest = (chebyshev_terms(ends, self.duration, self.degree, d) for d in range(3))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from excite.logs.signals.periods import MeasurementNoise
 from excite.tasks.further_settings import Tolerances
@@ -84,12 +85,11 @@ def verdict(
     A joint at standstill may carry any torque up to its static friction, so that what differs there is left out. The
     simulated motion is a remark: a small error of a torque moves a joint of little inertia far.
     """
-    of_total, remarks = _of_total(whole, total, training, tolerances)
+    of_total, remarks = _of_total(whole, in_motion(torques), total, training, tolerances)
     named: dict[str, list[str]] = {"confirmed": [], "contradicted": [], "undecided": []}
     poor: list[str] = []
     for t, part in zip(torques, corrected, strict=True):
-        slow = t.standstill + t.systematic
-        moving = float(np.sqrt(t.systematic / slow)) if slow > 0 else 1.0  # of the slow error
+        moving = in_motion([t])
         if part.relative * moving <= tolerances.torque:
             named["confirmed"].append(t.name)
             if part.relative > 2 * tolerances.torque:
@@ -119,15 +119,22 @@ def verdict(
     return Verdict(tuple(against), tuple(remarks), **{key: tuple(names) for key, names in named.items()})
 
 
+def in_motion(torques: Sequence[TorqueError]) -> float:
+    """Part of the error without noise that arises in motion, over some equations."""
+    square, systematic, standstill = np.array([(t.error**2, t.systematic, t.standstill) for t in torques]).T
+    slow = square @ (systematic + standstill)
+    return float(np.sqrt(square @ systematic / slow)) if slow > 0 else 1.0
+
+
 def _of_total(
-    whole: CorrectedError, total: float, training: float | None, tolerances: Tolerances
+    whole: CorrectedError, moving: float, total: float, training: float | None, tolerances: Tolerances
 ) -> tuple[list[str], list[str]]:
-    """Reasons against the result by its error over all equations, and remarks on it."""
+    """Reasons against the result by its error in motion over all equations, and remarks on it."""
     against: list[str] = []
     remarks: list[str] = []
     noisy = whole.noise > 0 and whole.relative < _NOISY * total
     without = f", {percent(whole.relative)} without the noise of the measurement" if noisy else ""
-    if not whole.least <= tolerances.torque:
+    if not whole.least * moving <= tolerances.torque:
         against.append(
             f"predictions miss {percent(total, 3)} of what was measured{without}, "
             f"more than {100 * tolerances.torque:g} %"
@@ -140,14 +147,14 @@ def _of_total(
             f"of the error of {percent(total, 3)} most is noise of the measurements; without it they are predicted "
             f"{within}"
         )
-    if training is not None and training > 0 and whole.least > MORE_THAN_TRAINING * training:
-        ratio = whole.relative / training
+    if training is not None and training > 0 and whole.least * moving > MORE_THAN_TRAINING * training:
+        ratio = whole.relative * moving / training
         times = "over 1000" if ratio > 1000 else f"{ratio:.3g}"
         text = (
-            f"the error of {percent(whole.relative)} is {times} times that on the logs of the identification "
+            f"the error of {percent(whole.relative * moving)} is {times} times that on the logs of the identification "
             f"({percent(training)})"
         )
-        if whole.least > tolerances.torque / 2:
+        if whole.least * moving > tolerances.torque / 2:
             against.append(f"{text}: the result does not generalise")
         else:
             remarks.append(f"{text}: this log is noisier, or its motion is of another kind")
@@ -186,14 +193,18 @@ class TorqueError:
         return max(parts, key=parts.__getitem__)
 
 
+def at_standstill(speed: Array) -> NDArray[np.bool_]:
+    """Where the coordinate of each equation hardly moves, shape (N, r)."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.abs(speed) < STANDSTILL * np.abs(speed).max(axis=0, initial=0.0))
+
+
 def torque_errors(
-    time: Array, measured: Array, predicted: Array, speed: Array, equations: tuple[tuple[str, str], ...]
+    time: Array, measured: Array, predicted: Array, still: NDArray[np.bool_], equations: tuple[tuple[str, str], ...]
 ) -> tuple[TorqueError, ...]:
-    """Errors of every equation over a motion."""  # time (N,); measured, predicted (N, r); speed (N, r)
+    """Errors of every equation over a motion."""  # time (N,); measured, predicted (N, r); still (N, r), at standstill
     difference = measured - predicted
     slow = _slow(time, difference)
-    with np.errstate(invalid="ignore"):
-        still = np.abs(speed) < STANDSTILL * np.abs(speed).max(axis=0, initial=0.0)
     errors = []
     for j, (name, unit) in enumerate(equations):
         e, s = difference[:, j], slow[:, j]

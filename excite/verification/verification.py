@@ -22,7 +22,7 @@ from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 KIND = "verification"
-FIGURES = ("torques", "motion", "parts")
+FIGURES = ("torques", "motion")
 _REPLAYED = 60_000  # simulated and measured positions in a file; the figure shows their differences, not their rms
 
 

@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.identification.choices.cutoff_and_rows import HIGHEST
 from excite.identification.doubts import answers
+from excite.identification.equations import nearest
 from excite.identification.identification import Identification, stated_covariance
 from excite.identification.identify import check_rows
 from excite.identification.large_residual import with_external_forces
@@ -27,14 +29,14 @@ from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.procedure import log_of
 from excite.identification.recipe import AUTO, Recipe
 from excite.identification.result_json import load_result
-from excite.information.target import IdentificationTarget
+from excite.information.target import IdentificationTarget, least_speeds
 from excite.logs.base_motion import measured_equations
 from excite.logs.event import LEFT_OUT
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping, read_mapping
 from excite.logs.signals.method import interpolated
 from excite.logs.signals.periods import mean_rate, measurement_noise, motion_ends
-from excite.simulation.replay import Outcome, Replay, windowed_motion
+from excite.simulation.replay import Replay, windowed_motion
 from excite.tasks.further_settings import Tolerances
 from excite.verification.simulated_motion import (
     SAMPLE,
@@ -45,7 +47,16 @@ from excite.verification.simulated_motion import (
     motion_remarks,
     shortest_horizon,
 )
-from excite.verification.verdict import CorrectedError, TorqueError, Verdict, corrected_errors, torque_errors, verdict
+from excite.verification.verdict import (
+    CorrectedError,
+    TorqueError,
+    Verdict,
+    at_standstill,
+    corrected_errors,
+    in_motion,
+    torque_errors,
+    verdict,
+)
 from excite.verification.verification import MeasuredMotion, Verification, VerifiedLog
 from regressors.arguments import checked
 from regressors.errors import InputError, cut, percent
@@ -54,6 +65,7 @@ from regressors.quantities import check
 from regressors.work_prediction import announce
 
 HORIZON = 0.5
+_MOSTLY = 0.8  # of the error arises in motion, or it is said how much
 
 
 @checked
@@ -128,17 +140,19 @@ def verify(
     tolerances = tolerances if tolerances is not None else Tolerances()
     replay, length = _replayed(target, result, part, horizon)
     above = motion_ends(part.samples.q, mean_rate(part.samples.time))
-    compared = errors, corrected, total, whole = _errors(target, predicted, above)
+    still = _still(target, part, predicted, recipe)
+    compared = errors, corrected, total, whole = _errors(target, predicted, above, still)
     free = ~predicted.left_out  # rows about which nothing happened
     event_free = relative_error(predicted.measured[free], predicted.predicted[free])
     units = {j.name: j.unit for j in target.robot.joints}
     motions = motion_errors(replay, part.samples, units) if replay is not None and replay.ok else None
-    further = result.training_error, motions or (), _doubted(result, replay), tolerances
+    doubted = tuple(f"{doubt.what}: {doubt.cause}" for doubt in result.doubts)
+    further = result.training_error, motions or (), doubted, tolerances
     judged = verdict(*compared, *further)
     explained = all(doubt.about == "bodies" for doubt in result.doubts)  # else its covariance says nothing
     if judged.contradicted and explained and stated_covariance(result) is not None:
         best, decisive = best_within_region(result.estimate, target, part, recipe, predicted)
-        within = _errors(target, prediction(target, part, recipe, best, result.friction), above)
+        within = _errors(target, prediction(target, part, recipe, best, result.friction), above, still)
         judged = judged.within_region(verdict(*within, *further), decisive)
     remarks = (
         *judged.remarks,
@@ -164,7 +178,7 @@ def verify(
             judged,
             against=(*judged.against, *_other_load(target, part, predicted, judged)),
             remarks=remarks,
-            answers=(_torques_answer(judged, whole), *answers(result)),
+            answers=(_torques_answer(judged, whole, in_motion(errors), tolerances), *answers(result)),
         ),
         corrected=corrected,
         corrected_total=whole,
@@ -173,23 +187,26 @@ def verify(
     )
 
 
+def _still(
+    target: IdentificationTarget, part: PreparedLog, predicted: LogPrediction, recipe: Recipe
+) -> NDArray[np.bool_]:
+    """Where friction may hold a drive, as the identification has it, shape (N, r)."""
+    still = at_standstill(predicted.speed)
+    if not recipe.standstill:
+        return still
+    slow = least_speeds(target, part.samples) < recipe.standstill
+    return still | slow[nearest(part.samples.time, predicted.time)]
+
+
 def _errors(
-    target: IdentificationTarget, predicted: LogPrediction, above: float
+    target: IdentificationTarget, predicted: LogPrediction, above: float, still: NDArray[np.bool_]
 ) -> tuple[tuple[TorqueError, ...], tuple[CorrectedError, ...], float, CorrectedError]:
     """Errors of every equation, without noise too, and the same two over all equations."""
     measured, torques = predicted.measured, predicted.predicted
     noise = measurement_noise(measured, measured - torques, mean_rate(predicted.time), above)
     corrected, whole = corrected_errors(measured, torques, noise)
-    errors = torque_errors(predicted.time, measured, torques, predicted.speed, target.model.row_labels)
+    errors = torque_errors(predicted.time, measured, torques, still, target.model.row_labels)
     return errors, corrected, relative_error(measured, torques), whole
-
-
-def _doubted(result: Identification, replay: Replay | None) -> tuple[str, ...]:
-    """What its identification doubts of a result, and a mass matrix that no robot has in a pose of the log."""
-    doubted = tuple(f"{doubt.what}: {doubt.cause}" for doubt in result.doubts)
-    if not doubted and replay is not None and replay.outcome is Outcome.NOT_POSITIVE:
-        return (f"{replay.outcome.value} (in the pose at {replay.failed_at:.3f} s)",)
-    return doubted
 
 
 def _other_load(
@@ -208,9 +225,11 @@ def _other_load(
     return (f"{text}; {whose}: verify with a log of the same load, or identify again",)
 
 
-def _torques_answer(judged: Verdict, whole: CorrectedError) -> str:
+def _torques_answer(judged: Verdict, whole: CorrectedError, moving: float, tolerances: Tolerances) -> str:
     """Whether the torques of the log are predicted, and within what."""
     within = f"torques: off by {percent(whole.relative)} of what was measured, apart from noise"
+    if moving < _MOSTLY and whole.relative > tolerances.torque / 2:
+        within += f", and by {percent(whole.relative * moving)} in motion"
     if not (judged.contradicted or judged.undecided or judged.unknown):
         return f"{within}; every joint is confirmed"
     verbs = ("confirmed for", "contradicted for", "not to be judged for", "not known for")

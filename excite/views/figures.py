@@ -45,8 +45,7 @@ def draw(result: Any, *, width: str = "screen") -> dict[str, Any]:
     Returns
     -------
     dict of str to matplotlib.figure.Figure
-        By the names that their files would have. They belong to no window and to no global list, so that nothing needs
-        to be closed.
+        By the names that their files would have. They belong to no window and no global list: none need be closed.
 
     Raises
     ------

@@ -122,12 +122,8 @@ def error_note(measured: Array, predicted: Array, unit: str) -> tuple[str, str]:
     rms, size = (float(np.sqrt(np.mean(x**2))) for x in (measured - predicted, measured))
     if size == 0:
         return f"rms error {significant(rms, 3)} {unit}, measured zero throughout", DARK
-    return error_text(rms, size, unit, relative_error(measured, predicted)), VERMILLION if rms > _LARGE * size else DARK
-
-
-def error_text(rms: float, size: float, unit: str, relative: str) -> str:
-    """Root mean square of the differences and of the measured values [unit], and their ratio."""
-    return f"rms error {significant(rms, 3)} {unit} of {significant(size, 3)} {unit}: {relative}"
+    error = f"rms error {significant(rms, 3)} {unit} of {significant(size, 3)} {unit}"
+    return f"{error}: {relative_error(measured, predicted)}", VERMILLION if rms > _LARGE * size else DARK
 
 
 _WHITE = 2.5758  # standard deviations that 99 % of white noise's autocorrelations stay within

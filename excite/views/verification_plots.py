@@ -1,4 +1,4 @@
-"""Verification of a result on another log: torques, motion, and sources of the errors."""
+"""Verification of a result on another log: torques and motion."""
 
 from __future__ import annotations
 
@@ -10,40 +10,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from excite.simulation.replay import Replay
 from excite.verification.verification import Verification
 from excite.verification.verify_servos import ServoVerification
-from excite.views.identification_plots import MEASURED, PREDICTED, error_text, fit_figure, relative_error
-from excite.views.panels import (
-    BINS,
-    NumberColumn,
-    Panel,
-    Timeline,
-    bar_panel,
-    ends,
-    extremes,
-    head,
-    legend_below,
-    panels,
-    value_axis,
-    write_columns,
-)
-from excite.views.style import DARK, LABEL, NOTE, ORANGE, PURPLE, SKY, VERMILLION, figure_of, significant, typeset
+from excite.views.identification_plots import MEASURED, PREDICTED, fit_figure, relative_error
+from excite.views.panels import BINS, Panel, Timeline, ends, extremes, head, legend_below, panels, value_axis
+from excite.views.style import DARK, PURPLE, SKY, VERMILLION, significant
 from regressors.errors import InputError
 from regressors.samples import Array
 
-_PARTS: tuple[tuple[str, dict[str, Any], str], ...] = (
-    ("noise", {"facecolor": SKY}, "noise of the measurement"),
-    ("standstill", {"facecolor": ORANGE, "hatch": "////"}, "static friction at standstill"),
-    ("systematic", {"facecolor": VERMILLION}, "the model (friction, gains, flexibility)"),
-)
-_EDGE: dict[str, Any] = {"edgecolor": "white", "linewidth": 0.6}
 _DOT = 2.2  # [pt]
 _NUMBERS = 8  # on an axis of time
 _NAME_LENGTH = 50
-_READABLE = 0.06  # of the whole: larger parts have their percentage written into them
 
 
 def predicted_torques_figure(verification: Verification) -> Figure:
@@ -138,30 +117,3 @@ def _motion_legend(replay: Replay) -> list[Line2D]:
 
 def _name(verification: Verification) -> str:
     return ends(PurePath(verification.log.file).name, _NAME_LENGTH)
-
-
-def error_parts_figure(verification: Verification) -> Figure:
-    """Draw the parts of every equation's squared error: noise, standstill, and model error."""
-    torques = verification.torques
-    height, title = 1.9 + 0.42 * len(torques), f"{_name(verification)}: where the errors of the prediction come from"
-    figure = figure_of(9.5, height, title, text=height)
-    ax = figure.subplots()
-    places = np.arange(len(torques))
-    begin = np.zeros(len(torques))
-    for name, look, _ in _PARTS:
-        share = np.array([100.0 * float(getattr(torque, name)) for torque in torques])
-        ax.barh(places, share, left=begin, height=0.62, **look, **_EDGE)
-        for place, left, wide in zip(places.tolist(), begin, share, strict=True):
-            if wide > 100.0 * _READABLE:
-                ax.text(left + wide / 2, place, f"{wide:.0f} %", ha="center", va="center", fontsize=NOTE, color="black")
-        begin = begin + share
-    errors = (
-        error_text(t.error, t.measured, t.unit, f"{significant(100 * t.relative, 3)} %").removeprefix("rms error ")
-        for t in torques
-    )
-    write_columns(ax, places.tolist(), [NumberColumn("rms error", [typeset(text) for text in errors], side="left")])
-    bar_panel(ax, -0.5, len(torques) - 0.5, places.tolist(), [torque.name for torque in torques])
-    ax.set_xlim(0.0, 100.0)
-    ax.set_xlabel("part of the mean squared error [%]", fontsize=LABEL, color=DARK)
-    legend_below(figure, [Patch(**look, **_EDGE, label=meaning) for _, look, meaning in _PARTS])
-    return figure

@@ -14,7 +14,6 @@ from regressors.errors import listed_names, percent
 _DRAWN = (
     Drawing("Predicted and measured", "torques", "verification_plots.predicted_torques_figure"),
     Drawing("Simulated and measured motion", "motion", "verification_plots.simulated_motion_figure"),
-    Drawing("What the errors are made of", "parts", "verification_plots.error_parts_figure"),
 )
 
 

@@ -280,8 +280,7 @@ def _read_export(path: Path) -> object:
 
 _RESULT = ("identification_plots.torques_figure", "identification_plots.residuals_figure",
            "parameters_plot.parameters_figure")  # fmt: skip
-_VERIFICATION = ("verification_plots.predicted_torques_figure", "verification_plots.simulated_motion_figure",
-                 "verification_plots.error_parts_figure")  # fmt: skip
+_VERIFICATION = ("verification_plots.predicted_torques_figure", "verification_plots.simulated_motion_figure")
 _OLD, _NEW = "design irp6 --out OUT --starts 2 --speed 0.5", "design irp6 --out OUT --starts 1 --speed 0.25,0.75"
 _MOTION = {"excite.cli.simulate_run.motion_source": SimpleNamespace(task=excite.Task("irp6"))}
 _FOLDER = {"excite.load_result": SimpleNamespace(folder=None)}

@@ -150,8 +150,8 @@ def test_a_height_that_no_pose_keeps_is_refused_and_what_is_always_below_it_is_t
         stated(Task("ur10e", self_collision=False, floor=3.0))
     world = stated(task := Task("ur10e", self_collision=False, floor=0.4)).world
     notes = low_limits(installed_robot(task), world).notes
-    assert [note.split(":")[0] for note in notes] == [
-        f"{link} to floor is not checked in full" for link in ("shoulder_link", "upper_arm_link")
+    assert [note.split(",")[0] for note in notes] == [
+        f"{link} to floor: not checked in full" for link in ("shoulder_link", "upper_arm_link")
     ]
     assert "0.37 m below it" in notes[0]
 

@@ -249,8 +249,7 @@ def choose_friction_scale(
 ) -> tuple[Recipe, FrictionCurves, tuple[Choice, ...]]:
     """Scale known friction where this predicts left-out torques better by more than a standard error, and 0.5 %.
 
-    The curves have the factors that the trial instants ask for, or are as given; no choice where no moving drive has a
-    curve.
+    The curves have the factors that the trial instants ask for, or are as given; no choice where no moving one has any.
     """
     names = curves_of_moving(scoring.target, friction)
     if not names:

@@ -300,8 +300,7 @@ def choose_timing(scoring: Scoring, recipe: Recipe, free: frozenset[str]) -> Cho
     A friction that changes its direction late looks like a delay; so each kind of presliding is tried with its own best
     delay. Presliding over a distance is preferred where it predicts as well as the best, within 5 % of the errors: only
     it has a direction at standstill, which exciting motions hardly show, but others do; and within 10 % where it needs
-    less delay, since a sign that is smooth and late stands for it. No kind is preferred with a larger delay than that
-    of the best.
+    less delay, since a sign that is smooth and late stands for it. None with a larger delay than the best is preferred.
     """
     scoring = scoring.prepared_by(recipe)
     softened = cache(scoring.softened)

@@ -252,8 +252,7 @@ class Loops:
     def reached(self, independent: Array) -> tuple[Array, Array]:
         """The same along straight lines of the independent joints from the reference, shapes (N, n) and (N,).
 
-        Loops do not flip over on the way: what passes near a singular configuration, or one where J_d turns over, is
-        not reached.
+        Loops do not flip on the way: what is near a singular configuration, or where J_d turns over, is not reached.
         """  # independent (N, k)
         start, moved = self.reference[list(self.independent)], list(self.independent)
         q, left = np.tile(self.reference, (len(independent), 1)), np.zeros(len(independent))

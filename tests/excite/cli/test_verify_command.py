@@ -73,7 +73,7 @@ def test_a_good_result_is_believed(here: Here, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(figures, "write_figures", DRAW)
     ended = here.run("verify", "result", "again.csv", "-v", status=0, stderr="")
     written = files_below(here.cwd / "result") - {"result.json", "curves.npz", "manifest.json"}
-    endings = (".json", "_curves.npz", "_torques.png", "_motion.png", "_parts.png")
+    endings = (".json", "_curves.npz", "_torques.png", "_motion.png")
     assert written == {f"verification-again{x}" for x in endings}
     content = json.loads((here.cwd / "result" / "verification-again.json").read_text())
     assert content["schema"] == "excite.verification/2"

@@ -83,8 +83,8 @@ CASES = {
         "`unit: [kNm, Nm, Nm]`",
     ),
     "torques cut off in most rows": (
-        effort(lambda y: np.column_stack([np.clip(y[:, 0], -10.0, 10.0), y[:, 1:]])),
-        "the torques of q1 are cut off at 10 in",
+        effort(lambda y: np.clip(y, -10.0, (10.0, 20.0, np.inf))),
+        "the torques of q1, q2, q3 are cut off at 10, 20, -10 in",
         "record them over their whole range",
     ),
     "currents": (
@@ -223,12 +223,14 @@ def test_a_gain_of_one_joint_is_named_where_masses_do_not_explain_it(case: str) 
     assert all(what in doubt.what for doubt in doubts)
 
 
-@pytest.mark.parametrize(("angle", "is_named"), [(15.0, False), (90.0, True)])
-def test_a_last_body_that_is_described_a_little_turned_is_no_zero(angle: float, is_named: bool) -> None:
+@pytest.mark.parametrize(
+    ("angle", "off_axis", "is_named"), [(15.0, 0.08, False), (90.0, 0.08, True), (120.0, 0.012, False)]
+)
+def test_a_last_body_described_a_little_otherwise_is_no_zero(angle: float, off_axis: float, is_named: bool) -> None:
     robot = built_in("ur10e")
 
     def with_tool(angle: float) -> Robot:
-        c = 0.08 * np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle)), 1.0])
+        c = np.array([off_axis * np.cos(np.deg2rad(angle)), off_axis * np.sin(np.deg2rad(angle)), 0.08])
         inertia = 2.0 * (c @ c * np.eye(3) - np.outer(c, c)) + 0.01 * np.eye(3)
         theta = np.array([2.0, *(2.0 * c), *inertia[np.triu_indices(3)]])
         return robot.replace(links=(*robot.links[:-1], replace(robot.links[-1], theta=theta)))
@@ -280,6 +282,7 @@ def test_factors_that_a_log_does_not_show_or_that_masses_may_explain_are_not_sta
     assert "`gain: [2, 4, 1]`" in gains_fault(names, np.array([2.0, 4.0, 30.0]), shown, known=True).cure
     assert "that of c does not show" in gains_fault(names, np.array([2.0, 4.0, 30.0]), shown, known=True).cure
     assert gains_fault(names, np.array([2.0, 2.1, 30.0]), shown, known=True) is NO_FAULT
+    assert gains_fault(names, np.array([1.3, 0.75, 1e-3]), np.ones(3, dtype=bool), known=True) is NO_FAULT
     assert gains_fault(names, np.array([5.0, 5.1, 5.0]), np.ones(3, dtype=bool), known=True).kind == "gains"
 
 

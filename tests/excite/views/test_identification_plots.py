@@ -41,7 +41,7 @@ from excite.views.identification_view import identification_figures
 from excite.views.panels import BINS, ends, extremes
 from excite.views.parameters_plot import decimal, differences, parameters_figure
 from excite.views.style import BAND, BLUE, DARK, FORBIDDEN, VERMILLION
-from excite.views.verification_plots import error_parts_figure, predicted_torques_figure, simulated_motion_figure
+from excite.views.verification_plots import predicted_torques_figure, simulated_motion_figure
 from excite.views.verification_view import verification_view
 from regressors.errors import InputError
 from regressors.readers.library import built_in, load_robot
@@ -510,25 +510,12 @@ def test_a_simulation_that_failed_says_where_and_why() -> None:
     assert legend_texts(figure)[-1] == "failed"
 
 
-def test_parts_of_the_error_add_up_beside_the_error(verification: Verification) -> None:
-    figure = error_parts_figure(verification)
-    (ax,) = figure.axes
-    bars = np.array([[bar.get_width() for bar in container] for container in ax.containers])
-    np.testing.assert_allclose(bars, 100 * np.array([[0.7, 0.02, 0.0], [0.2, 0.95, 0.0], [0.1, 0.03, 1.0]]))
-    np.testing.assert_allclose([bar.get_x() for bar in ax.containers[2]], [90.0, 97.0, 0.0])
-    texts = texts_of(figure)
-    assert texts.count("0.500 Nm of 7.00 Nm: 7.14 %") == 2
-    assert "0.500 N of 7.00 N: 7.14 %" in texts
-    assert "2 %" not in texts  # too narrow to be written into
-    assert "part of the mean squared error [%]" in texts
-
-
 def test_a_model_without_motion_has_no_figure_of_it(verification: Verification, tmp_path: Path) -> None:
     without = dataclasses.replace(verification, replay=None, motions=None)
     with pytest.raises(InputError, match="no motion was simulated"):
         simulated_motion_figure(without)
     names = [path.name for path in write_figures(verification_view(without, "new"), tmp_path)]
-    assert names == ["new_torques.png", "new_parts.png"]
+    assert names == ["new_torques.png"]
 
 
 # --- all of them
@@ -538,7 +525,7 @@ def test_a_model_without_motion_has_no_figure_of_it(verification: Verification, 
     "width",
     ["screen", pytest.param("single", marks=pytest.mark.slow), pytest.param("double", marks=pytest.mark.slow)],
 )
-@pytest.mark.parametrize("name", ["torques", "residuals", "parameters", "estimates", "predicted", "motion", "parts"])
+@pytest.mark.parametrize("name", ["torques", "residuals", "parameters", "estimates", "predicted", "motion"])
 def test_texts_stay_inside_and_apart(
     result: Identification, verification: Verification, reference: ReferenceValues, name: str, width: str
 ) -> None:
@@ -549,7 +536,6 @@ def test_texts_stay_inside_and_apart(
         "estimates": lambda: estimates_figure(dataclasses.replace(result, reference=reference)),
         "predicted": lambda: predicted_torques_figure(verification),
         "motion": lambda: simulated_motion_figure(made_verification(Outcome.NOT_POSITIVE)),
-        "parts": lambda: error_parts_figure(verification),
     }
     figure = drawn_figures(lambda: {name: draw[name]()}, width)[name]
     assert misplaced(figure) == []

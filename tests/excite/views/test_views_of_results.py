@@ -120,7 +120,7 @@ def test_without_curves_nothing_is_drawn() -> None:
     v = verification("old")
     without = dataclasses.replace(v, time=np.zeros(0), motion=MeasuredMotion(), replay=None)
     assert verification_view(without).figures == ()
-    assert len(verification_view(v).figures) == 3
+    assert len(verification_view(v).figures) == 2
 
 
 # The view of a study: what has no size or no value is named.

@@ -132,7 +132,7 @@ def test_identification_and_verification(tmp_path: Path) -> None:
     text = "".join(parsed.of("main")[0].text)
     assert verified["verdict"] in text
     assert all(note in text for note in content["notes"])
-    assert len(parsed.of("svg")) == 6  # three of each
+    assert len(parsed.of("svg")) == 5  # three of one, two of the other
     assert not parsed.of("img")
     assert len(parsed.of("canvas")) == 0
     assert sum("data-motion" in each.attributes for each in parsed.elements) == 2
