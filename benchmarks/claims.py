@@ -47,19 +47,22 @@ def public() -> str:
     """All systems with the same limits and processor time, judged by one program: the medians of the seeds."""
     study = result("results/public")
     runs = [run for run in study["runs"] if "failure" not in run]
-    cases = list(dict.fromkeys(run["case"] for run in runs))
+    systems, done = list(dict.fromkeys(run["system"] for run in runs)), {(run["case"], run["system"]) for run in runs}
+    cases = [case for case in dict.fromkeys(run["case"] for run in runs) if all((case, s) in done for s in systems)]
 
     def medians(system: str, of: Callable[[dict[str, Any]], float]) -> list[float]:
         return [
             statistics.median(of(run) for run in runs if (run["case"], run["system"]) == (c, system)) for c in cases
         ]
 
-    systems = list(dict.fromkeys(run["system"] for run in runs))
     conditions = {system: medians(system, lambda run: float(run["verdict"]["condition_number"])) for system in systems}
     rows = []
     for system, values in conditions.items():
         others = [conditions[other] for other in systems if other != system]
-        lowest = [round(value, 2) < min(round(each[k], 2) for each in others) for k, value in enumerate(values)]
+        lowest = [
+            round(value, 2) < min((round(each[k], 2) for each in others), default=math.inf)
+            for k, value in enumerate(values)
+        ]
         worst = max(run["verdict"]["limit_use_as_delivered"] for run in runs if run["system"] == system) - 1
         rows.append(
             (
