@@ -171,20 +171,14 @@ class NonlinearConstraint(Constraint):
         return np.isin(np.arange(len(self.lower)), self.jacobian.row)
 
     def at_instants(self, motion: Sequence[Array]) -> Array:
-        """Values of g, shape (k, N), of position, velocity and acceleration, each of shape (n, N).
-
-        The layout of a search, which evaluates one motion after the other.
-        """
-        nonzeros, count = self._evaluated(motion), len(self.lower)
+        """Values of g, shape (k, N), of position, velocity and acceleration of shape (n, N), as a search has them."""
+        # most limits are far from their bounds, so that a search looks at them a few times
+        nonzeros, count = self.function.seldom(*motion), len(self.lower)
         if len(nonzeros) == count:
             return nonzeros
         values = np.zeros((count, nonzeros.shape[1]))
         values[self.function.row] = nonzeros
         return values
-
-    def _evaluated(self, motion: Sequence[Array]) -> Array:
-        """Nonzeros of g: most limits are far from their bounds, so that a search looks at them a few times."""
-        return self.function.seldom(*motion)
 
     def slopes_at_instants(self, motion: Sequence[Array]) -> Callable[[Index, Index, Index], Array]:
         """``dg / d(q, dq, ddq)`` as in `at_instants`, by numbers of functions, of instants and of columns."""
@@ -233,10 +227,6 @@ class StackedConstraint(NonlinearConstraint):
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.parts,)
 
-    def _evaluated(self, motion: Sequence[Array]) -> Array:
-        """Nonzeros of g at every step of a search."""
-        return self.function(*motion)
-
     def _shown(self, values: Array) -> Array:
         split = np.split(values, self._first[1:-1], axis=-1)
         return np.concatenate([part.shown(own) for part, own in zip(self.parts, split, strict=True)], axis=-1)
@@ -265,3 +255,11 @@ class StackedConstraint(NonlinearConstraint):
             return found
 
         return slopes
+
+
+class JoinedConstraint(StackedConstraint):
+    """The same, each with the functions that it has: a search that finds more limits to keep compiles nothing."""
+
+    def at_instants(self, motion: Sequence[Array]) -> Array:
+        """Values of g, see `NonlinearConstraint.at_instants`."""
+        return np.concatenate([part.at_instants(motion) for part in self.parts])

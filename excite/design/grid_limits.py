@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from constraints.linear import LinearConstraint
-from constraints.nonlinear import NonlinearConstraint, StackedConstraint
+from constraints.nonlinear import JoinedConstraint, NonlinearConstraint, StackedConstraint
 from excite.trajectories.family import GridMotion
 from regressors.models.partial import ClosedMotion, PartialMotion
 from regressors.samples import Array, Index
@@ -51,7 +51,7 @@ class GridLimits:
             tuple(GridConstraint.on_coordinates(limit, grid) for limit in linear),
             each,
             tuple(GridConstraint.on_joints(limit, joints) for limit in stated),
-            each if len(each) < 2 else (GridConstraint.on_joints(StackedConstraint(nonlinear), joints),),
+            _as_one(each, StackedConstraint),
         )
 
     def with_broken(self, x: Array) -> GridLimits:
@@ -66,7 +66,9 @@ class GridLimits:
         if not more:
             return self
         kept = tuple(limit for limit in self.stated if limit not in more)
-        return GridLimits(self.linear, (*self.nonlinear, *more), kept, (*self.together, *more))
+        return GridLimits(
+            self.linear, (*self.nonlinear, *more), kept, _as_one((*self.together, *more), JoinedConstraint)
+        )
 
     def with_expected(self, motions: Sequence[Array]) -> GridLimits:
         """With those that hold by default, but not for all of some motions, among the others, evaluated as one."""
@@ -74,11 +76,7 @@ class GridLimits:
         for x in motions:  # where all joints are is computed once a motion
             kept = tuple(limit for limit in kept if limit.holds(x))
         limits = self._with([limit for limit in self.stated if limit not in kept])
-        if limits is self:
-            return self
-        functions = [limit.function for limit in limits.nonlinear if isinstance(limit.function, JointFunction)]
-        stacked = StackedConstraint([function.constraint for function in functions])
-        return replace(limits, together=(GridConstraint.on_joints(stacked, functions[0].joints),))
+        return replace(limits, together=_as_one(limits.nonlinear, StackedConstraint))
 
     @property
     def linear_in_x(self) -> tuple[GridConstraint, ...]:
@@ -105,6 +103,16 @@ class GridLimits:
         pairs = zip(self.linear, values, strict=True)
         changes = ((g, value, g.values(step) if g.linear else g.values(end) - value) for g, value in pairs)
         return max(min((limit.largest_part(value, change) for limit, value, change in changes), default=np.inf), 0.0)
+
+
+def _as_one(
+    limits: tuple[GridConstraint, ...], kind: Callable[[list[NonlinearConstraint]], StackedConstraint]
+) -> tuple[GridConstraint, ...]:
+    """The same limits as one: a search asks for values, uses and tangents once, however many there are."""
+    functions = [limit.function for limit in limits if isinstance(limit.function, JointFunction)]
+    if len(functions) < 2:
+        return limits
+    return (GridConstraint.on_joints(kind([each.constraint for each in functions]), functions[0].joints),)
 
 
 _RESERVE = 0.005  # of a function's scale, kept in reserve for the time between the instants of the grid

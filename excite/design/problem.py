@@ -21,9 +21,9 @@ from regressors.samples import Array
 
 _WITHIN = 1.0 - 1e-9  # of what the limits allow, against rounding
 # seconds of an evaluation; by instructions of the regressor; by the root of those of limits, of which few are near; by
-# joints that follow others, for whose positions the loops are solved; by joints beyond those of an arm, since
-# programmes grow
-_CALL, _OF_REGRESSOR, _OF_LIMITS, _OF_FOLLOWING, _OF_JOINTS = 3e-4, 6e-7, 2.4e-5, 1.4e-3, 1.5e-3
+# limits that motions may come to break; by joints that follow others, for whose positions the loops are solved; by
+# joints beyond those of an arm, since programmes grow
+_CALL, _OF_REGRESSOR, _OF_LIMITS, _OF_STATED, _OF_FOLLOWING, _OF_JOINTS = 3e-4, 6e-7, 2.4e-5, 4e-5, 1.4e-3, 1.5e-3
 _ARM = 7  # joints
 
 
@@ -86,6 +86,7 @@ class Problem:
             _CALL
             + _OF_REGRESSOR * self.information.instructions
             + _OF_LIMITS * float(np.sqrt(self.limits.instructions))
+            + _OF_STATED * len(self.limits.stated)
             + _OF_FOLLOWING * self.information.following
             + _OF_JOINTS * max(len(self.centre) + self.information.following - _ARM, 0)
         )

@@ -181,9 +181,9 @@ def _motion(resampled: Resampled, recipe: Recipe) -> tuple[Log, FilteredMotion, 
     notes = [resampled.note]
     uniform = resampled.log
     if recipe.average:
-        mean = average_periods(uniform, recipe.period)
-        uniform, recipe = mean.log, replace(recipe, period=mean.period)
-        notes.append(mean.note)
+        uniform, period, note = average_periods(uniform, recipe.period)
+        recipe = replace(recipe, period=period)
+        notes.append(note)
     if recipe.signals_chosen and (why := _does_not_apply(uniform, recipe)):
         notes.append(f"{why}: positions are low-passed instead")
         recipe = replace(recipe, signals="butterworth", measured_velocity=False)

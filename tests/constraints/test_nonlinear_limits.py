@@ -18,7 +18,7 @@ from constraints.collision_limits import collision_limits
 from constraints.enclosure import _mean_value, enclose
 from constraints.geometry import HalfSpace, Obstacle, Part, World
 from constraints.linear import linear_limits
-from constraints.nonlinear import NonlinearConstraint, StackedConstraint
+from constraints.nonlinear import JoinedConstraint, NonlinearConstraint, StackedConstraint
 from constraints.power import tool_box, tool_speed
 from constraints.torque import torque_limits
 from excite.design.grid_limits import GridConstraint, GridJoints
@@ -373,8 +373,9 @@ def samples(state: list[Array]) -> Samples:
     return Samples(np.arange(float(len(q))), q, dq, ddq, np.zeros_like(q))
 
 
-def test_functions_are_those_of_the_parts() -> None:
-    stacked, state = StackedConstraint(parts()), motion(9)
+@pytest.mark.parametrize("together", [StackedConstraint, JoinedConstraint])
+def test_functions_are_those_of_the_parts(together: type[StackedConstraint]) -> None:
+    stacked, state = together(parts()), motion(9)
     expected = np.concatenate([part.values(samples(state)) for part in parts()], axis=1)
     np.testing.assert_allclose(stacked.at_instants(state), expected.T, atol=1e-12)
     np.testing.assert_allclose(stacked.values(samples(state)), expected, atol=1e-12)

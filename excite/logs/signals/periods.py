@@ -82,17 +82,8 @@ _WHOLE = 1e-3  # of a sample
 _LEAST_MOTION = 0.1  # of that of the joint that moves most
 
 
-@dataclass(frozen=True, eq=False)
-class Averaged:
-    """Mean of the periods of a log."""
-
-    log: Log  # one period, at the times of the first
-    period: float  # [s]
-    note: str  # assumptions and results
-
-
-def average_periods(log: Log, period: float | None = None) -> Averaged:
-    """Mean over the whole periods of a log.
+def average_periods(log: Log, period: float | None = None) -> tuple[Log, float, str]:
+    """Mean over the whole periods of a log, as one period at the times of the first; the period [s]; a note.
 
     With x_k(t) the sample at phase t of period k of K, the mean is ``m(t) = sum_k x_k(t) / K`` and the noise
     ``s^2 = sum_{k,t} (x_k(t) - m(t))^2 / (M (K - 1))`` over the M phases.
@@ -116,7 +107,7 @@ def average_periods(log: Log, period: float | None = None) -> Averaged:
     note = (f"{rest} rows after the last whole period",) * (rest > 0)
     mean = Log(log.source, log.sha256, log.joints, time, **means, left_out=(*log.left_out, *note))
     step = f"mean of {count} periods of {length:.6g} s ({'estimated' if period is None else 'given'})"
-    return Averaged(mean, length, step)
+    return mean, length, step
 
 
 def _stacked(log: Log, h: float, length: float, count: int) -> dict[str, Array]:
