@@ -205,7 +205,7 @@ def _kept(limit: Clearance, poses: Array, notes: defaultdict[str, list[str]]) ->
                 "under ignore"
             )
         if widest < allowed + _NEARLY and not pair.is_obstacle:
-            notes[f"not checked, as {_ALWAYS}"].append(pair.label)
+            notes[f"not checked, as {_ALWAYS}; several capsules a link (`world`) fit closer"].append(pair.label)
         elif not fixed:
             kept.append(pair)
     return kept

@@ -256,7 +256,7 @@ def read_precision_target(path: Path) -> dict[str, Any]:
     if isinstance(entry := content.get("torques"), dict):  # ``torques: {motion: FILE, share: 0.05}``
         if set(entry) != {"motion", "share"}:
             given = ", ".join(map(str, entry))
-            raise InputError(f"{path}: torques: expected `motion`, a file, and `share`; given {given}")
+            raise InputError(f"{path}: torques: expected `motion:`, a file, and `share:`; given {given}")
         motion = read_task_motion(path.parent / str(entry["motion"]))  # a folder or a table beside the file
         content["torques"] = {"share": entry["share"], "motion": motion}
     return content

@@ -57,7 +57,7 @@ def check_loops(robot: Robot, task: Task) -> None:
     if loose := [name for name in loops.names if name in robot.passive]:
         raise InputError(
             f"robot {robot.name!r}: no drive moves {listed_names(loose)}, nor do the loops; take a joint with a drive "
-            "from `passive` in its description"
+            "from `passive:` in its description"
         )
     if task.model.channel != "effort":
         robot.check_open(f"a design for the {name_of(task.model.model)} model")

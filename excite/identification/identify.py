@@ -340,7 +340,7 @@ def _check_instants(robot: Robot, task: Task) -> None:
     if model_of(moving_robot(robot, task), task).window is not None:
         raise InputError(
             "windows hold the work of all that acts on the robot, and no wrench on its moving base is measured; leave "
-            "out `model`, or give `wrench` in `base`"
+            "out `model`, or give `wrench:` in `base:`"
         )
 
 

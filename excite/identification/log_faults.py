@@ -84,7 +84,7 @@ def obvious_faults(names: tuple[str, ...], parts: tuple[PreparedLog, ...]) -> It
         both_ways = np.minimum(np.mean(dq > 0, axis=0), np.mean(dq < 0, axis=0)) > 0.2
         if np.all(y >= 0) and np.any(y > 0) and both_ways.all() and len(names) > 1:
             what = "the torques of all joints are never negative although all of them move both ways"
-            cure = "record torques with their signs, or map the columns of the signed currents (`current`)"
+            cure = "record torques with their signs, or map the columns of the signed currents (`current:`)"
             yield Fault("magnitudes", names, f"{what}: they are magnitudes", cure)
 
 
@@ -140,7 +140,7 @@ def column_faults(names: tuple[str, ...]) -> Iterator[Fault]:
             order = list(range(n))
             order[a], order[b] = b, a
             what = f"the {of} columns of {names[a]} and {names[b]} are exchanged"
-            cure = f"exchange these two `columns` of the {of}s in the mapping{_order(names, order)}"
+            cure = f"exchange these two in `columns:` of the {of}s in the mapping{_order(names, order)}"
             yield Fault(f"{of}s swapped", (names[a], names[b]), what, cure, **_undone(of, np.eye(n)[order]))
         for j, name in enumerate(names):
             what, cure = f"the {of}s of {name} have the opposite sign", f"use `{_each('sign', n, j, '-1')}`"
@@ -149,7 +149,7 @@ def column_faults(names: tuple[str, ...]) -> Iterator[Fault]:
     for shift in (1, -1) if n > 2 else ():
         order = [(k + shift) % n for k in range(n)]
         what = f"the torque columns are shifted: that of {names[0]} is what stands for {names[shift % n]}"
-        cure = f"shift the `columns` of the torques in the mapping by one{_order(names, order)}"
+        cure = f"shift `columns:` of the torques in the mapping by one{_order(names, order)}"
         yield Fault("torques shifted", names, what, cure, torques=np.eye(n)[order])
 
 

@@ -96,14 +96,14 @@ def allowed_half_widths(precision: PrecisionTarget, target: IdentificationTarget
     if unknown:
         raise InputError(
             f"precision: the description of {target.robot.name!r} states no value of {', '.join(unknown)}; "
-            "give one in `scales`"
+            "give one in `scales:`"
         )
     known = np.isfinite(scale)
     allowed = np.where(known, share * np.where(known, scale, 1.0), np.inf)
     if not np.any(np.isfinite(allowed)) and precision.torques is None:
         raise InputError(
             f"precision: it asks nothing of the {base.rank} base parameters, since the description of "
-            f"{target.robot.name!r} states no value of those that it names; give values in `scales`"
+            f"{target.robot.name!r} states no value of those that it names; give values in `scales:`"
         )
     return np.asarray(allowed)
 

@@ -52,10 +52,10 @@ def measured_equations(
     if not measured:
         raise InputError(
             "the log mapping has neither torques of the joints nor a wrench on the base, so that the motion shows no "
-            "masses; give `effort`, or `wrench` in `base`"
+            "masses; give `effort:`, or `wrench:` in `base:`"
         )
     if missing := [name for name in asked or () if name in robot.joint_names and name not in measured]:
-        what = "`wrench` in `base`" if missing[0] in of_base else "`effort`"
+        what = "`wrench:` in `base:`" if missing[0] in of_base else "`effort:`"
         raise InputError(f"the log mapping has no efforts of {listed_names(missing)}; give {what}")
     return asked or (None if len(measured) == robot.n else measured)
 
@@ -149,7 +149,7 @@ class _BaseMotion:
         if not np.any(self.values["wrench"]):
             raise InputError(
                 f"{self.log.source}: the wrench on the base is zero; where nothing touches the robot, leave out "
-                "`wrench`, and state `free: true` in `base`"
+                "`wrench:`, and state `free: true` in `base:`"
             )
         F, N = self.values["wrench"][:, :3] @ axes.T, self.values["wrench"][:, 3:] @ axes.T
         N = N + np.cross(section.xyz, F)

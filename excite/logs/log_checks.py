@@ -186,7 +186,7 @@ def _torques(case: _Case) -> Findings:
         far = bool(largest[k] > _TIMES_LIMIT * limit[k])
         text = f"{case.log.joints[k]}.effort reaches {largest[k]:.4g} {unit}, but its limit is {limit[k]:.4g}"
         thousandths = bool(_LEAST_USED * limit[k] < largest[k] / 1e3 < limit[k])
-        check = "check its unit, gain and ratio" + f"; m{unit} would be within (`unit` in a mapping)" * thousandths
+        check = "check its unit, gain and ratio" + f"; m{unit} would be within (`unit:` in a mapping)" * thousandths
         yield far, f"{text}; {check}" if far else text
     for k in np.flatnonzero(np.ptp(case.log.effort, axis=0) > 0):
         tau = case.log.effort[:, k]
@@ -205,13 +205,13 @@ def with_every_joint(log: Log, robot: Robot) -> Log:
         raise InputError(
             f"{log.source}: no position of {listed_names(missing)}; give those of {listed_names(driven)}, from which "
             "the loops determine all others, or of all joints; or state in the description of the robot which joints "
-            "have no drive (`passive`)"
+            "have no drive (`passive:`)"
         )
     acting = [name for name in robot.passive if name in log.joints and _acts(log, name)]
     if acting:
         raise InputError(
             f"{log.source}: torques of {listed_names(acting)} are not zero, but no drive acts on passive joints; leave "
-            "these columns out, or take these joints from `passive` in the description of the robot"
+            "these columns out, or take these joints from `passive:` in the description of the robot"
         )
     if not absent:
         return log

@@ -213,7 +213,7 @@ def state_rows(formulation: Formulation) -> StateRows:
     if model.window is not None or type(model).assemble is not RegressorModel.assemble:
         raise InputError(
             f"{type(model).__name__} integrates over time windows: its information matrix is no mean over states, and "
-            "no bound on it is known; give a design of a model of single instants, such as `differential`"
+            "no bound on it is known; give a design of a model of single instants, such as 'differential'"
         )
     T = blueprint.transform
     prior = T.T @ blueprint.precision @ T / model.times(task.trajectory.period, task.output.rate).size

@@ -318,7 +318,7 @@ def measured_noise(result: Identification, log: int = 0) -> MeasuredNoise:
     if not 0 <= log < len(result.prepared):
         raise InputError(f"log: expected the number of one of {len(result.prepared)} logs, from 0 on, given {log}")
     if result.target.model.window is not None or result.target.model.channel != "effort":
-        raise InputError("noise is measured with a model of joint torques at single instants, such as `differential`")
+        raise InputError("noise is measured with a model of joint torques at single instants, such as 'differential'")
     if recipe.low_pass is not None or (recipe.every or 1) > 1 or recipe.average:
         raise InputError("noise is measured by unfiltered equations; leave out `low_pass`, `every` and `average`")
     residual, r = result.estimate.residual(rows), len(rows.equations)

@@ -75,7 +75,7 @@ def rehearsed(design: Design, asked: PrecisionTarget, report: Callable[[str], No
 def _check(asked: PrecisionTarget) -> None:
     if asked.groups or asked.torques is not None or asked.scales or asked.level != CONFIDENCE:
         raise InputError(
-            "precision: of servos, give a `share`, `parameters` by their symbols, or both, at the level of "
+            "precision: of servos, give `share:`, `parameters:` by their symbols, or both, at the level of "
             f"{CONFIDENCE:g}; they have no groups, scales or torques"
         )
     check_names("quantity of a servo", asked.parameters, SYMBOLS)

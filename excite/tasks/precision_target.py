@@ -48,7 +48,7 @@ class TaskTorques:
             Other entries.
         """
         if set(content) != {"share", "motion"}:
-            raise InputError(f"precision: torques need `share` and `motion`, given {', '.join(map(str, content))}")
+            raise InputError(f"precision: torques need `share:` and `motion:`, given {', '.join(map(str, content))}")
         return cls(**content)
 
 
@@ -104,7 +104,7 @@ class PrecisionTarget:
             if not 0.0 < getattr(self, name) < 1.0:
                 raise InputError(f"precision: {name} must be between 0 and 1, given {getattr(self, name)!r}")
         if self.share is None and not self.parameters and not self.groups and self.torques is None:
-            raise InputError("precision: nothing is asked for; give a `share`, or shares of `parameters` or `groups`")
+            raise InputError("precision: nothing is asked for; give `share:`, or shares of `parameters:` or `groups:`")
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON; a target is made of these entries again."""

@@ -86,5 +86,5 @@ def check_closures(
     if passive and not closures:
         raise InputError(
             f"robot {robot!r}: passive joints ({', '.join(passive)}) are those of closed loops, but it has no loop; "
-            "state `loops`, or leave out `passive`"
+            "state `loops:`, or leave out `passive:`"
         )

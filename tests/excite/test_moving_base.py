@@ -104,7 +104,7 @@ def test_a_log_is_judged_by_the_equations_whose_efforts_it_has() -> None:
     assert tuple(error.name for error in judged.torques) == robot().joint_names
     assert judged.corrected_total.relative < 0.01
     of_wrench = excite.identify(robot(), log, mapping=mapping(log, torques=False), **GIVEN)
-    with pytest.raises(InputError, match=r"no efforts of base_x, .*; give `wrench` in `base`"):
+    with pytest.raises(InputError, match=r"no efforts of base_x, .*; give `wrench:` in `base:`"):
         excite.verify(of_wrench, other, mapping=mapping(other, wrench=False))
 
 

@@ -186,7 +186,7 @@ def test_closures_name_what_there_is() -> None:
         four_bar(closures=(Closure(("coupler", "bar"), ((0.0, 0.0, 0.0),) * 2),))
     with pytest.raises(UnknownName, match="no passive joint of robot 'linkage'"):
         four_bar(passive=("q9",))
-    with pytest.raises(InputError, match="but it has no loop; state `loops`, or leave out `passive`"):
+    with pytest.raises(InputError, match="but it has no loop; state `loops:`, or leave out `passive:`"):
         four_bar(closures=())
     with pytest.raises(InputError, match="given 'a' twice"):
         Closure(("a", "a"), ((0.0, 0.0, 0.0),) * 2)
