@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 86_181,
-    "lines of code": 53_002,
+    "lines": 86_179,
+    "lines of code": 53_000,
     "files": 396,
     "classes": 708,
     "public names": 95,

@@ -26,7 +26,6 @@ _CONDITION = "condition, base gautier"
 _MOST_STARTS = 30
 _NAMED = 3  # parameters with what they move with
 _NEAR = 4  # limits of a short summary
-_LITTLE = 0.01  # of the criterion, by which more starts hardly improve it
 _DRAWN = (
     Drawing("Motion and its limits over time", "motion", "motion_plot.motion_figure"),
     Drawing("Velocity over position", "phase", "world_plot.phase_figure"),
@@ -120,8 +119,7 @@ def _asked(design: Design) -> Iterator[str]:
     if design.search is not None and design.search.left is not None:
         more = design.number_of_starts // design.search.populations
         longer = float(design.provenance["cpu_seconds"]) / design.search.populations
-        good = "hardly better motions are left" if design.search.left < _LITTLE else "better motions are left"
-        worth = f"; {good}: another {more} ({longer:.2g} s) would gain about {100 * design.search.left:.1g} %"
+        worth = f"; another {more} ({longer:.2g} s) are expected to gain {100 * design.search.left:.1g} %"
     elif len(ends := sorted(start.value for start in design.starts)) > 1:
         worth = f"; the two best starts differ by {percent(abs(ends[1] / ends[0] - 1))}"
     tied = f" (one set for {listed_names(mirrored_bodies(design.target.robot))})" if task.model.symmetric else ""
