@@ -62,7 +62,7 @@ from regressors.samples import Array
 from regressors.work_prediction import announce
 
 _PACKAGES = ("excite-trajectories", "casadi", "numpy", "scipy", "daqp", "ruckig")
-_TIME = 14.0  # typical processor time of a search whose rounds are not stated [s]
+_TIME = 19.6  # typical processor time of a search whose rounds are not stated [s]
 _ENDED = "Ctrl-C ends it, and the best so far is saved"
 _NONE = "no start has a result: the process of each ended unexpectedly; try fewer `workers`"
 

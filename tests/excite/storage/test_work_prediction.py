@@ -191,7 +191,7 @@ def test_work_announces_itself(
 
 
 SEARCHES: dict[str, tuple[dict[str, Any], str]] = {
-    "default": ({}, "22 s"),
+    "default": ({}, "20 s"),
     "budget": ({"budget": 600.0}, "10 min"),
     "rounds": ({"rounds": 10, "harmonics": 40}, "min"),
     "no rounds": ({"starts": 1, "rounds": 0, "harmonics": 40}, "10 s"),
