@@ -23,7 +23,7 @@ _WITHIN = 1.0 - 1e-9  # of what the limits allow, against rounding
 # seconds of an evaluation; by instructions of the regressor; by the root of those of limits, of which few are near; by
 # limits that motions may come to break; by joints that follow others, for whose positions the loops are solved; by
 # joints beyond those of an arm, since programmes grow
-_CALL, _OF_REGRESSOR, _OF_LIMITS, _OF_STATED, _OF_FOLLOWING, _OF_JOINTS = 4.2e-4, 8.4e-7, 3.36e-5, 5.6e-5, 2e-3, 2.1e-3
+_CALL, _OF_REGRESSOR, _OF_LIMITS, _OF_STATED, _OF_FOLLOWING, _OF_JOINTS = 4.2e-4, 8.4e-7, 3.36e-5, 5.6e-5, 2e-3, 1.2e-3
 _ARM = 7  # joints
 
 
