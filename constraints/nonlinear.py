@@ -172,13 +172,16 @@ class NonlinearConstraint(Constraint):
 
     def at_instants(self, motion: Sequence[Array]) -> Array:
         """Values of g, shape (k, N), of position, velocity and acceleration of shape (n, N), as a search has them."""
-        # most limits are far from their bounds, so that a search looks at them a few times
-        nonzeros, count = self.function.seldom(*motion), len(self.lower)
+        nonzeros, count = self._evaluated(motion), len(self.lower)
         if len(nonzeros) == count:
             return nonzeros
         values = np.zeros((count, nonzeros.shape[1]))
         values[self.function.row] = nonzeros
         return values
+
+    def _evaluated(self, motion: Sequence[Array]) -> Array:
+        """Nonzeros of g: most limits are far from their bounds, so that a search looks at them a few times."""
+        return self.function.seldom(*motion)
 
     def slopes_at_instants(self, motion: Sequence[Array]) -> Callable[[Index, Index, Index], Array]:
         """``dg / d(q, dq, ddq)`` as in `at_instants`, by numbers of functions, of instants and of columns."""
@@ -226,6 +229,10 @@ class StackedConstraint(NonlinearConstraint):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.parts,)
+
+    def _evaluated(self, motion: Sequence[Array]) -> Array:
+        """Nonzeros of g at every step of a search."""
+        return self.function(*motion)
 
     def _shown(self, values: Array) -> Array:
         split = np.split(values, self._first[1:-1], axis=-1)

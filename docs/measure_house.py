@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 86_179,
-    "lines of code": 53_000,
+    "lines": 86_183,
+    "lines of code": 53_001,
     "files": 396,
     "classes": 708,
     "public names": 95,

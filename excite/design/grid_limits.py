@@ -66,9 +66,8 @@ class GridLimits:
         if not more:
             return self
         kept = tuple(limit for limit in self.stated if limit not in more)
-        return GridLimits(
-            self.linear, (*self.nonlinear, *more), kept, _as_one((*self.together, *more), JoinedConstraint)
-        )
+        together = _as_one((*self.together, *more), JoinedConstraint)
+        return GridLimits(self.linear, (*self.nonlinear, *more), kept, together)
 
     def with_expected(self, motions: Sequence[Array]) -> GridLimits:
         """With those that hold by default, but not for all of some motions, among the others, evaluated as one."""
@@ -105,9 +104,7 @@ class GridLimits:
         return max(min((limit.largest_part(value, change) for limit, value, change in changes), default=np.inf), 0.0)
 
 
-def _as_one(
-    limits: tuple[GridConstraint, ...], kind: Callable[[list[NonlinearConstraint]], StackedConstraint]
-) -> tuple[GridConstraint, ...]:
+def _as_one(limits: tuple[GridConstraint, ...], kind: type[StackedConstraint]) -> tuple[GridConstraint, ...]:
     """The same limits as one: a search asks for values, uses and tangents once, however many there are."""
     functions = [limit.function for limit in limits if isinstance(limit.function, JointFunction)]
     if len(functions) < 2:
