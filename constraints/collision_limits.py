@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import chain, product
 
@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from constraints.clearance import DEEP, Frames, Gap, gaps
-from constraints.geometry import Obstacle, Shape, World
+from constraints.geometry import Obstacle, RangesApart, Shape, World
+from constraints.hulls import NEARLY
 from constraints.nonlinear import Limit, NonlinearConstraint, motion_symbols
 from regressors.arguments import checked
 from regressors.errors import InputError
@@ -143,27 +144,10 @@ def collision_limits(robot: Robot, world: World, motion: PartialMotion) -> list[
     Left out are: adjacent links; ignored pairs; constant distances that keep the clearance; what never moves away from
     the surface that the robot is fastened to; and pairs of links, or of a link and that surface, that collide in every
     one of 2000 random poses, or nearly so: their capsules touch by construction, and notes of the limits list them.
+    Links that ranges of joints keep apart are limited by these ranges instead.
     """
     world.check(robot)
-    return _limits(robot, world, motion, _pairs(robot, world).values())
-
-
-@dataclass(frozen=True)
-class _Situation:
-    """What limits of pairs depend on."""
-
-    content: tuple[str | bytes, ...]
-    world: World
-    robot: Robot = field(compare=False)
-    motion: PartialMotion = field(compare=False)
-
-
-@lru_cache(maxsize=16)  # designs of one robot after the other have the same limits, whose functions are compiled
-def _alone(case: _Situation) -> tuple[NonlinearConstraint, ...]:
-    pairs = [pair for pairs in _pairs(case.robot, case.world).values() for pair in pairs]
-    heights = [pair for pair in pairs if pair.mounting]  # which share most of their terms, and are one limit
-    groups = [*([pair] for pair in pairs if not pair.mounting), heights]
-    return tuple(_limits(case.robot, case.world, case.motion, groups))
+    return _limits(robot, world, motion, _pairs(robot, world, motion).values())
 
 
 def _limits(
@@ -177,13 +161,62 @@ def _limits(
         kept = _kept(limit, poses, notes)
         if kept:
             clearances.append(limit if kept == list(pairs) else Clearance(robot, motion, kept, world))
-    if clearances:
-        clearances[0].notes = tuple(f"{', '.join(pairs)}: {what}" for what, pairs in notes.items())
-    return list(clearances)
+    limits = [*clearances, *_within_ranges(robot, world, motion)]
+    if limits:
+        limits[0].notes += tuple(f"{', '.join(pairs)}: {what}" for what, pairs in notes.items())
+    return limits
+
+
+def _kept_by_ranges(robot: Robot, world: World, motion: PartialMotion) -> list[RangesApart]:
+    """Pairs that ranges of joints keep apart: those whose joints move, or stand still within them."""
+    ignored, still = [set(pair) for pair in world.ignored], ~np.any(motion.matrix, axis=1)
+
+    def can_keep(joint: int, lower: float, upper: float) -> bool:
+        return not still[joint] or bool(lower <= motion.offset[joint] <= upper)
+
+    return [
+        each
+        for each in world.apart
+        if world.self_collision
+        and set(each.links) not in ignored
+        and all(can_keep(robot.joint_names.index(name), *ends) for name, *ends in each.within)
+    ]
+
+
+def _within_ranges(robot: Robot, world: World, motion: PartialMotion) -> list[NonlinearConstraint]:
+    """Limit of the joints that must stay within such ranges, where their own limits do not see to that."""
+    low, high = finite_ranges(robot)
+    rows = [
+        (joint, max(lower, float(low[joint])), min(upper, float(high[joint])), " to ".join(each.links[::-1]))
+        for each in _kept_by_ranges(robot, world, motion)
+        for joint, lower, upper in ((robot.joint_names.index(name), a, b) for name, a, b in each.within)
+        if np.any(motion.matrix[joint]) and (lower > low[joint] + _STILL or upper < high[joint] - _STILL)
+    ]
+    if not rows:
+        return []
+    joints, lower, upper = (list(column) for column in list(zip(*rows, strict=True))[:3])
+    N, q0 = sparse(motion.matrix[joints]), ca.DM(motion.offset[joints])
+    names = [robot.joint_names[joint] for joint in joints]
+    units = tuple("m" if robot.joints[joint].kind == "prismatic" else "rad" for joint in joints)
+    limit = NonlinearConstraint(
+        motion.matrix.shape[1],
+        lambda q, dq, ddq: ca.mtimes(N, q) + q0,
+        np.array(lower),
+        np.array(upper),
+        np.subtract(upper, lower) / 2,
+        tuple(f"{row[3]}, by {name}" for row, name in zip(rows, names, strict=True)),
+        units,
+        quantity="distance",
+    )
+    limit.notes = tuple(
+        f"{pair}: kept apart by {name}, which stays between {lower:.4g} and {upper:.4g} {unit}; their capsules touch "
+        "in most poses"
+        for (_, lower, upper, pair), name, unit in zip(rows, names, units, strict=True)
+    )
+    return [limit]
 
 
 _ALWAYS = f"closer than allowed, or nearly so, in all of {_POSES} random poses"
-_NEARLY = 0.003  # m: a pair that no pose brings farther beyond its clearance leaves a motion no room
 
 
 def _kept(limit: Clearance, poses: Array, notes: defaultdict[str, list[str]]) -> list[Pair]:
@@ -204,7 +237,7 @@ def _kept(limit: Clearance, poses: Array, notes: defaultdict[str, list[str]]) ->
                 f"changes that; expected the clearance of {allowed:g} m or more; move the object, or list the pair "
                 "under ignore"
             )
-        if widest < allowed + _NEARLY and not pair.is_obstacle:
+        if widest < allowed + NEARLY and not pair.is_obstacle:
             notes[f"not checked, as {_ALWAYS}; several capsules a link (`world`) fit closer"].append(pair.label)
         elif not fixed:
             kept.append(pair)
@@ -228,7 +261,7 @@ def _above_mounting(pair: Pair, distance: Array, notes: defaultdict[str, list[st
     return [dataclasses.replace(pair, capsules=tuple(kept))] if kept else []
 
 
-def _pairs(robot: Robot, world: World) -> dict[str, list[Pair]]:
+def _pairs(robot: Robot, world: World, motion: PartialMotion) -> dict[str, list[Pair]]:
     """All pairs that must stay apart: for each link, those with bodies nearer to the base."""
     capsules: dict[str, tuple[Capsule, ...]] = {}
     for part in world.parts:
@@ -238,6 +271,7 @@ def _pairs(robot: Robot, world: World) -> dict[str, list[Pair]]:
     links = sorted(capsules, key=order.index)
     parent = Frames(robot, ca.SX(robot.n, 1)).parent
     ignored = [set(pair) for pair in world.ignored]
+    ignored += [set(each.links) for each in _kept_by_ranges(robot, world, motion)]
     pairs_of: dict[str, list[Pair]] = {}
     for number, link in enumerate(links):
         own = capsules[link]
@@ -290,6 +324,11 @@ class Collisions(Limit):
         return collision_limits(robot, self.world, motion)
 
 
+# designs of one robot after the other have the same limits, whose functions are compiled
+_KNOWN: dict[Hashable, list[NonlinearConstraint]] = {}
+_MOST_KNOWN = 16
+
+
 @dataclass(frozen=True)
 class SelfCollisions(Collisions):
     """The same, each pair of bodies a constraint of its own."""
@@ -297,5 +336,12 @@ class SelfCollisions(Collisions):
     def imposed(self, robot: Robot, motion: PartialMotion) -> Sequence[NonlinearConstraint]:
         """The limits of `collision_limits`, each pair of bodies on its own: a search can do with a few of them."""
         self.world.check(robot)
-        numbers = (motion.matrix.tobytes(), motion.offset.tobytes())
-        return list(_alone(_Situation((robot.sha256(), *motion.labels, *numbers), self.world, robot, motion)))
+        case = (robot.sha256(), motion.labels, motion.matrix.tobytes(), motion.offset.tobytes(), self.world)
+        if case not in _KNOWN:
+            pairs = [pair for pairs in _pairs(robot, self.world, motion).values() for pair in pairs]
+            heights = [pair for pair in pairs if pair.mounting]  # which share most of their terms, and are one limit
+            groups = [*([pair] for pair in pairs if not pair.mounting), heights]
+            _KNOWN[case] = _limits(robot, self.world, motion, groups)
+            if len(_KNOWN) > _MOST_KNOWN:
+                del _KNOWN[next(iter(_KNOWN))]
+        return list(_KNOWN[case])

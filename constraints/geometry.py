@@ -6,9 +6,7 @@ Lengths in m, angles in rad. A sphere is a capsule of length zero.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 import scipy
@@ -95,14 +93,18 @@ class Obstacle:
             raise InputError(f"clearance of {self.name!r} must be greater than zero, given {self.clearance:g}")
 
 
-def _obstacle(name: str, plain: Mapping[str, Any]) -> Obstacle:
-    """The obstacle whose fields are plain values."""
-    names = {"from": "start", "to": "end"}
-    (kind,) = (kind for kind, word in _KINDS.items() if word in plain)
-    fields = {names.get(key, key): value for key, value in plain[_KINDS[kind]].items()}
-    shape = kind(**{key: tuple(map(float, v)) if isinstance(v, list) else float(v) for key, v in fields.items()})
-    clearance = plain.get("clearance")
-    return Obstacle(name, shape, None if clearance is None else float(clearance), plain.get("mounting") is True)
+@dataclass(frozen=True)
+class RangesApart:
+    """Ranges of joints in which two links keep the clearance, see `constraints.hulls`."""
+
+    links: tuple[str, str]
+    within: tuple[tuple[str, float, float], ...]  # joint, least and largest position [rad or m]
+
+    def __post_init__(self) -> None:
+        for joint, lower, upper in self.within:
+            check_finite(f"apart: range of {joint}", lower, upper)
+            if not lower < upper:
+                raise InputError(f"apart: the range of {joint} must begin below its end, given {lower:g} to {upper:g}")
 
 
 @dataclass(frozen=True)
@@ -115,6 +117,7 @@ class World:
     self_collision: bool = True  # whether the robot's links must stay apart from each other
     ignored: tuple[tuple[str, str], ...] = ()  # names of links or obstacles that need not stay apart
     tolerance: float = 0.005  # amount by which a capsule may be thickened, > 0; smaller values are slower
+    apart: tuple[RangesApart, ...] = ()  # pairs that ranges of joints keep apart, instead of their capsules
 
     def __post_init__(self) -> None:
         for what in ("clearance", "tolerance"):
@@ -129,6 +132,7 @@ class World:
                 raise InputError(f"objects: {name!r} is the name of two bodies; give each its own")
         named = (name for pair in self.ignored for name in pair)
         check_names("link with a shape, or object,", named, (*links, *names))
+        check_names("link with a shape", (link for each in self.apart for link in each.links), links)
 
     def to_dict(self) -> dict[str, object]:
         """Plain values, the keys of a world file."""
@@ -137,6 +141,7 @@ class World:
             "tolerance": self.tolerance,
             "self_collision": self.self_collision,
             "ignore": [list(pair) for pair in self.ignored],
+            "apart": [{"links": list(each.links), "within": list(map(list, each.within))} for each in self.apart],
             "robot": [part.to_dict() for part in self.parts],
             "objects": {
                 obstacle.name: {
@@ -148,28 +153,12 @@ class World:
             },
         }
 
-    @classmethod
-    def from_dict(cls, plain: Mapping[str, Any]) -> World:
-        """Inverse of `to_dict`; `InputError` for entries that are missing or of another type."""
-        try:
-            return cls(
-                tuple(Part.from_dict(part) for part in plain["robot"]),
-                tuple(_obstacle(name, each) for name, each in plain["objects"].items()),
-                float(plain["clearance"]),
-                bool(plain["self_collision"]),
-                tuple((str(one), str(other)) for one, other in plain["ignore"]),
-                float(plain["tolerance"]),
-            )
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise InputError(
-                "expected a world with `robot`, `objects`, `clearance`, `self_collision`, `ignore` and `tolerance`, as "
-                f"World.to_dict writes it; {type(error).__name__}: {error}"
-            ) from error
-
     def check(self, robot: Robot) -> None:
         """Raise `InputError` for a capsule on a link that a robot does not have, or an obstacle around its base."""
         known = (BASE, *(body.name for body in robot.bodies))
         check_names(f"link of robot {robot.name!r}", (part.link for part in self.parts), known)
+        moving = (joint for each in self.apart for joint, *_ in each.within)
+        check_names(f"joint of robot {robot.name!r}", moving, robot.joint_names)
         for obstacle in (each for each in self.obstacles if not each.mounting):
             depth = -obstacle.shape.distance(np.zeros(3))
             if depth > _DEEP:

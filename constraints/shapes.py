@@ -5,8 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import warnings
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,7 @@ from regressors.work_prediction import memory_cap
 
 _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
+Solid = tuple[Array, float]  # facets by their corners, shape (F, k, 3), and the radius of what surrounds them [m]
 Carried = tuple[str, XmlElement, Array]  # the link of the robot or base that carries a <link>, and its pose there
 
 
@@ -56,6 +56,42 @@ def urdf_shape(path: Path, links: Iterable[Carried]) -> tuple[tuple[Part, ...], 
     return tuple(parts), tuple(left_out)
 
 
+_SIDES = 32  # of the prism around a cylinder
+
+
+def urdf_solids(path: Path, links: Iterable[Carried], wanted: Collection[str]) -> dict[str, list[Solid]]:
+    """The ``<collision>`` shapes themselves of some of the links that a robot carries; none of one that has others.
+
+    Each as facets in the frame of its carrier, and the radius around them.
+    """
+    solids: dict[str, list[Solid]] = {}
+    unreadable: set[str] = set()
+    for carrier, link, pose in links:
+        for element in link.below("collision") if carrier in wanted else ():
+            shape, place = placed_shape(element)
+            T, radius = pose @ place, float(shape.attributes["radius"]) if shape.tag == "sphere" else 0.0
+            try:
+                solid = _facets(shape, path) @ T[:3, :3].T + T[:3, 3], radius
+                solids.setdefault(carrier, []).append(solid)
+            except MeshError:
+                unreadable.add(carrier)
+    return {carrier: own for carrier, own in solids.items() if carrier not in unreadable}
+
+
+def _facets(shape: XmlElement, path: Path) -> Array:
+    """Triangles of a mesh, else the corners of a box, of the prism around a cylinder, or the centre of a sphere."""
+    if shape.tag == "sphere":
+        return np.zeros((1, 1, 3))
+    if shape.tag == "cylinder":
+        angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
+        circle = float(shape.attributes["radius"]) / np.cos(np.pi / _SIDES) * np.array([np.cos(angle), np.sin(angle)])
+        half = 0.5 * float(shape.attributes["length"])
+        return np.array([[(x, y, z) for x, y in circle.T for z in (-half, half)]])
+    if shape.tag == "box":
+        return _CORNERS[None] * numbers_of(shape, "size", "")
+    return _mesh(shape, path)
+
+
 def lowest_point(path: Path, links: Iterable[Carried], normal: Array) -> float | None:
     """Least height of the base's ``<collision>`` shapes themselves along a direction; None if it has none [m]."""
     # normal (3,)
@@ -75,7 +111,7 @@ def _lowest(shape: XmlElement, path: Path, pose: Array, normal: Array) -> float:
     elif shape.tag == "cylinder":
         least = -float(given["radius"]) * np.hypot(up[0], up[1]) - 0.5 * float(given["length"]) * abs(up[2])
     else:
-        least = (_corners(shape, path) @ up).min()
+        least = (_facets(shape, path) @ up).min()
     return float(normal @ pose[:3, 3]) + float(least)
 
 
@@ -120,17 +156,15 @@ def _around(shape: XmlElement, path: Path) -> Capsule:
     if shape.tag == "cylinder":
         return enclosing_cylinder(float(given["radius"]), float(given["length"]))
     if shape.tag in ("box", "mesh"):
-        return enclosing_capsule(_corners(shape, path))
+        return enclosing_capsule(_facets(shape, path).reshape(-1, 3))
     raise InputError(f"no shape named {shape.tag!r}; available: sphere, cylinder, box, mesh")
 
 
-def _corners(shape: XmlElement, path: Path) -> Array:
-    """Corners of a box, or of a mesh of any format that there is a reader for, shape (N, 3)."""
-    if shape.tag == "box":
-        return _CORNERS * numbers_of(shape, "size", "")
+def _mesh(shape: XmlElement, path: Path) -> Array:
+    """Triangles of a mesh of any format that there is a reader for, shape (N, 3, 3) [m]."""
     file = mesh_file(shape.attributes["filename"], path)
-    corners = collada_triangles(file).reshape(-1, 3) if file.suffix.lower() == ".dae" else mesh_corners(file)
-    return np.asarray(corners * numbers_of(shape, "scale", "1 1 1"))
+    triangles = (collada_triangles if file.suffix.lower() == ".dae" else mesh_triangles)(file)
+    return np.asarray(triangles * numbers_of(shape, "scale", "1 1 1"))
 
 
 def mesh_file(name: str, urdf: Path) -> Path:
@@ -145,25 +179,15 @@ def mesh_file(name: str, urdf: Path) -> Path:
 _HELD_MESHES = 4.0  # bytes at the same time for each byte of the triangles
 
 
-@dataclass(frozen=True, eq=False)
-class LinkMesh:
-    """Triangles on a link."""
+def urdf_meshes(
+    path: Path, robot: Robot, base: str | None = None, *, snap_angles: bool = True
+) -> tuple[list[tuple[str, Array]], tuple[str, ...]]:
+    """Meshes of the links and what is fixed to them: ``<visual>`` where it can be read, else ``<collision>``.
 
-    link: str  # name of a link of the robot, or of the base
-    triangles: Array  # (N, 3, 3) corners in the link's frame [m]
-
-
-@dataclass(frozen=True, eq=False)
-class UrdfMeshes:
-    """Meshes of a robot."""
-
-    meshes: tuple[LinkMesh, ...]
-    left_out: tuple[str, ...]  # files that are missing, damaged, or in a format without a reader, and why
-
-
-def urdf_meshes(path: Path, robot: Robot, base: str | None = None, *, snap_angles: bool = True) -> UrdfMeshes:
-    """Meshes of the links and what is fixed to them: ``<visual>`` where it can be read, else ``<collision>``."""
-    meshes, left_out, left = list[LinkMesh](), dict[str, None](), memory_cap()
+    For each its link and its triangles in that frame, shape (N, 3, 3) [m]; and the files that are missing, damaged, or
+    in a format without a reader, and why.
+    """
+    meshes, left_out, left = list[tuple[str, Array]](), dict[str, None](), memory_cap()
     for carrier, link, pose in carried_links(path, robot, base, snap_angles=snap_angles):
         for tag in ("visual", "collision"):
             found = []
@@ -172,10 +196,10 @@ def urdf_meshes(path: Path, robot: Robot, base: str | None = None, *, snap_angle
                 if triangles is not None:
                     found.append(triangles)
                     left -= _HELD_MESHES * triangles.nbytes
-            meshes += [LinkMesh(carrier, triangles @ pose[:3, :3].T + pose[:3, 3]) for triangles in found]
+            meshes += [(carrier, triangles @ pose[:3, :3].T + pose[:3, 3]) for triangles in found]
             if found:
                 break
-    return UrdfMeshes(tuple(meshes), tuple(left_out))
+    return meshes, tuple(left_out)
 
 
 def _triangles(element: XmlElement, path: Path, left_out: dict[str, None], left: float) -> Array | None:
@@ -183,13 +207,11 @@ def _triangles(element: XmlElement, path: Path, left_out: dict[str, None], left:
     try:
         shape, place = placed_shape(element)
         if shape.tag == "mesh":
-            file = mesh_file(shape.attributes["filename"], path)
-            read = collada_triangles if file.suffix.lower() == ".dae" else mesh_triangles
-            triangles = read(file)
+            triangles = _mesh(shape, path)
             if _HELD_MESHES * triangles.nbytes > left:
+                file = mesh_file(shape.attributes["filename"], path)
                 raise MeshError(f"{file}: its {len(triangles)} triangles go beyond the memory that all meshes may take")
-            scaled = triangles * numbers_of(shape, "scale", "1 1 1")
-            return np.asarray(scaled @ place[:3, :3].T + place[:3, 3])
+            return np.asarray(triangles @ place[:3, :3].T + place[:3, 3])
     except (MeshError, InputError, KeyError, ValueError) as error:
         left_out[str(error)] = None
     return None

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import partial
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, StrictBool
 
-from constraints.geometry import Box, HalfSpace, Obstacle, Part, World, vector_of
-from constraints.shapes import Carried, carried_links, lowest_point, urdf_shape
+from constraints.geometry import Box, HalfSpace, Obstacle, Part, RangesApart, World, vector_of
+from constraints.hulls import ranges_apart, touching_pairs
+from constraints.shapes import Carried, carried_links, lowest_point, urdf_shape, urdf_solids
 from regressors.arguments import checked
 from regressors.errors import InputError, about
 from regressors.quantities import Tips
 from regressors.readers.documents import Angles, Document, Length, Point, read_document, validate
 from regressors.readers.urdf import parse_urdf, urdf_content
 from regressors.readers.urdf_elements import URDF, xml_kind
+from regressors.robot.robot import Robot
 from regressors.robot.shapes import Capsule
 from regressors.samples import Array
 
@@ -86,6 +89,7 @@ class _File(_Section):
     tolerance: Length = 0.005
     self_collision: StrictBool = True
     ignore: list[_Two] = []
+    apart: list[RangesApart] = []
     robot: list[_Part] | Literal["urdf"]
     objects: dict[str, _Object] = {}
 
@@ -113,22 +117,19 @@ def read_world(
     InputError
         Cannot be read, is malformed (with the line), or has invalid shapes.
     """
-    return _world(read_document(path, "world file"), partial(urdf_capsules, robot, base, tip, snap_angles=snap_angles))
+    return _world(read_document(path, "world file"), UrdfShapes(robot, base, tip, snap_angles))
 
 
 def world_of(content: Mapping[str, Any], source: str = "world") -> World:
     """The world that `World.to_dict` describes."""
-    return _world(Document(source, dict(content), {}), partial(urdf_capsules, ""))
+    return _world(Document(source, dict(content), {}), UrdfShapes(""))
 
 
-_Shape = tuple[tuple[Part, ...], tuple[tuple[str, str], ...]]
-
-
-def _world(document: Document, urdf: Callable[[], _Shape]) -> World:
+def _world(document: Document, urdf: UrdfShapes) -> World:
     content = validate(document, _File)
     if content.robot == "urdf":
         with document.at("robot"):
-            parts, left_out = urdf()
+            parts, left_out = urdf.capsules()
             if left_out:
                 raise InputError(f"{left_out[0][1]}; put it there, or list capsules of your own instead of 'urdf'")
     else:
@@ -139,45 +140,70 @@ def _world(document: Document, urdf: Callable[[], _Shape]) -> World:
     obstacles = tuple(_obstacle(document, name, each) for name, each in content.objects.items())
     ignored = tuple((pair[0], pair[1]) for pair in content.ignore)
     with about(document.source):
-        return World(parts, obstacles, content.clearance, content.self_collision, ignored, content.tolerance)
+        own = (content.clearance, content.self_collision, ignored, content.tolerance, tuple(content.apart))
+        world = World(parts, obstacles, *own)
+        by_hulls = content.robot == "urdf" and content.self_collision and not content.apart
+        return urdf.ranges_apart(world) if by_hulls else world
 
 
-def urdf_capsules(robot: str, base: str | None = None, tip: Tips = None, *, snap_angles: bool = True) -> _Shape:
-    """Shape of what moves of a URDF, see `constraints.shapes.urdf_shape`, and what was left out of it."""
-    if not _is_urdf(robot):
-        what_is_given = f"{robot!r} is not one" if robot else "none is given"
-        raise InputError(f"capsules are taken from the <collision> elements of a URDF, but {what_is_given}")
-    return urdf_shape(Path(robot), _links(robot, base, tip, snap_angles))
+@dataclass(frozen=True)
+class UrdfShapes:
+    """The ``<collision>`` shapes of what moves of a URDF, or of a xacro that expands to one."""
+
+    file: str
+    base: str | None = None  # name of the first link that may move
+    tip: Tips = None
+    snap_angles: bool = True
+
+    def capsules(self) -> tuple[tuple[Part, ...], tuple[tuple[str, str], ...]]:
+        """Capsules around them, see `constraints.shapes.urdf_shape`, and what was left out."""
+        if not self._is_urdf():
+            what_is_given = f"{self.file!r} is not one" if self.file else "none is given"
+            raise InputError(f"capsules are taken from the <collision> elements of a URDF, but {what_is_given}")
+        return urdf_shape(Path(self.file), self._links()[1])
+
+    def lowest(self, normal: Array) -> float | None:
+        """Height of the lowest point of the robot's base, see `lowest_point`; None if not known."""
+        # normal (3,)
+        return lowest_point(Path(self.file), self._links()[1], normal) if self._is_urdf() else None
+
+    def ranges_apart(self, world: World, robot: Robot | None = None, tool: Iterable[Part] = ()) -> World:
+        """The world with ranges of joints for links whose capsules touch, see `constraints.hulls`.
+
+        The robot may have other limits than its file. Parts of a tool count with the shapes of the link that they are
+        on; links without a shape in the file are left out.
+        """
+        own, links = self._links()
+        robot = own if robot is None else robot
+        pairs = touching_pairs(robot, world.parts, world.clearance)
+        solids = urdf_solids(Path(self.file), links, {link for pair in pairs for link in pair})
+        for part in (part for part in tool if part.link in solids):
+            solids[part.link].append((np.array([[part.capsule.start, part.capsule.end]]), part.capsule.radius))
+        return replace(world, apart=ranges_apart(robot, pairs, solids, world.clearance))
+
+    def _links(self) -> tuple[Robot, Iterator[Carried]]:
+        path, content = Path(self.file), urdf_content(Path(self.file))
+        snap = self.snap_angles
+        robot = parse_urdf(content, name_of_source=path.name, base=self.base, tip=self.tip, snap_angles=snap)
+        return robot, carried_links(path, robot, self.base, snap_angles=snap, content=content)
+
+    def _is_urdf(self) -> bool:
+        suffix, is_file = Path(self.file).suffix.lower(), Path(self.file).is_file()
+        return suffix == ".xacro" or (suffix in (".urdf", ".xml") and (not is_file or xml_kind(self.file) == URDF))
 
 
-def urdf_lowest(
-    robot: str, normal: Array, base: str | None = None, tip: Tips = None, *, snap_angles: bool = True
-) -> float | None:
-    """Height of the lowest point of a robot's base, see `lowest_point`; None if not known."""
-    # normal (3,)
-    return lowest_point(Path(robot), _links(robot, base, tip, snap_angles), normal) if _is_urdf(robot) else None
-
-
-def _links(robot: str, base: str | None, tip: Tips, snap_angles: bool) -> Iterator[Carried]:
-    path, content = Path(robot), urdf_content(Path(robot))
-    read = parse_urdf(content, name_of_source=path.name, base=base, tip=tip, snap_angles=snap_angles)
-    return carried_links(path, read, base, snap_angles=snap_angles, content=content)
-
-
-def _is_urdf(robot: str) -> bool:
-    """Whether a robot is named by the file of a URDF, or of a xacro that expands to one."""
-    suffix, is_file = Path(robot).suffix.lower(), Path(robot).is_file()
-    return suffix == ".xacro" or (suffix in (".urdf", ".xml") and (not is_file or xml_kind(robot) == URDF))
-
-
-def capsules_text(parts: Iterable[Part]) -> str:
+def world_text(world: World) -> str:
     """Beginning of a world file: capsules to the micrometre, radii rounded up so that they contain the same points."""
     lines = [f"schema: {SCHEMA}", "robot:"]
-    for part in parts:
+    for part in world.parts:
         start, end = (", ".join(f"{x:.6f}" for x in point) for point in (part.capsule.start, part.capsule.end))
         radius = math.ceil(part.capsule.radius * 1e6 + 1) / 1e6
         name = json.dumps(part.link, ensure_ascii=False)
         lines.append(f"  - {{link: {name}, from: [{start}], to: [{end}], radius: {radius:.6f}}}")
+    lines += ["apart:"] if world.apart else []
+    for each in world.apart:
+        links, within = (json.dumps(value, ensure_ascii=False) for value in (each.links, each.within))
+        lines.append(f"  - {{links: {links}, within: {within}}}")
     return "\n".join(lines) + "\n"
 
 

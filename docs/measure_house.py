@@ -16,13 +16,13 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 86_183,
-    "lines of code": 53_001,
-    "files": 396,
-    "classes": 708,
+    "lines": 86_063,
+    "lines of code": 52_941,
+    "files": 394,
+    "classes": 704,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 17,
-    "imports inside functions": 61,
+    "imports inside functions": 60,
     "look-ups of built-in parts by name": 19,
     "lines of code of tests": 39_804,
     "rooms": 22,

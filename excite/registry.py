@@ -51,7 +51,6 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     },
     "solver": {
         "sqp": "excite.design.solvers.sqp:SequentialQuadratic",
-        "ipopt": "excite.design.solvers.ipopt:Ipopt",
     },
     "executor": {
         "process": "excite.design.multistart:run_in_pool",

@@ -96,6 +96,7 @@ Contents of --world FILE (YAML; lengths in m, frames of the links and of the bas
   objects: {table: {plane: {normal: [0, 0, 1]}}, post: {capsule: {from: [0.5, 0, 0], to: [0.5, 0, 1], radius: 0.05}},
             crate: {box: {centre: [0.4, 0.4, 0.1], size: [0.2, 0.2, 0.2]}}, ball: {sphere: {centre: ..., radius: ...}}}
   ignore: [[link_5, link_7]]      pairs that are not checked; self_collision: false checks the objects only
+  apart: ranges of joints that keep two links apart; excite robots FILE --capsules prints those of a URDF
 
 \b
 Contents of --support FILE (YAML; lengths in m, in the frame of the base, whose own mass is a part of the stand's):

@@ -43,17 +43,14 @@ _COMMANDS = {
     "report": "Write one HTML page on designs, identifications and verifications, with a 3D player.",
     "compare": "Compare candidate designs by the same metrics.",
     "bound": "Bound the criteria of all motions within the limits: how far a design is from the best possible.",
-    "doctor": "Check this installation: packages, cores, and in seconds the main job on a small robot.",
 }
 _GROUPS = {
     "Design a motion": ("robots", "design", "plan", "sweep", "compare", "bound", "predict", "export"),
     "From logs to parameters": ("simulate", "logs", "identify", "verify", "study"),
     "Friction and payload": ("friction", "payload"),
     "Share results": ("report",),
-    "Check the installation": ("doctor",),
 }
 _FILES = {
-    "doctor": ("doctor",),
     "design_commands": ("design", "plan", "compare", "bound"),
     "exchange_commands": ("robots", "logs", "export", "report"),
     "identify_commands": ("identify", "verify"),

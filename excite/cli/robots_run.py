@@ -11,8 +11,9 @@ from typing import Any
 import click
 from rich.text import Text
 
+from constraints.geometry import World
 from constraints.linear import QUANTITIES, linear_limits
-from constraints.world_file import capsules_text, urdf_capsules
+from constraints.world_file import UrdfShapes, world_text
 from excite.cli.options import task_of
 from excite.cli.streams import in_options, remark, verbosity
 from excite.cli.summary import console, print_table, show
@@ -33,17 +34,18 @@ from regressors.robot.robot import BASE, Link, Robot
 
 def print_capsules(robot: str, given: Mapping[str, Any]) -> None:
     """Print the shape of a URDF as capsules of a world file."""
-    snap_angles = given["snap_angles"] is not False
-    parts, left_out = urdf_capsules(robot, given["base_link"], given["tip"], snap_angles=snap_angles)
+    shapes = UrdfShapes(robot, given["base_link"], given["tip"], given["snap_angles"] is not False)
+    parts, left_out = shapes.capsules()
     if not parts:
         more = f" ({len(left_out) - 1} more like it)" if len(left_out) > 1 else ""
         raise InputError(f"{left_out[0][1]}{more}, and no other shape is left; put the meshes there")
     for _, what in left_out:
         remark(f"excite: note: left out: {what}")
+    text = world_text(shapes.ranges_apart(World(parts)))
     if verbosity().as_json:
-        click.echo(json.dumps({"world": capsules_text(parts), "left_out": [what for _, what in left_out]}, indent=1))
+        click.echo(json.dumps({"world": text, "left_out": [what for _, what in left_out]}, indent=1))
     else:
-        click.echo(capsules_text(parts), nl=False)
+        click.echo(text, nl=False)
 
 
 def show_robot(robot: str, out: Path | None, given: Mapping[str, Any]) -> None:

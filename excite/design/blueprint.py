@@ -24,7 +24,7 @@ from excite.information.goal import Goal
 from excite.information.matrix import Information
 from excite.information.target import IdentificationTarget, model_of
 from excite.information.tracking import LinearServos
-from excite.registry import instance, part
+from excite.registry import instance
 from excite.tasks.task import Task
 from regressors.models.partial import PartialMotion
 from regressors.robot.archive import robot_from_description
@@ -108,7 +108,7 @@ class Blueprint:
             shapes=task.search.start,
             initial=self.initial,
         )
-        if not stated or not part("solver", task.search.solver).takes_nonlinear_limits:
+        if not stated:
             return problem
         rng = np.random.default_rng(0)
         motions = [random_motion(problem, rng) for _ in range(_MOTIONS)]

@@ -35,7 +35,6 @@ from excite.design.task_checks import (
     check_loops,
     check_model,
     check_required,
-    check_solver,
     suspecting,
     task_notes,
 )
@@ -93,8 +92,6 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     task = with_information_in_hand(robot, with_servos(with_task_motion(with_initial_design(task))))
     check_richness(task)
     check_loops(robot, task)
-    if not task.trajectory.family().linear:
-        check_solver(task, f"motions of the family {task.trajectory.name}")
     target = target_of(robot, task)
     check_size(target, task)
     if task.objective.servos is not None and target.model.window is not None:
@@ -106,8 +103,6 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     check_bounded(motion, restricted)
     joints = target.robot.joint_names
     world, nonlinear = stated_world(robot, task), nonlinear_limits(robot, joints, task)
-    if nonlinear:
-        check_solver(task, "limits of torques, of the tool and of collisions")
     with suspecting(robot):
         middle = interior_pose(restricted, len(motion.labels))
         try:

@@ -30,7 +30,6 @@ from excite.design.problem import Problem
 from excite.design.search_rounds import COMBINED, Rounds, RunningRounds, design_with_harmonics
 from excite.design.start_results import BestStarts, Progress as Progress, StartResult, best_starts
 from excite.design.starts import KeptStarts, keep_starts
-from excite.design.stated_limits import remedy
 from excite.design.task_checks import suspecting, unidentifiable
 from excite.errors import NoFeasibleMotionError
 from excite.information.matrix import MotionMeasures, noise_per_row
@@ -252,7 +251,7 @@ def certify(
             break
         broken.append(max(uses, key=lambda use: use.use))
     else:
-        raise NoFeasibleMotionError(_closest(broken, formulation))
+        raise NoFeasibleMotionError(_closest(broken))
     trajectory, uses = _unwound(robot, formulation, result.coefficients, uses)
     if not np.isfinite(result.value):
         raise NoFeasibleMotionError(unidentifiable(uses))
@@ -344,8 +343,8 @@ def _unwound(
     return (moved, certificate) if all(use.holds for use in certificate) else (trajectory, uses)
 
 
-def _closest(broken: list[LimitUse], formulation: Formulation) -> str:
-    """Message on the motion that is closest to feasible: which limit it violates, when, by how much; the remedy."""
+def _closest(broken: list[LimitUse]) -> str:
+    """Message on the motion that is closest to feasible: which limit it violates, when, by how much."""
     use = min(broken, key=lambda use: use.use)
     if use.quantity == "loops":
         return (
@@ -357,7 +356,6 @@ def _closest(broken: list[LimitUse], formulation: Formulation) -> str:
     return (
         "no start ended with a motion that keeps every limit over continuous time; "
         f"the closest motion exceeds {use.label} at {use.time:.3f} s: {use.extreme:.4g} {use.unit}, {beyond}"
-        f"{remedy(use.label, formulation.stated, formulation.task)}"
     )
 
 

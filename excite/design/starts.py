@@ -232,7 +232,7 @@ def _within_broken(problem: Problem, method: Solver, attempt: Attempt, outcome: 
     Most motions break none or few of them, and each makes an evaluation more expensive.
     """
     watch = attempt.watch
-    while method.takes_nonlinear_limits and (limited := problem.with_broken(outcome.x)) is not problem:
+    while (limited := problem.with_broken(outcome.x)) is not problem:
         problem, evaluations = limited, outcome.evaluations
         if isinstance(watch, _Snapshots):
             watch.restart()

@@ -11,13 +11,12 @@ import numpy as np
 
 from constraints.clearance import assumed_radius, mounting_surface, moving_heights, skeleton, upwards, why_not_mounted
 from constraints.closed_loops import loop_limits
-from constraints.collision_limits import Clearance, SelfCollisions
+from constraints.collision_limits import SelfCollisions
 from constraints.geometry import HalfSpace, Obstacle, World
 from constraints.linear import QUANTITIES, LinearConstraint, spanned
 from constraints.nonlinear import NonlinearConstraint
 from constraints.torque import why_no_torques
-from constraints.world_file import urdf_capsules, urdf_lowest
-from excite.registry import name_of, part
+from constraints.world_file import UrdfShapes
 from excite.tasks.limit_choice import TORQUE_MARGIN
 from excite.tasks.option import MOUNTS, NONE
 from excite.tasks.stored_files import StoredRobot
@@ -73,20 +72,6 @@ def stated_limits(robot: Robot, joints: tuple[str, ...], task: Task, world: Stat
     return StatedLimits((*torques.constraints, *distances.constraints), unchecked, (*torques.notes, *distances.notes))
 
 
-def remedy(label: str, stated: tuple[NonlinearConstraint, ...], task: Task) -> str:
-    """End of a message on a motion that breaks a limit, where the solver was never told of it; empty otherwise."""
-    limit = next((limit for limit in stated if label in limit.labels), None)
-    if limit is None or part("solver", task.search.solver).takes_nonlinear_limits:
-        return ""
-    left_out = "`torque_margin='none'`"
-    if isinstance(limit, Clearance):
-        left_out = "`floor='none'`" if limit.pairs[0].mounting else "`self_collision=False`"
-    return (
-        f"; the solver {name_of(task.search.solver)} does not take this limit, which holds by default: "
-        f"`solver='sqp'` keeps it, {left_out} leaves it out"
-    )
-
-
 def _torques(robot: Robot, joints: tuple[str, ...], task: Task) -> StatedLimits:
     if task.limits.torque_margin is None:
         return StatedLimits(unchecked=(Unchecked("torque", "left out on request"),))
@@ -117,7 +102,7 @@ def _parts(robot: Robot, task: Task) -> tuple[tuple[Part, ...] | Unchecked, tupl
     if not _has_urdf(task) or not isinstance(task.robot, str):
         return Unchecked("self-collision", f"the description has no shapes, and {_given(task.robot)}"), ()
     try:
-        parts, left_out = urdf_capsules(task.robot, task.base_link, task.tip, snap_angles=task.snap_angles)
+        parts, left_out = _shapes(task, task.robot).capsules()
     except InputError as error:
         return Unchecked("self-collision", str(error)), ()
     if not left_out:
@@ -126,6 +111,11 @@ def _parts(robot: Robot, task: Task) -> tuple[tuple[Part, ...] | Unchecked, tupl
     shown = listed_names(links, _NAMED)
     note = f"shape of {shown} assumed: a capsule of radius {radius:.2g} m along each link, because {left_out[0][1]}"
     return (*parts, *skeleton(robot, radius, links)), (note,)
+
+
+def _shapes(task: Task, file: str) -> UrdfShapes:
+    """The shapes of a task's robot that is named by the file of a URDF."""
+    return UrdfShapes(file, task.base_link, task.tip, task.snap_angles)
 
 
 def _has_urdf(task: Task) -> bool:
@@ -172,6 +162,8 @@ def stated_world(robot: Robot, task: Task) -> StatedWorld:
     world = World((*parts, *tool), objects, _CONTACT, self_collision=apart)
     try:
         world.check(robot)
+        if apart and not robot.shapes and isinstance(task.robot, str):
+            world = _shapes(task, task.robot).ranges_apart(world, task.limits.applied(robot), tool)
     except InputError as error:
         return StatedWorld(None, (Unchecked("self-collision", str(error)), *unchecked))
     assumed = isinstance(known, Unchecked)
@@ -217,7 +209,7 @@ def _lowest(task: Task, normal: Array) -> float:
     """Height of the lowest point of the base, at most that of its origin; of which nothing is known, its origin's."""
     if not isinstance(task.robot, str) or not _has_urdf(task):
         return 0.0
-    known = urdf_lowest(task.robot, normal, task.base_link, task.tip, snap_angles=task.snap_angles)
+    known = _shapes(task, task.robot).lowest(normal)
     return 0.0 if known is None else min(known, 0.0)
 
 

@@ -25,7 +25,7 @@ from excite.information.target import (
     left_out_notes,
     turning_drives,
 )
-from excite.registry import CRITERIA, instance, name_of, part
+from excite.registry import CRITERIA, instance, name_of
 from excite.tasks.criteria import Criterion, TorqueCriterion
 from excite.tasks.task import Task
 from regressors.errors import InputError, listed_names
@@ -39,12 +39,6 @@ from regressors.robot.symbolic.loops import loops_of
 from regressors.samples import Array
 
 _DIRECTIONS, _STEP = 5, 1e-3  # along which gradients are compared with finite differences
-
-
-def check_solver(task: Task, what: str) -> None:
-    """Raise `InputError` where a task's solver does not take limits that are not linear in x."""
-    if not part("solver", task.search.solver).takes_nonlinear_limits:
-        raise InputError(f"{what} are for the solver sqp, not for {name_of(task.search.solver)}")
 
 
 def check_loops(robot: Robot, task: Task) -> None:

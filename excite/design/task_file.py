@@ -30,7 +30,7 @@ _FORMERLY = {
     "reflected_rotors": False,
     "velocity_scaling": 1.0,
 }  # what files of results without these options were made with
-_REMOVED = {("solver", "slsqp"): "ipopt"}  # parts that files of results may name, and what is taken instead
+_REMOVED = dict.fromkeys([("solver", "slsqp"), ("solver", "ipopt")], "sqp")  # parts of older files, and what is taken
 _FILES = (
     "world", "support", "friction_curves", "payload", "task_motion", "servos", "begin"
 )  # options that may be names of files  # fmt: skip

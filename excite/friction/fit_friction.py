@@ -21,10 +21,10 @@ from excite.logs.event import segments
 from excite.logs.log_checks import check_log
 from excite.logs.mapping import LogMapping
 from excite.tasks.reference import MotionSource
+from excite.tasks.robot_of_task import robot_and_task
 from regressors.arguments import checked
 from regressors.errors import InputError, check_names
 from regressors.numerical import numerical_work, one_thread
-from regressors.readers.library import load_robot
 from regressors.robot.robot import Robot, transmission_of
 
 
@@ -90,7 +90,7 @@ def fit_friction(
         See `excite.friction.friction_fit.characteristics`.
     """
     settings = replace(settings if settings is not None else FitSettings(), **options)
-    robot = load_robot(robot) if isinstance(robot, str) else robot
+    robot, _ = robot_and_task(robot)
     robot.check_open("a fit of friction curves")
     with one_thread():
         model = _rigid(robot, parameters, settings)

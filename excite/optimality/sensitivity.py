@@ -243,7 +243,7 @@ def best_of(problem: Problem, solver: Solver, x: Array, value: float = np.inf) -
     for improve in (solver.refine, lambda limited, start: solver.solve(limited, [start])):
         limited, start = problem, _inside(problem, x)
         found = improve(limited, start).x
-        while solver.takes_nonlinear_limits and (more := limited.with_broken(found)) is not limited:
+        while (more := limited.with_broken(found)) is not limited:
             limited, start = more, _inside(more, x)
             found = improve(limited, start).x
         ends += [(each, problem.exact_value(each)) for each in (start, found)]

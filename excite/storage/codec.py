@@ -33,6 +33,8 @@ import numpy as np
 from cattrs.cols import homogenous_tuple_structure_factory
 from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
 
+from constraints.geometry import World
+from constraints.world_file import world_of
 from regressors.arguments import unaliased
 from regressors.errors import InputError
 from regressors.robot.archive import robot_from_description
@@ -107,6 +109,8 @@ def _converter() -> cattrs.Converter:
     made.register_structure_hook_func(lambda kind: _is(kind, Enum), lambda name, kind: kind[_exactly(name, str)])
     made.register_unstructure_hook(Robot, _described)
     made.register_structure_hook(Robot, _robot)
+    made.register_unstructure_hook(World, World.to_dict)
+    made.register_structure_hook(World, lambda content, _: world_of(content))
     made.register_unstructure_hook_func(_has_own_form, lambda value: value.to_dict())
     made.register_structure_hook_func(_has_own_form, lambda content, kind: kind.from_dict(content))
     made.register_unstructure_hook_factory(_is_record, lambda kind: _writer(kind, made))
@@ -121,7 +125,7 @@ def _is(kind: Any, base: type) -> bool:
 
 
 def _is_record(kind: Any) -> bool:
-    return isinstance(kind, type) and is_dataclass(kind) and kind is not Robot and not _has_own_form(kind)
+    return isinstance(kind, type) and is_dataclass(kind) and kind not in (Robot, World) and not _has_own_form(kind)
 
 
 def _has_own_form(kind: Any) -> bool:

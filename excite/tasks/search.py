@@ -71,7 +71,7 @@ class Search:
         metavar="KIND,...",
     )
     begin: Any = option(None, "text", "Start the search from the motion of this design, of any family.", metavar="DIR")
-    solver: Any = option("sqp", "name", "sqp is fast; ipopt is a cross-check.", part="solver")
+    solver: Any = option("sqp", "name", "Solver of the starts: sqp, or module:Name of your own.", part="solver")
     executor: str | Executor = option("process", "name", "Where the starts run.", part="executor")
     workers: int | None = option(None, "integer", "Number of processes.", unset="one per core")
 

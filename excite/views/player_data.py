@@ -186,7 +186,7 @@ def courses_of(
     pairs = {pair.label: pair for pair in limit.pairs} if isinstance(limit, Clearance) else {}
     for k, label in enumerate(limit.labels):
         bounds = float(limit.lower[k]), float(limit.upper[k])
-        owner, quantity, names = label, "tool", tuple[str, ...]()
+        owner, quantity, names = label, "distance" if limit.quantity == "distance" else "tool", tuple[str, ...]()
         if label in pairs:
             names, quantity = (pairs[label].link, pairs[label].other), "distance"
         elif label.endswith(f" {of_joints}"):
@@ -233,9 +233,9 @@ def _meshes(
     robot: Robot, task: Task, robot_file: str, number: Mapping[str, int]
 ) -> tuple[list[dict[str, Any]], tuple[str, ...]]:
     """Meshes of few triangles, and what is said of files that are left out."""
-    read = urdf_meshes(Path(robot_file), robot, task.base_link, snap_angles=task.snap_angles)
-    together = {k: [each.triangles for each in read.meshes if each.link == name] for name, k in number.items()}
-    return [{"body": k, **mesh_data(*decimated(np.concatenate(x)))} for k, x in together.items() if x], read.left_out
+    meshes, left_out = urdf_meshes(Path(robot_file), robot, task.base_link, snap_angles=task.snap_angles)
+    together = {k: [triangles for link, triangles in meshes if link == name] for name, k in number.items()}
+    return [{"body": k, **mesh_data(*decimated(np.concatenate(x)))} for k, x in together.items() if x], left_out
 
 
 def _left_out(reasons: Sequence[str]) -> str:

@@ -26,7 +26,7 @@ from constraints.collision_limits import Clearance, SelfCollisions
 from constraints.enclosure import enclose
 from constraints.geometry import HalfSpace, Obstacle, Part, World
 from constraints.shapes import carried_links, lowest_point
-from constraints.world_file import urdf_lowest, world_of
+from constraints.world_file import UrdfShapes, world_of
 from excite.design.design_json import load_design
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import random_motion
@@ -319,4 +319,8 @@ def test_a_xacro_has_the_shapes_and_the_floor_of_the_urdf_that_it_expands_to(tmp
     assert len(first.world.parts) == 2
     assert second.unchecked == first.unchecked
     normal = np.array([0.0, 0.0, 1.0])
-    assert urdf_lowest(str(tmp_path / "post.xacro"), normal) == urdf_lowest(str(tmp_path / "post.urdf"), normal) < 0.0
+    assert (
+        UrdfShapes(str(tmp_path / "post.xacro")).lowest(normal)
+        == UrdfShapes(str(tmp_path / "post.urdf")).lowest(normal)
+        < 0.0
+    )

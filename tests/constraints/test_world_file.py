@@ -328,8 +328,8 @@ def test_nodes_that_stand_for_too_many_are_refused(tmp_path: Path, monkeypatch: 
 def test_so101_capsules_contain_its_meshes() -> None:
     arm = next(arm for arm in ARMS if arm.id == "so101")
     robot, points = built_in("so101"), dict[str, list[np.ndarray]]()
-    for mesh in urdf_meshes(arm.path, read_urdf(arm.path, tip=arm.tip)).meshes:
-        points.setdefault(mesh.link, []).append(mesh.triangles.reshape(-1, 3))
+    for link, triangles in urdf_meshes(arm.path, read_urdf(arm.path, tip=arm.tip))[0]:
+        points.setdefault(link, []).append(triangles.reshape(-1, 3))
     assert len(points) == 7
     for link, meshes in points.items():
         corners = np.unique(np.vstack(meshes), axis=0)

@@ -147,31 +147,6 @@ class BfgsFactor:
         self.J = blas.dger(-1.0 / sr, s, change, a=self.J, overwrite_a=1)
 
 
-_INSIDE = 1.0 - 1e-12
-
-
-class BestInside:
-    """Best of the iterates of a solver, each pulled towards the start until it is inside the limits."""
-
-    def __init__(self, problem: Problem, start: Array, watch: Watcher | None) -> None:
-        self.problem, self.start, self.watch = problem, start, watch
-        self.best, self.best_value = start, np.inf
-        self.history: list[float] = []
-        self.evaluations = 0
-        self.offer(start)
-
-    def offer(self, x: Array) -> None:
-        """Keep x, pulled towards the start as far as the limits require, if it is the best so far."""
-        reach = min(1.0, _INSIDE * self.problem.longest_step(self.start, x - self.start))
-        inside = self.start + reach * (x - self.start)
-        value = self.problem.criterion_value(self.problem.point(inside, self.problem.criterion.stages[0]))
-        if value < self.best_value:
-            self.best, self.best_value = inside, value
-        self.history.append(value)
-        if self.watch is not None:
-            self.watch(inside, value)
-
-
 _KEPT_INSIDE = 0.9995  # fraction of each bound that a programme may use: violations between rows fit in the rest
 _NEAR = 0.7  # rows used beyond this fraction of their bound enter the programme at once
 _ROUNDS = 8

@@ -6,7 +6,7 @@ import enum
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from typing import Literal
 
 from excite.design.problem import Problem
 from regressors.samples import Array
@@ -65,12 +65,9 @@ class Solver(ABC):
     ----------
     name : str
         Name on the command line.
-    takes_nonlinear_limits : bool
-        Whether it accepts limits that are not linear in x.
     """
 
     name: str
-    takes_nonlinear_limits: ClassVar[bool] = True
 
     @abstractmethod
     def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> SolverResult:

@@ -60,8 +60,8 @@ TEXTS = {
 
 # what is typed => parts of the message, in order; lines that begin with a space go on
 COMMANDS = r"""
-desing irp6 --out out => no command named 'desing'; did you mean design? available: robots, design, ... compare,
-    bound, doctor; see 'excite --help'
+desing irp6 --out out => no command named 'desing'; did you mean design? available: robots, design, ... report,
+    compare, bound; see 'excite --help'
 design => Missing argument 'ROBOT' ... (help)
 design irp6 => Missing option '--out' ... (help)
 robots nope => no robot 'nope': built-in robots are ... a file of that name does not exist
@@ -98,7 +98,7 @@ OPTIONS = r"""
 --harmonics 500 => 10 s at 100 Hz is 1000 samples, too few for 500 harmonics; expected a rate above 100 Hz
 --period 9.999 => 9.999 s at 100 Hz is 999.9 samples, not a whole number; the nearest period is 10 s
 --noise 1,2 => noise needs one value, or 3 for ... q1, q2, q3; given 2
---solver magic => '--solver': 'magic' is not one of sqp, ipopt, nor module:Name of your own ... (help)
+--solver magic => '--solver': 'magic' is not one of sqp, nor module:Name of your own ... (help)
 --executor cloud => 'cloud' is not one of process, serial, dask://HOST:PORT, dask-file:PATH, dask-loc ... (help)
 --tip tool0 => --base and --tip choose a part of a URDF, xacro or MJCF file, but 'irp6' is none
 --xacro => --xacro expands a file that ends in .urdf, .xml, .xacro, .mjcf, but 'irp6' is none of them

@@ -44,7 +44,6 @@ SESSION = {
     "payload identify": "payload identify ROBOT --without run.csv --with held.csv --out held",
     "report": "report r --out page.html",
     "robots": "robots ROBOT",
-    "doctor": "doctor",
 }
 CAMPAIGN = "{common: {robot: irp6, starts: 1, harmonics: 3}, grid: {trajectory: [fourier, cosine]}}"
 FORCED = ("design", "simulate", "identify", "export", "study", "friction", "payload", "report")

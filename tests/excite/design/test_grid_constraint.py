@@ -21,9 +21,7 @@ from excite.design.grid_limits import GridConstraint, GridJoints
 from excite.design.initial_guesses import random_motion
 from excite.design.multistart import serial
 from excite.design.problem import Problem
-from excite.design.solvers.ipopt import Ipopt
 from excite.design.solvers.limit_rows import NearRows
-from excite.design.solvers.solver import Solver
 from excite.design.stated_limits import nonlinear_limits
 from excite.tasks.task import Task
 from excite.trajectories.bspline import BSpline
@@ -31,7 +29,6 @@ from excite.trajectories.family import Family
 from excite.trajectories.fourier import Fourier
 from excite.trajectories.sines import Sines
 from excite.trajectories.waypoints import Waypoints
-from regressors.errors import InputError
 from regressors.models.nominal import standard_values
 from regressors.models.partial import of_joints
 from regressors.readers.library import built_in
@@ -139,18 +136,6 @@ def test_nonlinear_limits_are_built_once(monkeypatch: pytest.MonkeyPatch, tmp_pa
         assert limit.function.constraint is made.nonlinear[0]
         serial(made, [], tmp_path, lambda _: None)
         assert len(built) == builds
-
-
-def test_solvers_for_rows_alone_are_refused_other_limits() -> None:
-    assert Solver.takes_nonlinear_limits
-    assert not Ipopt.takes_nonlinear_limits
-    for changes in ({"tool_speed": 3.0}, {"trajectory": "sines"}):
-        task = Task("irp6", harmonics=3, **changes)
-        problem = formulate(built_in("irp6"), task).problem
-        assert problem.limits.nonlinear_in_x
-        assert problem.violation(random_motion(problem, np.random.default_rng(0))) <= 0.0
-        with pytest.raises(InputError, match="for the solver sqp, not for ipopt"):
-            formulate(built_in("irp6"), task.changed(solver="ipopt"))
 
 
 PANDA = built_in("panda")

@@ -265,7 +265,6 @@ BAD = {
     "give --tool-box, --tool-speed or --floor",
     "--torque-margin 1": "'--torque-margin': must be a number from 0 to 0.999, given 1",
     "--torque-margin 0.95": "drive z1 torque: friction of 28 Nm exceeds the limit of 331.8 Nm",
-    "--tool-speed 1 --solver ipopt": "limits of torques, of the tool and of collisions are for the solver sqp, not",
 }
 
 

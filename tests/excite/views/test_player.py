@@ -132,12 +132,11 @@ def test_meshes_of_visuals_else_of_collisions(visual: str, first: list[float], t
     (tmp_path / "arm.urdf").write_text(URDF.format(visual=visual))
     (tmp_path / "c.obj").write_text(OBJ)
     robot = excite.load_robot(str(tmp_path / "arm.urdf"))
-    read = urdf_meshes(tmp_path / "arm.urdf", robot)
-    meshes = read.meshes
-    assert ["c.dae" in each for each in read.left_out] == [True] * (visual == "c.dae")
-    assert [mesh.link for mesh in meshes] == ["l", "l"]
-    np.testing.assert_allclose(meshes[0].triangles[0, 1], first)
-    np.testing.assert_allclose(meshes[1].triangles[:, :, 0].min(), 1.0)  # fixed a metre away
+    meshes, left_out = urdf_meshes(tmp_path / "arm.urdf", robot)
+    assert ["c.dae" in each for each in left_out] == [True] * (visual == "c.dae")
+    assert [link for link, _ in meshes] == ["l", "l"]
+    np.testing.assert_allclose(meshes[0][1][0, 1], first)
+    np.testing.assert_allclose(meshes[1][1][:, :, 0].min(), 1.0)  # fixed a metre away
 
 
 def test_a_file_of_another_robot_is_refused(tmp_path: Path) -> None:

@@ -1,0 +1,162 @@
+"""Ranges of joints that keep links apart: by closed form, and by the distances of meshes as coal has them."""
+
+from __future__ import annotations
+
+import math
+import re
+from itertools import combinations
+from pathlib import Path
+
+import coal
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from public_arms import ARMS
+
+import excite
+from constraints.clearance import link_poses
+from constraints.collision_limits import Collisions
+from constraints.geometry import Part, RangesApart, World
+from constraints.shapes import carried_links, urdf_solids
+from constraints.world_file import UrdfShapes, read_world, world_of
+from excite.cli.main import cli
+from excite.design.stated_limits import stated_world
+from regressors.errors import InputError
+from regressors.models.partial import of_joints
+from regressors.readers.urdf import read_urdf
+from regressors.robot.robot import Robot, finite_ranges
+from regressors.robot.shapes import Capsule
+from regressors.samples import Array, Samples
+
+LENGTH, HALF, FLOOR = 1.0, 0.1 / 2, -0.3  # of a bar that turns about its own axis, above a block
+LIMIT = '<limit lower="{0}" upper="{1}" velocity="1" effort="9"/>'
+BAR = f"""<robot name="bar">
+<link name="base">
+  <collision><origin xyz="1 0 {FLOOR - 0.5}"/><geometry><box size="6 6 1"/></geometry></collision>
+</link>
+<link name="a"/>
+<link name="b">
+  <collision><origin xyz="{LENGTH / 2} 0 0"/><geometry><box size="{LENGTH} 0.1 0.1"/></geometry></collision>
+  <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+</link>
+<joint name="dip" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/>{LIMIT.format(-1.5, 1.5)}
+</joint>
+<joint name="roll" type="revolute"><parent link="a"/><child link="b"/><axis xyz="1 0 0"/>{LIMIT.format(-3, 3)}</joint>
+</robot>
+"""
+
+
+@pytest.fixture
+def bar(tmp_path: Path) -> str:
+    (tmp_path / "bar.urdf").write_text(BAR)
+    return str(tmp_path / "bar.urdf")
+
+
+def world_of_bar(bar: str) -> World:
+    (Path(bar).parent / "world.yaml").write_text("robot: urdf\nclearance: 0.02\n")
+    return read_world(Path(bar).parent / "world.yaml", bar)
+
+
+def test_a_bar_that_rolls_may_dip_until_its_edges_touch(bar: str) -> None:
+    """``L sin(q) + rho cos(q) = h - clearance``, rho half the diagonal of the bar's section."""
+    (apart,) = world_of_bar(bar).apart
+    (_, low, high), roll = apart.within
+    rho, room = HALF * math.sqrt(2.0), -FLOOR - 0.02
+    q = math.asin(room / math.hypot(LENGTH, rho)) - math.atan2(rho, LENGTH)
+    assert (apart.links, roll) == (("base", "b"), ("roll", -3.0, 3.0))
+    assert low == -1.5
+    assert q - math.radians(2.2) < high < q
+
+
+def test_the_joint_is_limited_instead_of_the_distance(bar: str) -> None:
+    robot, world = excite.load_robot(bar), world_of_bar(bar)
+    (limit,) = Collisions(world).imposed(robot, of_joints(robot, [0, 1]))
+    (_, _, high), _ = world.apart[0].within
+    q = np.array([[0.1, 0.2], [1.0, 0.0]])
+    np.testing.assert_allclose(limit.values(Samples.at_rest(q)), q[:, :1])
+    assert (limit.labels, limit.units, limit.upper) == (("b to base, by dip",), ("rad",), (high,))
+    assert re.match(r"b to base: kept apart by dip, which stays between -1.5 and 0\.\d+ rad; their", limit.notes[0])
+    narrow = robot.replace(limits=excite.LimitChoice(position=((-0.1, 0.1), (-3.0, 3.0))).applied(robot).limits)
+    assert not Collisions(world).imposed(narrow, of_joints(robot, [0, 1]))  # they see to it themselves
+
+
+def test_of_a_joint_that_is_held_out_of_its_range_capsules_are_checked(bar: str) -> None:
+    robot = excite.load_robot(bar)
+    balls = tuple(
+        Part(link, Capsule(place, place, 0.05)) for link, place in (("base", (1, 0, -0.3)), ("b", (1, 0.1, 0)))
+    )
+    apart = RangesApart(("base", "b"), (("dip", 0.1, 0.2), ("roll", -3.0, 3.0)))
+    moving = {"roll": [1], "both": [0, 1]}
+    labels = {
+        name: [label for each in Collisions(World(balls, apart=(apart,))).imposed(robot, of_joints(robot, joints))
+               for label in each.labels]
+        for name, joints in moving.items()
+    }  # fmt: skip
+    assert labels == {"roll": ["b to base"], "both": ["b to base, by dip"]}
+
+
+def test_ranges_are_written_and_read(bar: str) -> None:
+    world = world_of_bar(bar)
+    assert world_of(world.to_dict()) == world
+    printed = CliRunner().invoke(cli, ["robots", bar, "--capsules"], catch_exceptions=False).output
+    (Path(bar).parent / "mine.yaml").write_text(printed)
+    assert read_world(Path(bar).parent / "mine.yaml").apart == UrdfShapes(bar).ranges_apart(World(world.parts)).apart
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"dip", -1.5', '"dip", 1.4', "apart: the range of dip must begin below its end, given 1.4 to"),
+        ('"dip"', '"dap"', "no joint of robot 'bar' named 'dap'; available: dip, roll"),
+        ('"base", "b"', '"base", "c"', "no link with a shape named 'c'; available: base, b"),
+    ],
+)
+def test_mistakes_are_named(bar: str, old: str, new: str, message: str) -> None:
+    printed = CliRunner().invoke(cli, ["robots", bar, "--capsules"], catch_exceptions=False).output
+    assert old in printed
+    (Path(bar).parent / "mine.yaml").write_text(printed.replace(old, new))
+    with pytest.raises(InputError, match=re.escape(message)):
+        read_world(Path(bar).parent / "mine.yaml").check(excite.load_robot(bar))
+
+
+# --- public arms, against their meshes -------------------------------------------------------------------------------
+
+
+def mesh(facets: Array, _: float) -> coal.CollisionGeometry:
+    """Triangles; of a box, all between its corners."""
+    triangles = facets if facets.shape[1] == 3 else np.array(list(combinations(facets[0], 3)))
+    made, corners = coal.BVHModelOBBRSS(), triangles.reshape(-1, 3)
+    made.beginModel(len(triangles), len(corners))
+    made.addVertices(corners)
+    made.addTriangles(np.arange(len(corners)).reshape(-1, 3))
+    made.endModel()
+    return made
+
+
+def least_distance(robot: Robot, world: World, solids: dict[str, list[tuple[Array, float]]], k: int) -> float:
+    """Of the meshes of the k-th pair, in random poses within its ranges and at their ends [m]."""
+    rng, apart = np.random.default_rng(k), world.apart[k]
+    q = rng.uniform(*finite_ranges(robot), (200, robot.n))
+    for name, low, high in apart.within:
+        q[:, robot.joint_names.index(name)] = rng.permutation(np.append(rng.uniform(low, high, 160), [low, high] * 20))
+    poses = link_poses(robot, q)
+    T = np.linalg.inv(poses[apart.links[0]]) @ poses[apart.links[1]]
+    pairs = [(mesh(*a), mesh(*b)) for a in solids[apart.links[0]] for b in solids[apart.links[1]]]
+    return min(
+        coal.distance(a, coal.Transform3s(), b, coal.Transform3s(pose[:3, :3], pose[:3, 3]),
+                      coal.DistanceRequest(), coal.DistanceResult())
+        for a, b in pairs for pose in T
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["ur3", "ur5-gripper", "ur10", "so101", "talos-left-arm-alone"])
+def test_meshes_stay_apart_within_the_ranges(name: str) -> None:
+    arm = next(arm for arm in ARMS if arm.id == name)
+    robot = read_urdf(arm.path, base=arm.base, tip=arm.tip)
+    task = excite.Task(str(arm.path), base_link=arm.base, tip=arm.tip, floor="none")
+    world = stated_world(robot, task).world
+    assert world.apart
+    wanted = {link for apart in world.apart for link in apart.links}
+    solids = urdf_solids(arm.path, carried_links(arm.path, robot, arm.base), wanted)
+    for k in range(len(world.apart)):
+        assert least_distance(robot, world, solids, k) >= world.clearance
