@@ -143,7 +143,7 @@ def collision_limits(robot: Robot, world: World, motion: PartialMotion) -> list[
 
     Left out are: adjacent links; ignored pairs; constant distances that keep the clearance; what never moves away from
     the surface that the robot is fastened to; and pairs of links, or of a link and that surface, that collide in every
-    one of 2000 random poses, or nearly so: their capsules touch by construction, and notes of the limits list them.
+    one of 2000 random poses, or nearly so: their capsules touch by construction, and the limits list them.
     Links that ranges of joints keep apart are limited by these ranges instead.
     """
     world.check(robot)
@@ -163,6 +163,7 @@ def _limits(
             clearances.append(limit if kept == list(pairs) else Clearance(robot, motion, kept, world))
     limits = [*clearances, *_within_ranges(robot, world, motion)]
     if limits:
+        limits[0].unchecked = {", ".join(pairs): _TOUCH for pairs in (notes.pop(_TOUCH, None),) if pairs}
         limits[0].notes += tuple(f"{', '.join(pairs)}: {what}" for what, pairs in notes.items())
     return limits
 
@@ -217,6 +218,7 @@ def _within_ranges(robot: Robot, world: World, motion: PartialMotion) -> list[No
 
 
 _ALWAYS = f"closer than allowed, or nearly so, in all of {_POSES} random poses"
+_TOUCH = f"their capsules are {_ALWAYS}; several a link (`world`) fit closer"
 
 
 def _kept(limit: Clearance, poses: Array, notes: defaultdict[str, list[str]]) -> list[Pair]:
@@ -238,7 +240,7 @@ def _kept(limit: Clearance, poses: Array, notes: defaultdict[str, list[str]]) ->
                 "under ignore"
             )
         if widest < allowed + NEARLY and not pair.is_obstacle:
-            notes[f"not checked, as {_ALWAYS}; several capsules a link (`world`) fit closer"].append(pair.label)
+            notes[_TOUCH].append(pair.label)
         elif not fixed:
             kept.append(pair)
     return kept

@@ -26,7 +26,7 @@ from regressors.samples import Array
 _STEPS = 360  # of a turn, or of the range of a prismatic joint
 _COARSE, _SWEPT = 10, 11.25  # of them: in a first search, and between places of the swept link
 _LEAST_SHARE = 0.5  # of a range, or of a turn: a joint that is narrowed further has too little room
-_HALVINGS, _TRIES = 6, 24
+_HALVINGS, _TRIES = 8, 24
 _POSES = 64
 NEARLY = 0.003  # m: a pair that is hardly farther apart than its clearance leaves a motion no room
 

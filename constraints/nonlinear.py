@@ -7,7 +7,7 @@ it between samples.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cache, cached_property
 from typing import Any
@@ -95,6 +95,8 @@ class NonlinearConstraint(Constraint):
 
     Attributes
     ----------
+    unchecked : mapping
+        What the limits leave out, and why.
     notes : tuple of str
         Notes on the limits for the user.
     """
@@ -108,6 +110,7 @@ class NonlinearConstraint(Constraint):
     units: tuple[str, ...]
     shown: Callable[[Array], Array] = lambda values: values
     quantity: str = OTHER
+    unchecked: Mapping[str, str] = field(default_factory=dict, init=False)
     notes: tuple[str, ...] = field(default=(), init=False)
 
     def __getstate__(self) -> dict[str, Any]:

@@ -137,7 +137,8 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         initial=initial_motion(target, task),
         goal=goal_of(target, task),
     )
-    unchecked = gravest_first((*_unstated(target.robot, motion, limits), *stated.unchecked))
+    left_out = (Unchecked(*each) for limit in imposed for each in limit.unchecked.items())
+    unchecked = gravest_first((*_unstated(target.robot, motion, limits), *stated.unchecked, *left_out))
     of_limits = (*stated.notes, *(note for limit in imposed for note in limit.notes))
     notes = (*task.installation.notes, *task_notes(target, task, restricted), *of_limits)
     formulation = Formulation(

@@ -183,8 +183,9 @@ def test_links_that_always_touch_are_noted_and_left_out(radius: float, is_checke
     fat = (*ARM, Part("link_5", Capsule((0.0, 0.0, -0.2), (0.0, 0.0, 0.0), radius)))
     limits = collision_limits(IIWA, World(fat), every_joint(IIWA))
     assert ("link_7 to link_5" in labels(limits)) is is_checked
-    start = "link_7 to link_5: not checked, as closer than allowed, or nearly so, in all of 2000 random poses; several"
-    assert [note[: len(start)] for limit in limits for note in limit.notes] == ([] if is_checked else [start])
+    why = "their capsules are closer than allowed, or nearly so, in all of 2000 random poses; several a link"
+    found = [(name, each[: len(why)]) for limit in limits for name, each in limit.unchecked.items()]
+    assert found == [("link_7 to link_5", why)] * (not is_checked)
 
 
 def test_limits_of_a_partial_motion_are_those_of_the_whole_robot() -> None:

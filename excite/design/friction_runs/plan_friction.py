@@ -31,7 +31,7 @@ from excite.design.friction_runs.friction_plan import (
 from excite.design.friction_runs.pose import CollisionChecks, Place, PlaceSearch, gravity_of
 from excite.design.friction_runs.runs import Part, Runs, certificates, pace_of, torque_uses
 from excite.design.friction_runs.schedule import Schedule, check_size, scheduled_runs, torque_ramps, turning_drives
-from excite.design.stated_limits import gravest_first, stated_world
+from excite.design.stated_limits import Unchecked, gravest_first, stated_world
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.robot_of_task import robot_and_task
 from excite.tasks.task import Task
@@ -127,7 +127,8 @@ def plan_friction(
     pairs = zip(searches, largest, strict=True)
     planned = tuple(_coordinate_plan(search, schedule, *placed(search), torque) for search, torque in pairs)
     passages, notes = ((), ()) if checks is None else (_passages(robot, planned, checks), checks.notes)
-    unchecked, notes = gravest_first(stated.unchecked), (*notes, *stated.notes)
+    notes = (*notes, *stated.notes)
+    unchecked = gravest_first((*stated.unchecked, *itertools.starmap(Unchecked, checks.unchecked if checks else ())))
     return FrictionPlan(robot, planned, stated.world, passages, notes, pose is not None, unchecked)
 
 

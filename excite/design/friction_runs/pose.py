@@ -283,7 +283,8 @@ class CollisionChecks:
 
     def __init__(self, robot: Robot, world: World) -> None:
         self.limits = collision_limits(robot, world, of_joints(robot, range(robot.n)))
-        self.notes = self.limits[0].notes if self.limits else ()
+        self.notes = tuple(note for limit in self.limits for note in limit.notes)
+        self.unchecked = [each for limit in self.limits for each in limit.unchecked.items()]  # what, and why
         self._labels = [*(label for limit in self.limits for label in limit.labels), ""]
 
     def free(self, pose: Array, line: Array, low: float, high: float) -> list[Place]:
