@@ -202,8 +202,8 @@ def _within_ranges(robot: Robot, world: World, motion: PartialMotion) -> list[No
     limit = NonlinearConstraint(
         motion.matrix.shape[1],
         lambda q, dq, ddq: ca.mtimes(N, q) + q0,
-        np.array(lower),
-        np.array(upper),
+        np.where(lower > low[joints] + _STILL, lower, -np.inf),
+        np.where(upper < high[joints] - _STILL, upper, np.inf),
         np.subtract(upper, lower) / 2,
         tuple(f"{row[3]}, by {name}" for row, name in zip(rows, names, strict=True)),
         units,

@@ -147,9 +147,8 @@ class Hull:
 
     facets: Array  # (F, k, 3) corners, in the link's frame [m]
     radius: float  # of what surrounds them [m]
-    places: Array = field(
-        default_factory=lambda: np.eye(4)[None]
-    )  # (K, 4, 4) poses of the link, evenly along the joint's range
+    # (K, 4, 4) poses of the link, evenly along the joint's range
+    places: Array = field(default_factory=lambda: np.eye(4)[None])
     halvings: int = _HALVINGS
 
     @cached_property

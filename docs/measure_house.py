@@ -17,7 +17,7 @@ PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
     "lines": 86_071,
-    "lines of code": 52_947,
+    "lines of code": 52_946,
     "files": 394,
     "classes": 704,
     "public names": 95,

@@ -65,10 +65,7 @@ CASES = [
     pytest.param({"constraints/__init__.py": ""}, "constraints", OVERWRITTEN, id="constraints"),
     pytest.param({"regressors/__init__.py": ""}, None, LOST.format("regressors"), id="no metadata"),
     pytest.param(
-        {"constraints/__init__.py": None, "constraints/nonlinear.py": ""},
-        None,
-        LOST.format("constraints"),
-        id="removed",
+        {"constraints/__init__.py": None, "constraints/a.py": ""}, None, LOST.format("constraints"), id="gone"
     ),
     pytest.param({"regressors/__init__.py": None}, None, LOST.format("regressors"), id="removed below"),
 ]

@@ -20,6 +20,7 @@ from constraints.geometry import Part, RangesApart, World
 from constraints.shapes import carried_links, urdf_solids
 from constraints.world_file import UrdfShapes, read_world, world_of
 from excite.cli.main import cli
+from excite.design.friction_runs.pose import CollisionChecks
 from excite.design.stated_limits import stated_world
 from regressors.errors import InputError
 from regressors.models.partial import of_joints
@@ -60,8 +61,7 @@ def world_of_bar(bar: str) -> World:
 def test_a_bar_that_rolls_may_dip_until_its_edges_touch(bar: str) -> None:
     """``L sin(q) + rho cos(q) = h - clearance``, rho half the diagonal of the bar's section."""
     (apart,) = world_of_bar(bar).apart
-    (_, low, high), roll = apart.within
-    rho, room = HALF * math.sqrt(2.0), -FLOOR - 0.02
+    ((_, low, high), roll), rho, room = apart.within, HALF * math.sqrt(2.0), -FLOOR - 0.02
     q = math.asin(room / math.hypot(LENGTH, rho)) - math.atan2(rho, LENGTH)
     assert (apart.links, low, roll) == (("base", "b"), -1.5, ("roll", -3.0, 3.0))
     assert q - math.radians(2.2) < high < q
@@ -77,6 +77,12 @@ def test_the_joint_is_limited_instead_of_the_distance(bar: str) -> None:
     assert re.match(r"b to base: kept apart by dip, which stays between -1.5 and 0\.\d+ rad; their", limit.notes[0])
     narrow = robot.replace(limits=excite.LimitChoice(position=((-0.1, 0.1), (-3.0, 3.0))).applied(robot).limits)
     assert not Collisions(world).imposed(narrow, of_joints(robot, [0, 1]))  # they see to it themselves
+
+
+def test_strokes_of_friction_runs_end_at_the_range(bar: str) -> None:
+    world = world_of_bar(bar)
+    (place,) = CollisionChecks(excite.load_robot(bar), world).free(np.zeros(2), np.eye(2)[0], -1.5, 1.5)
+    assert (place.low, place.high) == pytest.approx(world.apart[0].within[0][1:], abs=5e-3)
 
 
 def test_of_a_joint_that_is_held_out_of_its_range_capsules_are_checked(bar: str) -> None:

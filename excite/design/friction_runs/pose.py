@@ -344,7 +344,8 @@ class CollisionChecks:
     def _room(self, pose: Array, line: Array, middle: Array) -> Array:
         """Margins of all distances in poses of a line, with a last column of infinity, shape (N, k)."""
         samples = Samples.at_rest(pose + np.outer(middle, line))
-        kept = [limit.values(samples) - limit.lower - _MARGIN * limit.scale for limit in self.limits]
+        values = [(limit, limit.values(samples)) for limit in self.limits]
+        kept = [np.minimum(g - limit.lower, limit.upper - g) - _MARGIN * limit.scale for limit, g in values]
         return np.hstack([*kept, np.full((middle.size, 1), np.inf)])
 
 
