@@ -235,7 +235,7 @@ def _limbs(tree: UrdfTree, base: str, tips: Sequence[str]) -> list[list[TreeJoin
     paths = [tree.path(base, tip) or [] for tip in tips]
     through = Counter(joint.name for path in paths for joint in path)
     between_forks = ([list(part) for _, part in groupby(path, lambda joint: through[joint.name])] for path in paths)
-    parted = [[part for part in parts if _count(part)] for parts in between_forks]
+    parted = [own for parts in between_forks if (own := [part for part in parts if _count(part)])]
     deepest: dict[str, int] = {}  # joints behind the last one of a part, on the longest chain
     for parts in parted:
         for k, part in enumerate(parts):

@@ -299,8 +299,7 @@ def test_a_mimic_joint_moves_with_the_one_that_it_follows_and_rests_with_it() ->
     text = document(links(*names) + row)
     robot = parse_urdf(text)
     assert robot.joint_names == ("j1", "j2", "j3", "j4", "j5")
-    assert robot.closures == (MimicJoint(("j3", "j2"), -2.0, 0.5),)
-    assert robot.passive == ("j3",)
+    assert (robot.closures, robot.passive) == ((MimicJoint(("j3", "j2"), -2.0, 0.5),), ("j3",))
     assert parse_urdf(text, base="l3").joint_names == ("j4", "j5")
     assert parse_urdf(text, tip="l1").closures == ()
     assert refusal(parse_urdf, text, base="l2").endswith(
@@ -310,8 +309,9 @@ def test_a_mimic_joint_moves_with_the_one_that_it_follows_and_rests_with_it() ->
 
 def test_a_mimic_joint_beside_the_chain_moves_too() -> None:
     text = document(THREE + joint("j", "a", "b") + joint("k", "a", "c", inside=MIMIC))
-    robot = parse_urdf(text, tip="b")
-    assert (robot.joint_names, robot.parents, robot.passive) == (("j", "k"), (0, 0), ("k",))
+    for tip in ("b", None):  # by default the limb that moves by itself, such as one finger of a gripper
+        robot = parse_urdf(text, tip=tip)
+        assert (robot.joint_names, robot.parents, robot.passive) == (("j", "k"), (0, 0), ("k",))
 
 
 MIMICS = {
