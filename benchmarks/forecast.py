@@ -1,7 +1,6 @@
 """Whether a search gains what it says that more of it would bring: ``python benchmarks/forecast.py``.
 
-A design says "another N starts are expected to gain X %": the mean, over the populations that have ended, of what each
-of them has brought. Here searches go on for a stated time, and after every population what was expected of the next
+A design says "another N starts are expected to gain X %", see `excite.design.search_rounds.Rounds.left`. Here searches go on for a stated time, and after every population what was expected of the next
 one is compared with what that one brought.
 """
 
@@ -67,7 +66,7 @@ def compared(ends: list[float]) -> list[tuple[float, float]]:
     pairs = []
     for k in range(2, len(ends)):
         best, second = sorted(ends[:k])[:2]
-        pairs.append(((second - best) / best / k, max(0.0, 1.0 - ends[k] / best)))
+        pairs.append(((second - best) / best / (k + 2), max(0.0, 1.0 - ends[k] / best)))
     return pairs
 
 

@@ -40,7 +40,9 @@ class DriveFriction:
         C = robot.transmission.coupling
         ahead, behind = np.maximum(C, 0.0).T, np.minimum(C, 0.0).T
         rest = ahead @ self.rest + behind @ self.rest[:, ::-1]
-        return DriveFriction(self.viscous, rest, np.zeros(robot.n), np.abs(C).T @ self.largest)
+        # of the drives that move a joint: others may have no largest speed, and no largest friction
+        largest = np.array([np.abs(row[row != 0.0]) @ self.largest[row != 0.0] for row in C.T])
+        return DriveFriction(self.viscous, rest, np.zeros(robot.n), largest)
 
 
 def drive_friction(

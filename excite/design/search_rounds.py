@@ -101,11 +101,15 @@ class Rounds:
 
     @property
     def left(self) -> float:
-        """Estimated relative gain of one more population: the mean over those that ended of what each has brought."""
+        """Estimated relative gain of one more population.
+
+        Of k ends that are equally likely from the least possible value on, the next one gains ``k / (k + 2)`` times the
+        mean of what leaving out each of them would cost, ``(e_2 - e_1) / k`` with the least two ends e_1 and e_2.
+        """
         if len(self.ends) < 2:
             return np.inf
         ends = np.sort(self.ends)
-        return float((ends[1] - ends[0]) / ends[0] / ends.size)
+        return float((ends[1] - ends[0]) / ends[0] / (ends.size + 2))
 
     @property
     def summary(self) -> SearchSummary:

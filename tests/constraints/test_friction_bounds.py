@@ -12,7 +12,7 @@ from hypothesis import given, settings, strategies as st
 from pinocchio_chains import drive_torques, joint_torques
 from slow_dynamics import random_chain
 
-from constraints.drive_friction import drive_friction, friction_bound
+from constraints.drive_friction import DriveFriction, drive_friction, friction_bound
 from constraints.torque import torque_limits
 from regressors.errors import InputError, UnknownName
 from regressors.models.nominal import standard_values
@@ -224,6 +224,12 @@ def test_the_speed_of_a_drive_is_bounded_by_the_joints() -> None:
     robot = random_chain("rr", np.random.default_rng(0)).replace(limits=joints, transmission=transmission)
     _, drives = torque_limits(robot, {}, 0.0, friction=FrictionCurves({"z1": TUSTIN}))
     np.testing.assert_allclose(900.0 - drives.upper, [0.4 + 16.8 + 3.0 * 0.5, 0.0])
+
+
+def test_a_drive_of_any_speed_says_nothing_of_joints_that_it_does_not_move() -> None:
+    robot, largest = built_in("irp6"), np.array([np.inf, 1.0, 1.0, 1.0, 1.0])
+    found = DriveFriction({}, np.zeros((5, 2)), np.zeros(5), largest).at_joints(robot).largest
+    np.testing.assert_allclose(found, [np.inf, *np.abs(robot.transmission.coupling)[1:, 1:].sum(axis=0)])
 
 
 REFUSED: dict[str, tuple[FrictionCurves, type[InputError], str]] = {
