@@ -1,7 +1,8 @@
 """Whether a search gains what it says that more of it would bring: ``python benchmarks/forecast.py``.
 
-A design says "another N starts are expected to gain X %", see `excite.design.search_rounds.Rounds.left`. Here searches go on for a stated time, and after every population what was expected of the next
-one is compared with what that one brought.
+A design says "another N starts are expected to gain X %", see `excite.design.search_rounds.Rounds.left`. Here searches
+go on for a stated time, and after every population what was expected of the next one is compared with what that one
+brought.
 """
 
 from __future__ import annotations
