@@ -95,7 +95,7 @@ class NonlinearConstraint(Constraint):
 
     Attributes
     ----------
-    unchecked : mapping
+    unchecked : Mapping[str, str]
         What the limits leave out, and why.
     notes : tuple of str
         Notes on the limits for the user.
