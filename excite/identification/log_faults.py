@@ -298,10 +298,10 @@ def lengths_fault(robot: Robot, factors: Array, shown: Flags) -> Fault:
 
 
 def zero_fault(names: tuple[str, ...], j: int, zero: float) -> Fault:
-    """True positions of a joint are ``zero`` more than those in the log."""
-    n, degrees = len(names), float(np.rad2deg(zero))
+    """True positions of a joint are ``zero`` more than those in the log, which is off by as much the other way."""
+    n, degrees = len(names), -float(np.rad2deg(zero))
     what = f"the zero of {names[j]} is off by {degrees:.3g} degrees"
-    line = f"use `{_each('offset', n, j, f'{-degrees:.3g}', '0')}` for the positions in the mapping"
+    line = f"use `{_each('offset', n, j, f'{degrees:.3g}', '0')}` for the positions in the mapping"
     cure = f"{line} where their unit is deg, or {-zero:.3g} in rad"
     return Fault("zero", (names[j],), what, cure, positions=(np.eye(n), np.where(np.arange(n) == j, zero, 0.0)))
 
