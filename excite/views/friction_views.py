@@ -134,15 +134,19 @@ def _nearness(plan: FrictionPlan, c: CoordinatePlan) -> Iterator[str]:
     cure = other if plan.given_pose else "give another `pose`"
     for d in c.too_near:
         apart = f"{d.use.extreme:.3g} m apart" if d.use.extreme > 0.0 else "in collision"
+        apart = (
+            apart if d.use.unit == "m" else f"at {d.use.extreme:.3g} {d.use.unit}"
+        )  # of a joint that keeps them apart
         yield (
             f"{c.label}: {d.use.label} are {apart} at {c.label} = {d.at:.4g} {c.unit} ({d.use.time:.2f} s), "
-            f"{d.use.bound:.3g} m must be kept"
+            f"{d.use.bound:.3g} {d.use.unit} must be kept"
         )
     if c.too_near:
         yield f"{c.label}: {cure}, or move the obstacle, in the robot's cell and in the world file"
-    if c.too_near or not c.distances:
+    between = [each for each in c.distances or () if each.use.unit == "m"]
+    if c.too_near or not between:
         return
-    d = min(c.distances, key=lambda each: each.use.margin)
+    d = min(between, key=lambda each: each.use.margin)
     bounds = f"; that bounds the stroke to {c.place.half:.3g} {c.unit}" if c.place.obstacle else ""
     yield (
         f"{c.label}: nearest is {d.use.label}, {d.use.extreme:.3g} m apart at {c.label} = {d.at:.4g} {c.unit}, "

@@ -20,8 +20,8 @@ from constraints.geometry import Part, RangesApart, World
 from constraints.shapes import carried_links, urdf_solids
 from constraints.world_file import UrdfShapes, read_world
 from excite.cli.main import cli
-from excite.design.friction_runs.pose import CollisionChecks
 from excite.design.stated_limits import stated_world
+from excite.views.view import view_of
 from regressors.errors import InputError
 from regressors.models.partial import of_joints
 from regressors.readers.urdf import read_urdf
@@ -30,15 +30,16 @@ from regressors.robot.shapes import Capsule
 from regressors.samples import Array, Samples
 
 LENGTH, HALF, FLOOR = 1.0, 0.1 / 2, -0.3  # of a bar that turns about its own axis, above a block
+INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+SHORT = excite.Schedule(percent=(10.0, 50.0), warm_up=0.0, breakaways=0, rate=100.0)
 LIMIT = '<limit lower="{0}" upper="{1}" velocity="1" effort="9"/>'
 BAR = f"""<robot name="bar">
 <link name="base">
   <collision><origin xyz="1 0 {FLOOR - 0.5}"/><geometry><box size="6 6 1"/></geometry></collision>
 </link>
-<link name="a"/>
-<link name="b">
+<link name="a">{INERTIAL}</link>
+<link name="b">{INERTIAL}
   <collision><origin xyz="{LENGTH / 2} 0 0"/><geometry><box size="{LENGTH} 0.1 0.1"/></geometry></collision>
-  <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
 </link>
 <joint name="dip" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/>{LIMIT.format(-1.5, 1.5)}
 </joint>
@@ -78,24 +79,22 @@ def test_the_joint_is_limited_instead_of_the_distance(bar: str) -> None:
     assert not Collisions(world).imposed(narrow, of_joints(robot, [0, 1]))
 
 
-def test_strokes_of_friction_runs_end_at_the_range(bar: str) -> None:
-    world = world_of_bar(bar)
-    (place,) = CollisionChecks(excite.load_robot(bar), world).free(np.zeros(2), np.eye(2)[0], -1.5, 1.5)
-    assert (place.low, place.high) == pytest.approx(world.apart[0].within[0][1:], abs=5e-3)
+def test_friction_runs_keep_to_the_range(bar: str) -> None:
+    asked = {"world": world_of_bar(bar), "joints": ("dip",), "limits": excite.LimitChoice(acceleration=(3.0,))}
+    plans = [excite.plan_friction(bar, SHORT, pose=np.array([dip, 0.0]), **asked) for dip in (0.0, 0.4)]
+    assert plans[0].coordinates[0].place.high == pytest.approx(asked["world"].apart[0].within[0][2], abs=5e-3)
+    assert [plan.holds for plan in plans] == [True, False]
+    assert any(note.startswith("dip: b to base, by dip are at 0.8") for note in view_of(plans[1]).remarks)
 
 
 def test_of_a_joint_that_is_held_out_of_its_range_capsules_are_checked(bar: str) -> None:
     robot = excite.load_robot(bar)
-    balls = tuple(
-        Part(link, Capsule(place, place, 0.05)) for link, place in (("base", (1, 0, -0.3)), ("b", (1, 0.1, 0)))
-    )
-    apart = RangesApart(("base", "b"), (("dip", 0.1, 0.2), ("roll", -3.0, 3.0)))
-    moving = {"roll": [1], "both": [0, 1]}
-    labels = {
-        name: [label for each in Collisions(World(balls, apart=(apart,))).imposed(robot, of_joints(robot, joints))
-               for label in each.labels]
-        for name, joints in moving.items()
-    }  # fmt: skip
+    balls = tuple(Part(link, Capsule(at, at, 0.05)) for link, at in (("base", (1, 0, -0.3)), ("b", (1, 0.1, 0))))
+    world = World(balls, apart=(RangesApart(("base", "b"), (("dip", 0.1, 0.2), ("roll", -3.0, 3.0))),))
+    labels = {}
+    for name, joints in (("roll", [1]), ("both", [0, 1])):
+        limits = Collisions(world).imposed(robot, of_joints(robot, joints))
+        labels[name] = [label for limit in limits for label in limit.labels]
     assert labels == {"roll": ["b to base"], "both": ["b to base, by dip"]}
 
 

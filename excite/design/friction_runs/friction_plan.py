@@ -214,7 +214,7 @@ class FrictionPlan(Saved):
     passages : tuple of Passage
         From pose to pose, in the order of the coordinates; none without a world.
     notes : tuple of str
-        Parts of the world that are not checked.
+        Parts of the world that are not checked, and joints that keep links apart.
     given_pose : bool
         Whether the pose was given, rather than searched for.
     unchecked : tuple of Unchecked
