@@ -218,7 +218,7 @@ def _within_ranges(robot: Robot, world: World, motion: PartialMotion) -> list[No
 
 
 _ALWAYS = f"closer than allowed, or nearly so, in all of {_POSES} random poses"
-_TOUCH = f"their capsules are {_ALWAYS}; several a link (`world`) fit closer"
+_TOUCH = f"their capsules are {_ALWAYS}; several of them a link (`world`) fit closer"
 
 
 def _kept(limit: Clearance, poses: Array, notes: defaultdict[str, list[str]]) -> list[Pair]:

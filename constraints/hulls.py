@@ -27,6 +27,7 @@ _STEPS = 360  # of a turn, or of the range of a prismatic joint
 _COARSE, _SWEPT = 10, 11.25  # of them: in a first search, and between places of the swept link
 _LEAST_SHARE = 0.5  # of a range, or of a turn: a joint that is narrowed further has too little room
 _HALVINGS, _TRIES = 8, 24
+_FASTEST = 4.0  # turns of a joint for one of the coordinate that it follows, so that no step is half a turn
 _POSES = 64
 NEARLY = 0.003  # m: a pair that is hardly farther apart than its clearance leaves a motion no room
 
@@ -57,8 +58,11 @@ def _distances(own: Capsule, other: Capsule, T: Array, tolerance: float) -> Arra
 
 
 def _joints_between(robot: Robot, first: str, last: str) -> list[int]:
-    """Coordinates of the joints on the way from one body to another; empty if two of them move together."""
-    carrier = {name: (parent, np.flatnonzero(row).tolist()) for name, parent, _, row, _ in placed_bodies(robot)}
+    """Coordinates of the joints between two bodies; empty if two of them move together, or one many turns for one."""
+    carrier = {
+        name: (parent, np.flatnonzero(row).tolist() if np.abs(row).max() <= _FASTEST else [])
+        for name, parent, _, row, _ in placed_bodies(robot)
+    }
 
     def way(body: str) -> Iterator[str]:
         while body != BASE:

@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 86_081,
-    "lines of code": 52_951,
+    "lines": 86_085,
+    "lines of code": 52_955,
     "files": 394,
     "classes": 704,
     "public names": 95,

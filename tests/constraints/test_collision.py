@@ -183,7 +183,7 @@ def test_links_that_always_touch_are_noted_and_left_out(radius: float, is_checke
     fat = (*ARM, Part("link_5", Capsule((0.0, 0.0, -0.2), (0.0, 0.0, 0.0), radius)))
     limits = collision_limits(IIWA, World(fat), every_joint(IIWA))
     assert ("link_7 to link_5" in labels(limits)) is is_checked
-    why = "their capsules are closer than allowed, or nearly so, in all of 2000 random poses; several a link"
+    why = "their capsules are closer than allowed, or nearly so, in all of 2000 random poses; several of them"
     found = [(name, each[: len(why)]) for limit in limits for name, each in limit.unchecked.items()]
     assert found == [("link_7 to link_5", why)] * (not is_checked)
 
