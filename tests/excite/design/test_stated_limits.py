@@ -181,6 +181,7 @@ def test_stored_tasks_of_older_files_keep_leaving_them_out() -> None:
     assert task_from_options(content, stored=True).limits.torque_margin is None
     del content["torque_margin"]
     assert task_from_options(content, stored=True).limits.torque_margin is None
+    assert task_from_options({**content, "solver": "ipopt"}, stored=True).search.solver == "sqp"  # of an older file
     assert task_from_options(content).limits.torque_margin == "auto"
 
 
