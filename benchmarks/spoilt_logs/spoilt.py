@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from scipy.signal import lfilter
 
 import excite
 from excite.design.formulation import formulate
@@ -32,10 +33,13 @@ ROBOTS = ("irp6", "ur10e", "panda", "iiwa7")
 COULOMB, VISCOUS, ROTOR = 0.02, 0.02, 0.002  # of the torque limit: Nm, Nm s/rad, kg m^2
 CENTRES = 0.0  # standard deviation of each coordinate of the bodies' centres [m]
 NOISE = 0.02  # of the root mean square of each joint's torque
+MEMORY = 0.0  # of the noise [s]
+STRIBECK, STRIBECK_SPEED = 0.0, 0.1  # of Coulomb friction, in no model; rad/s
 KINDS = (
     "torques swapped", "torques shifted", "torque sign", "positions swapped", "position sign",
     "torque gain, 0.6 or 1.6",
-    "torque gain, 1000", "magnitudes", "late", "channel late", "zero, 90 degrees", "zero, 5 degrees", "clipped",
+    "torque gain, 1000", "magnitudes", "late", "channel late", "zero, 90 degrees", "zero, 5 degrees",
+    "zero, 10 to 30 degrees", "clipped",
     "currents", "drive units", "gravity, tilted", "gravity, wall or ceiling", "moved base", "late from", "drift",
     "other lengths", "untold load", "clock jump", "lost rows", "stale rows", "repeated rows",
 )  # fmt: skip
@@ -139,6 +143,16 @@ def friction_torque(robot: Robot, log: Log, real: bool) -> np.ndarray:
     return sum(curves.curve(name).torque(dq @ row)[:, None] * row for name, row in rows)
 
 
+def stribeck_torque(robot: Robot, log: Log) -> np.ndarray:
+    """What friction has more at low speeds, shape (N, n)."""
+    dq, torque = np.gradient(log.q, log.duration / (log.count - 1), axis=0), np.zeros(log.q.shape)
+    for name, row in drives_with_friction(robot):
+        row, curve = row[: dq.shape[1]], FrictionCurves.of_robot(robot).curve(name)
+        coulomb, v = float(curve.torque(np.array([1e-6]))[0]), dq @ row
+        torque += STRIBECK * coulomb * (np.exp(-((v / STRIBECK_SPEED) ** 2)) * np.sign(v))[:, None] * row
+    return torque
+
+
 @cache
 def clean_log(
     name: str, seed: int, mounted: tuple[float, float, float] = LEVEL, payload: tuple[float, ...] | None = None
@@ -153,9 +167,11 @@ def clean_log(
         robot, task, Trajectory(problem.family, x), settings, friction=FrictionCurves.of_robot(robot)
     )
     rng = np.random.default_rng([seed, 2])
-    effort = found.log.effort
+    effort = found.log.effort + stribeck_torque(robot, found.log)
     size = np.sqrt(np.mean(effort**2, axis=0))
-    effort = effort + NOISE * size * rng.standard_normal(effort.shape)
+    kept = np.exp(-1 / (200.0 * MEMORY)) if MEMORY else 0.0
+    noise = lfilter([np.sqrt(1 - kept**2)], [1.0, -kept], rng.standard_normal(effort.shape), axis=0)
+    effort = effort + NOISE * size * noise
     label = f"{name} {seed}"
     return replace(found.log, dq=None, effort=effort, truth=None, saturated=(), source=label, sha256=label)
 
@@ -254,6 +270,8 @@ def spoilt(log: Log, kind: str, rng: np.random.Generator, joint: int | None = No
             q[:, a] += rng.choice([-1, 1]) * np.pi / 2
         case "zero, 5 degrees":
             q[:, a] += rng.choice([-1, 1]) * np.deg2rad(5.0)
+        case "zero, 10 to 30 degrees":
+            q[:, a] += rng.choice([-1, 1]) * np.deg2rad(rng.uniform(10.0, 30.0))
         case "clipped":
             level = 0.6 * np.abs(y[:, a]).max()
             y[:, a] = np.clip(y[:, a], -level, level)

@@ -1,7 +1,8 @@
 """How often the fault of a spoilt log is named right, and how often a sound log is accused.
 
 .venv/bin/python benchmarks/spoilt_logs/study.py [--seeds 10-10] [--sound 11-20] [--robots NAMES] [--kinds NAMES]
-    [--real FOLDER] [--centres METRES] [--choose] [--processes 2] [--name simulated]
+    [--real FOLDER] [--centres METRES] [--stribeck SHARE] [--memory SECONDS] [--choose] [--processes 2]
+    [--name simulated]
 """
 
 from __future__ import annotations
@@ -304,12 +305,15 @@ def main() -> None:
     parser.add_argument("--kinds", default=";".join(KINDS))
     parser.add_argument("--real", type=Path, help="folder of the real logs of a UR10e, which are used instead")
     parser.add_argument("--centres", type=float, default=0.0, help="standard deviation of the bodies' centres [m]")
+    parser.add_argument("--stribeck", type=float, default=0.0, help="of Coulomb friction, that no model has")
+    parser.add_argument("--memory", type=float, default=0.0, help="time over which the noise is correlated [s]")
     parser.add_argument("--choose", action="store_true", help="choose the settings, as by default")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--name", help="of the results; simulated or real if not given")
     parser.add_argument("--printed", type=Path, nargs="*", default=[], help="what stopped runs printed, to be counted")
     a = parser.parse_args()
-    kinds, robots, simulated.CENTRES = a.kinds.split(";"), a.robots.split(","), a.centres
+    kinds, robots = a.kinds.split(";"), a.robots.split(",")
+    simulated.CENTRES, simulated.STRIBECK, simulated.MEMORY = a.centres, a.stribeck, a.memory
     if a.real:
         kinds = [kind for kind in kinds if kind != "untold load"]
         given = [("ur10e", k, log, kinds, a.choose) for k, log in enumerate(real_logs(a.real))]
@@ -324,7 +328,10 @@ def main() -> None:
     files = [a.real, *a.printed]
     sys.argv = ["FILE" if Path(text) in files else text for text in sys.argv]  # no path of this machine
     name = a.name or ("real" if a.real else "simulated")
-    off = f"Centres of the true bodies are off by {1e3 * a.centres:g} mm (standard deviation of a coordinate)."
+    off = (
+        f"Centres of the true bodies are off by {1e3 * a.centres:g} mm (standard deviation of a coordinate); friction "
+    )
+    off += f"is {100 * a.stribeck:g} % higher at standstill (Stribeck), noise correlated over {1e3 * a.memory:g} ms."
     settings = "With the choice of settings." if a.choose else "Without the choice of settings (`choose=False`)."
     cases = {"cases": [asdict(o) for o in outcomes]}
     record.save(name, before, cases, text_of(outcomes), (*LIMITATIONS, off, settings), HERE)

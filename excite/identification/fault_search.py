@@ -80,11 +80,13 @@ class FaultSearch(Instants):
 
         One that moves the centre of the joint's own body by little is one of a wrong description.
         """
-        none, fault = self.free.plain.fit(NO_FAULT), partial(zero_fault, self.target.robot.joint_names, j)
+        none, fault = self.free.fit(NO_FAULT), partial(zero_fault, self.target.robot.joint_names, j)
         zero = self._at_best(fault, _ZEROS, 0.14, maxiter=7)
-        angle = 0.0 if zero.positions is None else float(np.abs(zero.positions[1]).max())
-        large = angle > _LARGE_ZERO and _moved_centre(self.target.robot, j, angle) > _CENTRE
-        return zero if large or none.size - self.free.fit(zero).size > _SHOWN else NO_FAULT
+        own = self.free._at_best(fault, np.array([zero.zero]), 0.14, maxiter=7)
+        if none.size - own.size > _SHOWN:
+            return replace(self.fit(own), shown=none.size - own.size)
+        large = abs(zero.zero) > _LARGE_ZERO and _moved_centre(self.target.robot, j, zero.zero) > _CENTRE
+        return zero if large else NO_FAULT
 
     def _gains_of_one(self) -> list[Fault]:
         """The best gain of each joint: as free bodies need it, or else a large one, which the described masses need."""

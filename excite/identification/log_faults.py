@@ -55,11 +55,17 @@ class Fault:
     positions: tuple[Array, Array] | None = None  # ``A (n, n), b (n,)``: true positions ``A q + b``
     errors: Array = field(default_factory=lambda: np.zeros(0))  # (n,) of each equation, over its torque, without it
     parameters: Array = field(default_factory=lambda: np.zeros(0))  # of that fit
+    shown: float = 0.0  # what a zero explains, in the logarithm of the errors, where bodies are free
 
     @property
     def size(self) -> float:
         """Sum of the logarithms of the errors, which is the likelihood with the noise of each equation unknown."""
         return float(np.sum(np.log(np.maximum(self.errors, LEAST_ERROR)))) + self.freedom
+
+    @property
+    def zero(self) -> float:
+        """What is added to the positions of a joint [rad or m]."""
+        return 0.0 if self.positions is None else float(self.positions[1].sum())
 
     @property
     def error(self) -> float:
@@ -197,7 +203,7 @@ def gain_or_masses(gain: Fault) -> Fault:
 
 _ODD_SCALE = 3.0  # masses of descriptions are off by less
 _LEVEL, _MOVED = np.deg2rad([5.0, 2.0])  # a smaller tilt is not a fault, nor a smaller one from some time on
-_DRIFT = 0.1  # a smaller change of friction is not stated
+_DRIFT = 0.15  # a smaller change of friction is not stated
 _OTHER_LENGTH = 0.1  # a smaller change of lengths is not a fault
 
 
