@@ -29,6 +29,8 @@ _LEAST_SHARE = 0.5  # of a range, or of a turn: a joint that is narrowed further
 _HALVINGS, _TRIES = 8, 24
 _FASTEST = 4.0  # turns of a joint for one of the coordinate that it follows, so that no step is half a turn
 _POSES = 64
+_ZERO = np.array([0.0, 0.0, 0.0, 1.0])
+_MANY = 1000000
 NEARLY = 0.003  # m: a pair that is hardly farther apart than its clearance leaves a motion no room
 
 
@@ -158,8 +160,8 @@ class Hull:
     @cached_property
     def points(self) -> Array:
         """Corners, shape (N, 3) [m]."""
-        corners = self._corners @ self.places[:, :3, :3].transpose(0, 2, 1) + self.places[:, None, :3, 3]
-        return _corners(corners)
+        points = self._corners @ self.places[:, :3, :3].transpose(0, 2, 1) + self.places[:, None, :3, 3]
+        return points.reshape(-1, 3)
 
     @cached_property
     def _corners(self) -> Array:
@@ -203,21 +205,32 @@ def _corners(points: Array) -> Array:
 def _search(poses: Array, clearance: float) -> Callable[[Hull, Hull, int, int], bool]:
     """Whether a hull keeps the clearance from one that stands still, on the way from one pose to another."""
     last: dict[tuple[Hull, Hull], Array] = {}  # directions in which they were apart
+    near: dict[tuple[Hull, Hull], tuple[Hull, Hull]] = {}  # of hulls that were not apart, the parts that were not
 
     @cache
     def way(hull: Hull, steps: int) -> float:
         D = poses[steps] - poses[0]
         return float(np.linalg.norm(hull.points @ D[:3, :3].T + D[:3, 3], axis=1).max())
 
-    def apart(moved: Hull, still: Hull, first: int, end: int) -> bool:
+    def beside(moved: Hull, still: Hull, first: int, end: int) -> bool:
         least = clearance + moved.beyond + still.beyond + way(moved, end - first)
         n = last.get((moved, still), np.array([0.0, 0.0, 1.0]))
         is_apart, last[moved, still] = _direction(moved.points, still.points, poses[first], least, n)
-        if is_apart or not (moved.halves or still.halves):
-            return is_apart
+        return is_apart
+
+    def apart(moved: Hull, still: Hull, first: int, end: int) -> bool:
+        if (parts := near.get((moved, still))) is not None and not beside(*parts, first, end):
+            return False
+        if beside(moved, still, first, end):
+            return True
+        if not (moved.halves or still.halves):
+            return False
         whole = max((hull for hull in (moved, still) if hull.halves), key=lambda hull: hull.size)
         pairs = product(whole.halves, [still]) if whole is moved else product([moved], whole.halves)
-        return all(apart(a, b, first, end) for a, b in pairs)
+        close = next((pair for pair in pairs if not apart(*pair, first, end)), None)
+        if close is not None:
+            near[moved, still] = near.get(close, close)
+        return close is None
 
     return apart
 
@@ -225,16 +238,16 @@ def _search(poses: Array, clearance: float) -> Callable[[Hull, Hull, int, int], 
 def _direction(moved: Array, still: Array, pose: Array, least: float, n: Array) -> tuple[bool, Array]:
     """Whether a direction was found in which two sets of points are that far apart, and the last one that was tried."""
     R, p = pose[:3, :3], pose[:3, 3]
-    corners = np.zeros((0, 3))  # of the set of differences, whose point nearest to zero is searched for
+    corners = np.zeros((0, 4))  # of the set of differences, whose point nearest to zero is searched for, and 1
     for _ in range(_TRIES):
-        corner = still[np.argmin(still @ n)] - R @ moved[np.argmax(moved @ (R.T @ n))] - p
+        corner = still[(still @ n).argmin()] - R @ moved[(moved @ (R.T @ n)).argmax()] - p
         if n @ corner >= least:
             return True, n
-        corners = np.vstack([corners, corner])
-        weights, _ = scipy.optimize.nnls(np.vstack([corners.T, np.ones(len(corners))]), np.array([0.0, 0.0, 0.0, 1.0]))
-        nearest = weights @ corners / weights.sum()
-        distance = np.linalg.norm(nearest)
+        corners = np.vstack([corners, [*corner, 1.0]])
+        weights, _ = scipy.optimize.nnls(corners.T, _ZERO)
+        *nearest, total = weights @ corners
+        distance = np.linalg.norm(nearest) / total
         if distance < least:
             return False, n
-        corners, n = corners[weights > 0.0], nearest / distance
+        corners, n = corners[weights > 0.0], np.divide(nearest, total * distance)
     return False, n
