@@ -51,12 +51,10 @@ def touching_pairs(robot: Robot, parts: Iterable[Part], clearance: float) -> lis
 
 
 def _distances(own: Capsule, other: Capsule, T: Array, tolerance: float) -> Array:
-    """Distances of a capsule in many poses from another one, at most too small by the tolerance, shape (N,) [m]."""
-    centres, radius = own.covering(tolerance)
-    points = centres @ T[:, :3, :3].transpose(0, 2, 1) + T[:, None, :3, 3] - np.array(other.start)  # (N, k, 3)
-    line = np.subtract(other.end, other.start)
-    along = np.clip(points @ line / max(line @ line, np.finfo(float).tiny), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(points - along[..., None] * line, axis=2).min(axis=1) - radius - other.radius)
+    """Distances of a capsule in many poses from another one, at most too small by two tolerances, shape (N,) [m]."""
+    (centres, radius), (others, wide) = own.covering(tolerance), other.covering(tolerance)
+    points = centres @ T[:, :3, :3].transpose(0, 2, 1) + T[:, None, :3, 3]
+    return np.asarray(np.linalg.norm(points[:, :, None] - others, axis=3).min(axis=(1, 2)) - radius - wide)
 
 
 def _joints_between(robot: Robot, first: str, last: str) -> list[int]:
