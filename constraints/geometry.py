@@ -168,7 +168,7 @@ class World:
 
 
 _SLACK = 1e-9  # of the radius: points on the surface count as inside
-_ITERATIONS = 400
+_AT_FIRST, _FURTHER = 150, (200, 200)  # iterations from each axis, and from the best, with a new simplex each
 _DIRECTIONS = 300
 
 
@@ -176,7 +176,7 @@ def enclosing_capsule(points: Array) -> Capsule:
     """Capsule of small volume that contains all points.
 
     ``radius = max_k |p_k - line|`` for the line from a to b; a and b by the simplex method of Nelder and Mead on the
-    outermost points, from each of their principal axes: the smallest of three local minima, perhaps not the global one.
+    outermost points, from the best of their principal axes: a local minimum, perhaps not the global one.
     """  # points (N, 3)
     points = np.asarray(points, dtype=float)
     if points.ndim != 2 or points.shape[0] == 0 or not np.all(np.isfinite(points)):
@@ -184,18 +184,21 @@ def enclosing_capsule(points: Array) -> Capsule:
     corners = _outermost(points)
     centre = corners.mean(axis=0)
     axes = np.linalg.svd(corners - centre, full_matrices=False)[2]
-    best: Array = np.concatenate([centre, centre])
-    least = np.inf
+    found = []
     for axis in axes:
         along = (corners - centre) @ axis
         start = np.concatenate([centre + 0.7 * along.min() * axis, centre + 0.7 * along.max() * axis])
-        minimum = scipy.optimize.minimize(
-            _volume, start, (corners,), "Nelder-Mead", options={"maxiter": _ITERATIONS, "xatol": 1e-5, "fatol": 1e-9}
-        )
-        if minimum.fun < least:
-            best, least = minimum.x, minimum.fun
+        found.append(_smaller(start, corners, _AT_FIRST))
+    best = min(found, key=lambda ends: _volume(ends, corners))
+    for iterations in _FURTHER:
+        best = _smaller(best, corners, iterations)
     radius = _radius(best, points) * (1 + _SLACK)
     return Capsule(vector_of(best[:3]), vector_of(best[3:]), max(radius, _SLACK))
+
+
+def _smaller(ends: Array, points: Array, iterations: int) -> Array:
+    options = {"maxiter": iterations, "xatol": 1e-5, "fatol": 1e-9}
+    return np.asarray(scipy.optimize.minimize(_volume, ends, (points,), "Nelder-Mead", options=options).x)
 
 
 def enclosing_cylinder(radius: float, length: float) -> Capsule:

@@ -28,26 +28,28 @@ _COARSE, _SWEPT = 10, 11.25  # of them: in a first search, and between places of
 _LEAST_SHARE = 0.5  # of a range, or of a turn: a joint that is narrowed further has too little room
 _HALVINGS, _TRIES = 8, 24
 _FASTEST = 4.0  # turns of a joint for one of the coordinate that it follows, so that no step is half a turn
-_POSES = 64
+_POSES, _FEW, _ABOUT = 128, 0.25, 0.05  # random ones; a share of them that is left to capsules; how well it is known
 _ZERO = np.array([0.0, 0.0, 0.0, 1.0])
-_MANY = 1000000
 NEARLY = 0.003  # m: a pair that is hardly farther apart than its clearance leaves a motion no room
 
 
-def touching_pairs(robot: Robot, parts: Iterable[Part], clearance: float) -> list[tuple[str, str]]:
-    """Links two joints apart whose capsules are nearer than the clearance, or nearly so, in half of random poses."""
+def touching_pairs(robot: Robot, parts: Iterable[Part], clearance: float) -> dict[tuple[str, str], float]:
+    """Links two joints apart whose capsules are nearer than the clearance, or nearly so, and in how much of all poses.
+
+    Those that touch in few poses are left out.
+    """
     capsules: dict[str, list[Capsule]] = {}
     for part in parts:
         capsules.setdefault(part.link, []).append(part.capsule)
     poses = link_poses(robot, np.random.default_rng(0).uniform(*finite_ranges(robot), (_POSES, robot.n)))
-    found = []
+    found: dict[tuple[str, str], float] = {}
     for other, link in product(capsules, capsules):
         if len(_joints_between(robot, other, link)) == 2 and (link, other) not in found:
             T = np.linalg.inv(poses[other]) @ poses[link]
             pairs = product(capsules[link], capsules[other])
             distance = np.min([_distances(own, its, T, clearance) for own, its in pairs], axis=0)
-            found += [(other, link)] if np.median(distance) < clearance + NEARLY else []
-    return found
+            found[other, link] = float(np.mean(distance < clearance + NEARLY))
+    return {pair: share for pair, share in found.items() if share > _FEW}
 
 
 def _distances(own: Capsule, other: Capsule, T: Array, tolerance: float) -> Array:
@@ -77,28 +79,28 @@ def _joints_between(robot: Robot, first: str, last: str) -> list[int]:
 
 def ranges_apart(
     robot: Robot,
-    pairs: Iterable[tuple[str, str]],
+    touching: Mapping[tuple[str, str], float],
     solids: Mapping[str, Sequence[tuple[Array, float]]],
     clearance: float,
 ) -> tuple[RangesApart, ...]:
     """Ranges of the two joints between the links of each pair in which they keep the clearance, where there are any.
 
-    One range is the joint's own; the other is narrowed as far as needed, but not below half of it, or half a turn.
+    One range is the joint's own; the other is narrowed as far as needed, but not below half of it, or half a turn, nor
+    to less than what their capsules leave, which touch in some part of all poses.
     """
     low, high = finite_ranges(robot)
     found = []
-    for pair in (pair for pair in pairs if all(link in solids for link in pair)):
+    for pair in (pair for pair in touching if all(link in solids for link in pair)):
         first, last = _joints_between(robot, *pair)
         hulls = [[Hull(facets, radius) for facets, radius in solids[link]] for link in pair]
-        best, most = RangesApart(pair, ()), 0.0
+        best, most = RangesApart(pair, ()), 1.0 - touching[pair] - _ABOUT
         for scan, sweep, still, moved in ((first, last, *pair), (last, first, *pair[::-1])):
             if most < 1.0 and low[scan] < high[scan]:
                 own = (hulls[pair.index(moved)], hulls[pair.index(still)])
                 lower, upper = _longest(robot, (scan, sweep), (moved, still), own, clearance)
-                whole = float(high[scan] - low[scan])
                 turn = np.inf if robot.joints[scan].kind == "prismatic" else 2 * np.pi
-                share = (upper - lower) / whole
-                if share > most and upper - lower >= _LEAST_SHARE * min(whole, turn):
+                share = (upper - lower) / min(float(high[scan] - low[scan]), turn)
+                if share > max(most, _LEAST_SHARE):
                     ranges = {scan: (lower, upper), sweep: (float(low[sweep]), float(high[sweep]))}
                     within = tuple((robot.joint_names[joint], *ranges[joint]) for joint in sorted(ranges))
                     best, most = RangesApart(pair, within), share

@@ -175,11 +175,11 @@ class UrdfShapes:
         """
         own, links = self._links()
         robot = own if robot is None else robot
-        pairs = touching_pairs(robot, world.parts, world.clearance)
-        solids = urdf_solids(Path(self.file), links, {link for pair in pairs for link in pair})
+        touching = touching_pairs(robot, world.parts, world.clearance)
+        solids = urdf_solids(Path(self.file), links, {link for pair in touching for link in pair})
         for part in (part for part in tool if part.link in solids):
             solids[part.link].append((np.array([[part.capsule.start, part.capsule.end]]), part.capsule.radius))
-        return replace(world, apart=ranges_apart(robot, pairs, solids, world.clearance))
+        return replace(world, apart=ranges_apart(robot, touching, solids, world.clearance))
 
     def _links(self) -> tuple[Robot, Iterator[Carried]]:
         path, content = Path(self.file), urdf_content(Path(self.file))

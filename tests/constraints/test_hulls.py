@@ -17,6 +17,7 @@ import excite
 from constraints.clearance import link_poses
 from constraints.collision_limits import Collisions
 from constraints.geometry import Part, RangesApart, World
+from constraints.hulls import ranges_apart, touching_pairs
 from constraints.shapes import carried_links, urdf_solids
 from constraints.world_file import UrdfShapes, read_world
 from excite.cli.main import cli
@@ -66,6 +67,20 @@ def test_a_bar_that_rolls_may_dip_until_its_edges_touch(bar: str) -> None:
     q = math.asin(room / math.hypot(LENGTH, rho)) - math.atan2(rho, LENGTH)
     assert (apart.links, low, roll) == (("base", "b"), -1.5, ("roll", -3.0, 3.0))
     assert q - math.radians(2.2) < high < q
+
+
+@pytest.mark.parametrize(("share", "kept"), [(0.3, False), (0.6, True)])  # the range is 0.57 of the joint's
+def test_a_range_leaves_more_room_than_the_capsules(share: float, kept: bool, bar: str) -> None:
+    robot = excite.load_robot(bar)
+    solids = urdf_solids(Path(bar), carried_links(Path(bar), robot, None), {"base", "b"})
+    assert bool(ranges_apart(robot, {("base", "b"): share}, solids, 0.02)) == kept
+
+
+def test_capsules_touch_in_so_many_poses(bar: str) -> None:
+    balls = [Part(link, Capsule(at, at, 0.05)) for link, at in (("base", (0, 0, -1.0)), ("b", (1, 0, 0)))]
+    found = touching_pairs(excite.load_robot(bar), balls, 0.9)  # from |(cos, 0, 1 - sin)| = 1 on, at 30 degrees
+    assert found == {("base", "b"): pytest.approx((1.5 - math.radians(30.0)) / 3.0, abs=0.1)}
+    assert touching_pairs(excite.load_robot(bar), balls, 0.4) == {}
 
 
 def test_the_joint_is_limited_instead_of_the_distance(bar: str) -> None:
