@@ -49,17 +49,14 @@ def potential(robot: Robot, q: np.ndarray) -> float:
     return energy
 
 
-MOUNTS: tuple[tuple[Any, tuple[float, ...]], ...] = (
-    ("floor", (0.0, 0.0, -G)),
-    ("wall", (G, 0.0, 0.0)),
-    ("ceiling", (0.0, 0.0, G)),
-    ((0.0, 0.0, 1.0), (0.0, 0.0, -G)),
-    ((0.3, 0.0, 0.0), (0.0, -G * np.sin(0.3), -G * np.cos(0.3))),
-)
-
-
 def test_mount_turns_gravity_into_the_axes_of_the_base() -> None:
-    for mount, gravity in MOUNTS:
+    for mount, gravity in (
+        ("floor", (0.0, 0.0, -G)),
+        ("wall", (G, 0.0, 0.0)),
+        ("ceiling", (0.0, 0.0, G)),
+        ((0.0, 0.0, 1.0), (0.0, 0.0, -G)),
+        ((0.3, 0.0, 0.0), (0.0, -G * np.sin(0.3), -G * np.cos(0.3))),
+    ):
         np.testing.assert_allclose(Installation(mount=mount).applied(built_in("ur10e")).gravity, gravity, atol=1e-12)
 
 
@@ -92,6 +89,8 @@ def test_a_payload_from_a_file_is_that_of_its_keys(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.links[-1].theta, expected.links[-1].theta, rtol=1e-12)
     with pytest.raises(InputError, match="cannot read load file"):
         Installation(payload="missing.yaml")
+    # of an unknown link nothing becomes known
+    assert Installation(payload=(1.0, 0.0, 0.0, 0.0)).applied(built_in("iiwa7")).links[-1].theta is None
 
 
 def test_locked_drives_belong_to_the_robot_of_a_task() -> None:
@@ -104,10 +103,6 @@ def test_locked_drives_belong_to_the_robot_of_a_task() -> None:
     for options in ({"model": "load"}, {"tool_speed": 1.0}):
         with pytest.raises(InputError, match="`locked_drives` is for models and limits of joint torques"):
             Task("irp6", locked_drives=("4", "5"), **options)
-
-
-def test_of_an_unknown_link_nothing_becomes_known() -> None:
-    assert Installation(payload=(1.0, 0.0, 0.0, 0.0)).applied(built_in("iiwa7")).links[-1].theta is None
 
 
 IMPOSSIBLE: tuple[tuple[dict[str, Any], str], ...] = (
@@ -127,11 +122,6 @@ def test_installations_that_cannot_be_are_refused() -> None:
     for options, message in IMPOSSIBLE:
         with pytest.raises(InputError, match=message):
             Installation(**options)
-
-
-def test_a_robot_object_is_installed_by_hand() -> None:
-    with pytest.raises(InputError, match=r"give Installation\(\.\.\.\)\.applied\(robot\)"):
-        installed_robot(excite.Task(built_in("ur10e"), mount="wall"))
 
 
 DESIGNS = (excite.design_trajectory, excite.design_for_precision, excite.next_motion, excite.plan_campaign)
