@@ -80,14 +80,10 @@ def again(whole: Whole) -> Whole:
     return record_of(Whole, json.loads(json.dumps(content, allow_nan=False)), arrays)
 
 
-def test_a_record_is_read_as_written() -> None:
-    read = again(WHOLE)
+def test_a_record_is_read_as_written_and_its_entries_are_its_fields_with_what_follows_from_them() -> None:
+    read, (content, arrays) = again(WHOLE), content_of(WHOLE)
     for name in Whole.__dataclass_fields__:
         assert getattr(read, name) == getattr(WHOLE, name)
-
-
-def test_entries_are_the_fields_with_what_follows_from_them() -> None:
-    content, arrays = content_of(WHOLE)
     assert arrays == {}
     assert content["holds"] is False
     assert (content["against"], content["weight"], content["colour"]) == (["x"], 2.0, "BLUE")
@@ -117,7 +113,6 @@ def test_arrays_stand_beside_under_the_names_of_their_fields() -> None:
 WRONG: tuple[tuple[dict[str, Any], str], ...] = (
     ({"name": 3}, "^name: expected str, given 3"),
     ({"count": True}, "^count: expected int, given True"),
-    ({"count": 1.5}, "^count: expected int, given 1.5"),
     ({"number": "much"}, "^number: expected a number, given 'much'"),
     ({"number": None}, "^number: expected a number, given None"),
     ({"colour": "GREEN"}, "^colour: 'GREEN' is missing"),
@@ -152,12 +147,13 @@ def test_entries_may_have_names_of_their_own() -> None:
     content, _ = content_of(Entries((Part(),), (1.0,)))
     assert content == {"pieces": [{"against": [], "weight": 1.0}], "heavy": [1.0]}
     assert record_of(Entries, content, {}) == Entries((Part(),), (1.0,))
-    with pytest.raises(InputError, match="pieces: expected a list, given 'a b'"):
-        record_of(Entries, {"pieces": "a b"}, {})
-    with pytest.raises(InputError, match="'pieces' is missing"):
-        record_of(Entries, {}, {})
-    with pytest.raises(InputError, match=r"pieces\[0\].weight: expected a number, given 'a'"):
-        record_of(Entries, {"pieces": [{"weight": "a"}]}, {})
+    for wrong, message in (
+        ({"pieces": "a b"}, "pieces: expected a list, given 'a b'"),
+        ({}, "'pieces' is missing"),
+        ({"pieces": [{"weight": "a"}]}, r"pieces\[0\].weight: expected a number, given 'a'"),
+    ):
+        with pytest.raises(InputError, match=message):
+            record_of(Entries, wrong, {})
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,28 +219,23 @@ def test_arrays_are_read_as_written(tmp_path: Path) -> None:
         np.testing.assert_array_equal(read[name], array)
 
 
-def _objects() -> bytes:
+def archive(member: bytes) -> bytes:
     stream = io.BytesIO()
-    np.save(stream, np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    return stream.getvalue()
-
-
-def _archive(member: bytes) -> bytes:
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("time.npy", member)
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as written:
+        written.writestr("time.npy", member)
     return stream.getvalue()
 
 
 def test_damaged_and_far_too_large_files_are_named(tmp_path: Path) -> None:
-    damaged = map(_archive, (b"no array", b"\x93NUMPY\x01\x00", _objects()))
-    for content in (b"", b"PK\x03\x04", *damaged):
+    np.save(objects := io.BytesIO(), np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    damaged = map(archive, (b"no array", b"\x93NUMPY\x01\x00", objects.getvalue()))
+    for content, message in (
+        *((content, r"c\.npz") for content in (b"", b"PK\x03\x04", *damaged)),
+        (archive(bytes(70_000_000)), "expected at most"),
+    ):
         (tmp_path / "c.npz").write_bytes(content)
-        with pytest.raises(InputError, match=r"c\.npz"):
+        with pytest.raises(InputError, match=message):
             read_curves(tmp_path / "c.npz")
-    (tmp_path / "c.npz").write_bytes(_archive(bytes(70_000_000)))
-    with pytest.raises(InputError, match="expected at most"):
-        read_curves(tmp_path / "c.npz")
 
 
 def test_strides_and_choices() -> None:
