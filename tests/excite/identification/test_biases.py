@@ -33,7 +33,6 @@ from excite.logs.log import Log
 from excite.simulation.simulate import simulate
 from excite.tasks.search import Search
 from excite.tasks.task import Task
-from regressors.errors import InputError
 from regressors.samples import Array
 
 EXACTLY = replace(EXACT, sign_width=0.0)
@@ -90,15 +89,6 @@ def test_candidates_keep_the_rows_of_a_slow_drive_but_not_of_one_that_rests(shar
     assert bool(candidates[-1] <= 0.5 * slowest) == (count < 7)
 
 
-def test_models_of_windows_refuse_it_and_so_do_repetitions(log: Log) -> None:
-    with pytest.raises(InputError, match="`standstill` is for models of joint torques at single instants"):
-        found(Task("irp6", model="energy"), log, recipe=replace(EXACTLY, standstill=0.05))
-    with pytest.raises(InputError, match="leave out `standstill`"):
-        Recipe(standstill=0.1).check_repeatable(3)
-    with pytest.raises(InputError, match="`standstill` must be 0 or a number from 1e-12 to 1000000 rad/s or m/s, giv"):
-        Recipe(standstill=-1.0)
-
-
 def test_a_drive_that_rests_makes_no_equations(log: Log) -> None:
     result = found(TASK, log)
     part = result.prepared[0]
@@ -151,13 +141,8 @@ def test_friction_that_is_right_changes_nothing(noisy_log: Log) -> None:
     assert allowing_for_standstill(plain, Weighted(), result.observations, context_of(result)) is plain
 
 
-@pytest.fixture(scope="module")
-def stuck(noisy_log: Log) -> Identification:
-    return found(TASK, sticking(noisy_log, 20.0), recipe=EXACTLY)
-
-
-def test_where_friction_holds_the_change_without_slow_rows_enters(stuck: Identification) -> None:
-    result = stuck
+def test_where_friction_holds_the_change_without_slow_rows_enters(noisy_log: Log) -> None:
+    result = found(TASK, sticking(noisy_log, 20.0), recipe=EXACTLY)
     speeds = np.sqrt(np.mean((result.prepared[0].samples.dq @ C.T) ** 2, axis=0))
     fast = slowest(result) >= 0.1 * np.median(speeds)
     assert fails_near_standstill(result.estimate, result.observations, fast)

@@ -51,6 +51,7 @@ def test_what_cannot_be_repeated_is_refused_before_any_work() -> None:
         (Recipe(estimator="huber"), 5, "with the estimators instrumental, least-squares, weighted, not with huber"),
         (Recipe(average=True), 5, "leave out `average`"),
         (Recipe(measured_velocity=True), 5, "leave out `measured_velocity`"),
+        (Recipe(standstill=0.1), 5, "leave out `standstill`"),
     ):
         with pytest.raises(InputError) as refused:
             recipe.check_repeatable(count)
@@ -65,6 +66,7 @@ LATER = (
     (Recipe(rows="all", low_pass=101.0), TASK, "the cutoff 101 Hz must be below half the sample rate, 100 Hz"),
     (replace(EXACT, low_pass=5.0), Task("irp6", model="energy"), "`low_pass` and `every` are for models of single"),
     (replace(EXACT, breakaway=0.1), Task("irp6", model="energy"), "`breakaway` is for the differential model"),
+    (replace(EXACT, standstill=0.1), Task("irp6", model="energy"), "`standstill` is for models of joint torques at si"),
     (EXACT, Task("irp6", model="load"), "LOG has the joints q1, q2, q3, but not q4, q5, which the model moves"),
     (EXACT, Task("irp6", joints=("1", "3")), "LOG: joint q2 deviates by 0."),
 )  # fmt: skip

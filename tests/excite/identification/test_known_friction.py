@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from friction_curves import without_friction as without_curves
 from played import EXACT, TASK, curves, described, found, irp6, mixed, noisy, periodic, played, three_joints
 from written_files import saved
 
@@ -104,11 +105,8 @@ def test_drives_that_turn_without_a_curve_are_told(log: Log) -> None:
 
 
 def test_nothing_is_said_of_a_description_without_friction(log: Log) -> None:
-    transmission = irp6().transmission
-    drives = tuple(replace(d, coulomb=None, viscous=None) for d in transmission.drives)
-    bare = irp6().replace(transmission=replace(transmission, drives=drives))
-    task = TASK.changed(friction=False)
-    result = estimate_parameters(bare, task, [log], replace(EXACT, sign_width=0.0), friction=FrictionCurves({}))
+    bare, task, recipe = without_curves(irp6()), TASK.changed(friction=False), replace(EXACT, sign_width=0.0)
+    result = estimate_parameters(bare, task, [log], recipe, friction=FrictionCurves({}))
     told = "no friction curve of z1, z2, z3, and no friction columns, as asked: assumed to have no friction"
     assert told in result.prepared[0].notes
 
@@ -146,12 +144,6 @@ def test_the_other_drives_keep_their_columns(model: str, log: Log) -> None:
     windows = model == "energy"  # which are integrated by the trapezoidal rule
     np.testing.assert_allclose(result.estimate.values, described(result), rtol=0.03 if windows else 1e-9)
     np.testing.assert_allclose(result.estimate.values[-4:], described(result)[-4:], rtol=1e-3)
-
-
-def test_offsets_are_those_of_the_other_drives(log: Log) -> None:
-    result = found(TASK.changed(offset=True), log, recipe=EXACTLY, friction=KNOWN)
-    assert result.estimate.names[7:] == (*OWN, "F1o", "F3o")
-    np.testing.assert_allclose(result.estimate.values, described(result), atol=1e-8)
 
 
 def test_columns_only_where_they_are_asked_for() -> None:

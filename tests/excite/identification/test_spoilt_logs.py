@@ -42,6 +42,10 @@ def positions(change: Callable[[Array], Array]) -> Log:
     return replace(log, q=change(log.q.copy()), dq=None, sha256="spoilt")
 
 
+def times(*factors: float) -> Log:
+    return effort(lambda y: y * np.array(factors))
+
+
 def late(y: Array) -> Array:
     return np.vstack([np.repeat(y[:1], 4, axis=0), y[:-4]])
 
@@ -63,23 +67,15 @@ CASES = {
         "the columns that now stand for q1, q3, q2, in this order",
     ),
     "torque columns shifted": (effort(lambda y: np.roll(y, 1, axis=1)), "the torque columns are shifted", "by one"),
-    "torque sign": (
-        effort(lambda y: y * np.array([1, -1, 1])),
-        "the torques of q2 have the opposite sign",
-        "`sign: [1, -1, 1]`",
-    ),
-    "torque unit": (
-        effort(lambda y: y * np.array([1, 1e3, 1])),
-        "the torques of q2 are in mNm, not in Nm",
-        "`unit: [Nm, mNm, Nm]`",
-    ),
+    "torque sign": (times(1, -1, 1), "the torques of q2 have the opposite sign", "`sign: [1, -1, 1]`"),
+    "torque unit": (times(1, 1e3, 1), "the torques of q2 are in mNm, not in Nm", "`unit: [Nm, mNm, Nm]`"),
     "a torque constant": (
-        effort(lambda y: y * np.array([1, 0.85, 1])),
+        times(1, 0.85, 1),
         "the torques of q2 are 0.85 times what the other joints say of it, or the torques of q3 are 1.2 times",
         "`gain: [1, 1.17, 1]`",
     ),
-    "torque unit of a joint that friction explains": (
-        effort(lambda y: y * np.array([1e-3, 1, 1])),
+    "unit where friction explains": (
+        times(1e-3, 1, 1),
         "the torques of q1 are in kNm, not in Nm",
         "`unit: [kNm, Nm, Nm]`",
     ),
@@ -89,7 +85,7 @@ CASES = {
         "record them over their whole range",
     ),
     "currents": (
-        effort(lambda y: y * np.array([0.3, 0.05, 0.15])),
+        times(0.3, 0.05, 0.15),
         "the torques of q2, q3 are 0.05, 0.15 times what the described robot would need, as currents or drive units",
         "use `gain: [1, 20, 6.6",
     ),
@@ -225,11 +221,7 @@ def test_zeros_explain_a_zero_that_is_off_and_no_masses_that_are() -> None:
 
 GAINS = {
     "none": (5, 1.0, None),
-    "of a joint before others": (
-        3,
-        0.85,
-        "the torques of wrist_1_joint are 0.85 times what the other joints say of it",
-    ),
+    "of a joint before others": (3, 0.85, "the torques of wrist_1_joint are 0.85 times what the other joints say of"),
     "small, of the last joint": (5, 0.85, None),
     "too large for masses": (5, 0.2, "the torques of wrist_3_joint are 0.19 times what the other joints say of it"),
     "large, of the last joint": (5, 0.6, "the torques of wrist_3_joint are 0.58 times what the described masses make"),

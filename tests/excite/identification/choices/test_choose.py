@@ -70,11 +70,6 @@ def with_torque(torque: Array) -> Log:
     return replace(log, effort=log.effort + torque @ C, sha256="changed")
 
 
-def drive_speeds() -> Array:
-    dq = clean().dq
-    return np.asarray(dq @ np.array(irp6().transmission.coupling)[:3, :3].T)
-
-
 def choice_of(result: Identification, name: str) -> choose.Choice:
     (found,) = [choice for choice in result.choices if choice.name == name]
     return found
@@ -193,7 +188,7 @@ def test_delays_of_single_joints_and_logs_are_found_applied_stated_and_read_back
 
 
 def test_planted_terms_are_chosen_for_their_drive() -> None:
-    dz = drive_speeds()
+    dz = clean().dq @ np.array(irp6().transmission.coupling)[:3, :3].T
     torque = np.column_stack(
         [8.0 * np.abs(dz[:, 0]), 5.0 + 0 * dz[:, 1], 6.0 * np.sign(dz[:, 2]) * np.sqrt(np.abs(dz[:, 2]))]
     )
@@ -214,20 +209,17 @@ def test_planted_terms_are_chosen_for_their_drive() -> None:
 
 def test_choices_are_written_and_read_back(tmp_path: Path) -> None:
     result = delayed(0.004)
-    result.save(tmp_path / "out")
+    stored = load_result(saved(tmp_path / "out", result))
     content = json.loads((tmp_path / "out" / "result.json").read_text())
     assert [choice["name"] for choice in content["choices"]] == ["cutoff", "delay", "presliding"]
     for written, choice in zip(content["choices"], result.choices, strict=True):
         assert (written["value"], written["reason"]) == (choice.value, choice.reason)
         assert len(written["candidates"]) >= 2
         assert all(set(candidate) == {"value", "error", "score"} for candidate in written["candidates"])
-    stored = load_result(tmp_path / "out")
-    assert (stored.recipe.delay, stored.recipe.cutoff) == (result.recipe.delay, result.recipe.cutoff)
-    other = replace(late(0.004), sha256="another")
-    error = excite.verify(stored, other).relative_error
+    other, undelayed = replace(late(0.004), sha256="another"), replace(stored, recipe=replace(stored.recipe, delay=0.0))
+    error, without = (excite.verify(each, other).relative_error for each in (stored, undelayed))
     assert error == pytest.approx(excite.verify(result, other).relative_error)
-    undelayed = replace(stored, recipe=replace(stored.recipe, delay=0.0))
-    assert excite.verify(undelayed, other).relative_error > 2 * error
+    assert without > 2 * error
 
 
 # ---------------------------------------------------------------- other logs and models
