@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from observed import observations_of
 from played import EXACT, LOAD, irp6, noisy, periodic, played
+from recordings import MAPPING, REAL
 
 from excite.identification.drive_gains import GainCalibration, drive_gains
 from excite.identification.identification import Identification
@@ -84,8 +85,6 @@ identify = partial(identify_by_choice, choose=False)
 RECIPE = replace(EXACT, sign_width=0.0, breakaway=0.0)
 TASK = Task("irp6", joints=("1", "2", "3", "4", "5"))
 GAINS = {"z1": 1.1, "z2": 0.9, "z3": 1.05, "z4": 1.2, "z5": 0.95}
-REAL = Path(__file__).parents[4] / "shared" / "data" / "ur10e"
-MAPPING = Path(__file__).parents[3] / "benchmarks" / "identification" / "ur10e.yaml"
 
 
 def heavy() -> Array:

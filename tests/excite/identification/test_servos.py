@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from refused import refusal
 from servo_arm import JOINTS, URDF, identified_servos, plant, played, servo_log, small_arm, true_servos, truth
 
 import excite
@@ -122,16 +124,14 @@ def short_log(rows: int = 1500, joints: tuple[str, ...] = JOINTS) -> Log:
     ids=["no commands", "too short", "a few rows", "no such joint"],
 )  # fmt: skip
 def test_logs_that_show_no_servo_are_refused(log: Log, words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        identify_servos(small_arm(), log)
+    assert re.search(words, refusal(identify_servos, small_arm(), log))
 
 
 def test_the_same_log_twice_and_coupled_drives_are_refused() -> None:
     with pytest.raises(InputError, match="has the same content as LOG; give each log once"):
         identify_servos(small_arm(), [short_log(), short_log()])
     irp6 = built_in("irp6")
-    with pytest.raises(InputError, match="irp6"):
-        identify_servos(irp6, short_log(joints=irp6.joint_names))
+    assert "irp6" in refusal(identify_servos, irp6, short_log(joints=irp6.joint_names))
 
 
 def test_windows_keep_clear_of_gaps() -> None:
@@ -196,8 +196,7 @@ def test_a_file_holds_the_same_record_bit_for_bit(tmp_path: Path) -> None:
     assert stated["elbow"]["delay"] == {"value": 0.022 / 3, "half_width": half[1, 7], "unit": "s", "symbol": "d"}
     of_damping = {"value": result.values[1, 1] / result.values[1, 0], "half_width": 0.01 * half[1, 1], "unit": "s"}
     assert stated["elbow"]["damping"]["over_stiffness"] == of_damping
-    with pytest.raises(InputError, match="servos"):
-        result.save(tmp_path / "servos")
+    assert "servos" in refusal(result.save, tmp_path / "servos")
     result.save(tmp_path / "servos", replace=True)
 
 

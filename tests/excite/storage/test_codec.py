@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -14,6 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
+from refused import refusal
 
 from excite.logs.log import Log
 from excite.logs.log_reading import write_log
@@ -106,8 +108,7 @@ def test_arrays_stand_beside_under_the_names_of_their_fields() -> None:
     assert read.curve is not None
     np.testing.assert_array_equal(read.curve.q, q)
     assert record_of(Whole, content, {}).curve is None
-    with pytest.raises(InputError, match="expected an array of numbers"):
-        record_of(Whole, content, {"curve.q": np.array(["x"])})
+    assert "expected an array of numbers" in refusal(record_of, Whole, content, {"curve.q": np.array(["x"])})
 
 
 WRONG: tuple[tuple[dict[str, Any], str], ...] = (
@@ -128,8 +129,7 @@ WRONG: tuple[tuple[dict[str, Any], str], ...] = (
 def test_what_does_not_fit_or_is_missing_is_named_with_its_place() -> None:
     content, arrays = content_of(WHOLE)
     for change, message in WRONG:
-        with pytest.raises(InputError, match=message):
-            record_of(Whole, {**content, **change}, arrays)
+        assert re.search(message, refusal(record_of, Whole, {**content, **change}, arrays))
     for name in ("name", "number", "colour"):
         with pytest.raises(InputError, match=f"'{name}' is missing"):
             record_of(Whole, {key: value for key, value in content.items() if key != name}, arrays)
@@ -152,8 +152,7 @@ def test_entries_may_have_names_of_their_own() -> None:
         ({}, "'pieces' is missing"),
         ({"pieces": [{"weight": "a"}]}, r"pieces\[0\].weight: expected a number, given 'a'"),
     ):
-        with pytest.raises(InputError, match=message):
-            record_of(Entries, wrong, {})
+        assert re.search(message, refusal(record_of, Entries, wrong, {}))
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,8 +194,7 @@ def test_small_arrays_are_lists_and_objects_are_left_to_who_reads() -> None:
 def test_lists_that_are_no_arrays_are_refused() -> None:
     content, arrays = content_of(Holder(own=1, small=Small(np.zeros(2), np.zeros(2))))
     for values in (["x"], [[1.0], [1.0, 2.0]], [None], 3):
-        with pytest.raises(InputError, match=r"^(values: )?"):
-            record_of(Holder, {**content, "own": 1, "values": values}, arrays)
+        assert re.search(r"^(values: )?", refusal(record_of, Holder, {**content, "own": 1, "values": values}, arrays))
 
 
 # Files of curves: read back as written, refused where they are damaged or far too large.
@@ -234,8 +232,7 @@ def test_damaged_and_far_too_large_files_are_named(tmp_path: Path) -> None:
         (archive(bytes(70_000_000)), "expected at most"),
     ):
         (tmp_path / "c.npz").write_bytes(content)
-        with pytest.raises(InputError, match=message):
-            read_curves(tmp_path / "c.npz")
+        assert re.search(message, refusal(read_curves, tmp_path / "c.npz"))
 
 
 def test_strides_and_choices() -> None:

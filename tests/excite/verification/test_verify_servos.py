@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refused import refusal
 from servo_arm import JOINTS, identified_servos, servo_log, true_servos
 
 import excite
@@ -29,7 +30,7 @@ def with_changed(result: ServoResult, symbol: str, factor: float) -> ServoResult
     return replace(result, values=values)
 
 
-def test_true_servos_predict_a_motion_within_the_step_of_the_encoder(tmp_path: Path) -> None:
+def test_true_servos_predict_a_motion_within_the_step_of_the_encoder_and_a_file_holds_all_of_it(tmp_path: Path) -> None:
     verification = verify_servos(true_servos(), other())
     assert verification.holds
     assert verification.confirmed == JOINTS
@@ -42,6 +43,17 @@ def test_true_servos_predict_a_motion_within_the_step_of_the_encoder(tmp_path: P
     content = json.loads(path.read_text(encoding="utf-8"))
     assert content["position_error"] == {fit.joint: fit.position_error for fit in verification.fits}
     assert content["holds"] is True
+    stored = verification.stored()
+    path = next(each for each in stored.save(tmp_path, name="mine") if each.suffix == ".json")
+    loaded = excite.load(path)
+    assert isinstance(loaded, ServoVerification)
+    for field in fields(stored):
+        ours, theirs = getattr(stored, field.name), getattr(loaded, field.name)
+        if isinstance(ours, np.ndarray):
+            np.testing.assert_array_equal(ours, theirs, err_msg=field.name)
+        elif field.name != "robot":
+            assert ours == theirs, field.name
+    assert loaded.verdict == verification.verdict
 
 
 @pytest.mark.slow
@@ -85,22 +97,7 @@ def test_a_log_that_servos_were_identified_from_is_refused_unless_allowed() -> N
     with pytest.raises(InputError, match=r"log-1 is a log that the servos were identified from: .*`training_too`"):
         verify_servos(trained, log)
     assert verify_servos(trained, log, training_too=True).holds
-    with pytest.raises(InputError, match="has no commanded positions"):
-        verify_servos(trained, replace(log, command=None))
-
-
-def test_a_file_holds_the_verdict_and_the_motion(tmp_path: Path) -> None:
-    verification = verify_servos(true_servos(), other()).stored()
-    path = next(each for each in verification.save(tmp_path, name="mine") if each.suffix == ".json")
-    loaded = excite.load(path)
-    assert isinstance(loaded, ServoVerification)
-    for field in fields(verification):
-        ours, theirs = getattr(verification, field.name), getattr(loaded, field.name)
-        if isinstance(ours, np.ndarray):
-            np.testing.assert_array_equal(ours, theirs, err_msg=field.name)
-        elif field.name != "robot":
-            assert ours == theirs, field.name
-    assert loaded.verdict == verification.verdict
+    assert "has no commanded positions" in refusal(verify_servos, trained, replace(log, command=None))
 
 
 def test_after_a_gap_the_simulation_starts_again_as_measured() -> None:

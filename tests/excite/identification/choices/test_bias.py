@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from played import LOAD, periodic, played, three_joints
+from refused import refusal
 
 from excite.identification.choices.friction_terms import _told_apart
 from excite.identification.identification import Identification
@@ -52,8 +53,7 @@ def test_a_motion_that_hardly_turns_the_load_does_not_show_it() -> None:
 
 
 def test_it_has_six_components_and_needs_a_wrench() -> None:
-    with pytest.raises(InputError, match="`bias` must be six numbers, three forces"):
-        identified(0.3, bias=(1.0, 2.0))
+    assert "`bias` must be six numbers, three forces" in refusal(identified, 0.3, bias=(1.0, 2.0))
     with pytest.raises(InputError, match="`bias` is for the wrench of a sensor, which it does not have"):
         identify("irp6", played(three_joints(), 3, seconds=4.0), bias=tuple(BIAS))
 
