@@ -143,8 +143,7 @@ def test_means_have_the_interval_of_students_t() -> None:
     assert (ahead.direction, ahead.count, behind.direction, behind.count) == (1, 3, -1, 1)
     low, high = scipy.stats.t.interval(0.99, 2, loc=14.5, scale=scipy.stats.sem([14.0, 15.0, 14.5]))
     assert (ahead.torque - ahead.interval99, ahead.torque + ahead.interval99) == pytest.approx((low, high))
-    assert behind.torque == -10.0
-    assert behind.interval99 == pytest.approx(2.5758 * 0.3, rel=1e-4)
+    assert (behind.torque, behind.interval99) == (-10.0, pytest.approx(2.5758 * 0.3, rel=1e-4))
     (alike,) = mean_break_aways([away(14.0), away(14.0)])
     assert alike.interval99 == pytest.approx(2.5758 * 0.1, rel=1e-4)
 
@@ -219,8 +218,7 @@ def test_friction_at_rest_chooses_a_form_that_can_follow_it(stiction: float) -> 
 def test_a_fall_that_no_window_shows_is_held_at_its_bound(seed: int) -> None:
     p = np.array([9.0, 25.0, 14.1, 0.004, 0.4])
     found = fit([*windows(p, SPEEDS[1:], seed), *rests(p, seed)], TUSTIN)
-    assert found.held == ("stribeck",)
-    assert found.values[3] == pytest.approx(SPEEDS[1] / 5.0)
+    assert (found.held, found.values[3]) == (("stribeck",), pytest.approx(SPEEDS[1] / 5.0))
     free = [0, 1, 2, 4]
     assert np.all(np.abs(found.values - p)[free] < found.halfwidth[free])
     assert found.halfwidth[3] == 0.0

@@ -133,9 +133,11 @@ def points(curve: FrictionCurve) -> list[Point]:
     return found
 
 
-def test_the_share_of_the_load_is_found_where_there_is_one() -> None:
+def test_the_form_is_chosen_and_the_share_of_the_load_is_found_where_there_is_one() -> None:
     for curve, name in (
         (PLAIN, "coulomb-viscous"),
+        (Stribeck(Side(20.0, 26.0), Side(14.0, 30.0)), "asymmetric coulomb-viscous"),
+        (Stribeck(Side(20.0, 26.0, 30.0, 0.15, 2.0), offset=1.0), "stribeck (exponent 2)"),
         (Loaded(PLAIN, 0.06), "coulomb-viscous, linear in load"),
         (Loaded(Stribeck(Side(12.0, 9.0), Side(8.0, 11.0)), 0.05, 0.09), "asymmetric coulomb-viscous, linear in load"),
         (Loaded(Stribeck(Side(12.0, 9.0, 17.0, 0.2)), 0.05), "stribeck (exponent 2), linear in load"),

@@ -26,6 +26,7 @@ from excite.verification.verify import verify
 from regressors.errors import InputError, UnknownName
 from regressors.robot.friction.curve import CoulombViscous
 from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.inertia import from_centre_of_mass
 from regressors.samples import Array
 
 R, P, INSTANTS = 3, 5, 120
@@ -87,14 +88,7 @@ TASK = Task("irp6", joints=("1", "2", "3", "4", "5"))
 GAINS = {"z1": 1.1, "z2": 0.9, "z3": 1.05, "z4": 1.2, "z5": 0.95}
 
 
-def heavy() -> Array:
-    """A load beside the last axis, about the last link's frame."""
-    m, c = 5.0, np.array([0.2, 0.15, 0.25])
-    inertia = 0.05 * np.eye(3) + m * (c @ c * np.eye(3) - np.outer(c, c))
-    return np.array([m, *(m * c), *inertia[np.triu_indices(3)]])
-
-
-HEAVY = heavy()
+HEAVY = from_centre_of_mass(5.0, [0.2, 0.15, 0.25], 0.05 * np.eye(3))  # beside the last axis
 
 
 @cache

@@ -75,7 +75,7 @@ def test_a_log_that_does_not_fit_is_refused(log: Log) -> None:
     assert "no logs to identify from" in refusal(found, TASK)
 
 
-def test_joints_that_the_model_holds_must_rest_where_it_holds_them() -> None:
+def test_joints_that_the_model_holds_must_rest_and_channels_that_it_needs_be_there(log: Log) -> None:
     five = played(periodic(np.eye(5), 3), 5)
     with pytest.raises(InputError, match=r"LOG: joint q4 moves by 0\.\d+ rad, but the model holds it; moving joints"):
         found(TASK, five)
@@ -84,12 +84,9 @@ def test_joints_that_the_model_holds_must_rest_where_it_holds_them() -> None:
     q[:, 4] = 0.3
     assert "q5 rests at 0.3 rad, but the model holds it at 0 rad; record it" in refusal(found, TASK, replace(at, q=q))
     assert found(TASK, at).condition_number > 1.0
-
-
-def test_channels_that_the_model_needs_must_be_there(log: Log) -> None:
+    # and channels that the model needs must be there
     with pytest.raises(InputError, match=r"LOG has no effort: the model needs the columns NAME\.effort"):
         found(TASK, replace(log, effort=None))
-    five = played(periodic(np.eye(5), 3), 5)
     with pytest.raises(InputError, match=r"LOG has no wrench: the model needs the columns wrench\.force\.x"):
         found(Task("irp6", model="load"), five)
     loaded = played(periodic(np.eye(5), 3), 5, load=LOAD)

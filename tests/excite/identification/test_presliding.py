@@ -61,8 +61,7 @@ def test_a_planted_distance_is_found() -> None:
         s = s + way * (1.0 - s * np.sign(way)) / d
         kept.append(s)
     result = found(TASK, turned(np.array(kept)[:-1:fine]))
-    assert result.recipe.breakaway == pytest.approx(0.001, rel=0.1)
-    assert result.recipe.sign_width == 0.0
+    assert (result.recipe.breakaway, result.recipe.sign_width) == (pytest.approx(0.001, rel=0.1), 0.0)
     assert any("and holds at standstill" in note for note in result.estimate.notes)
     np.testing.assert_allclose(result.estimate.values, described(result), rtol=0.01, atol=0.1)
 

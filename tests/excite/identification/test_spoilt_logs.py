@@ -24,6 +24,7 @@ from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
 from regressors.robot.friction.load_and_temperature import drives_with_friction
+from regressors.robot.inertia import from_centre_of_mass
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -55,9 +56,7 @@ def later_half(y: Array) -> Array:
 
 
 def numbers(pattern: str, text: str) -> list[float]:
-    match = re.search(pattern, text)
-    assert match is not None
-    return [float(x) for x in match.groups()]
+    return [float(x) for x in re.search(pattern, text).groups()]
 
 
 CASES = {
@@ -245,9 +244,8 @@ def test_a_last_body_described_a_little_otherwise_is_no_zero(angle: float, off_a
     robot = built_in("ur10e")
 
     def with_tool(angle: float) -> Robot:
-        c = np.array([off_axis * np.cos(np.deg2rad(angle)), off_axis * np.sin(np.deg2rad(angle)), 0.08])
-        inertia = 2.0 * (c @ c * np.eye(3) - np.outer(c, c)) + 0.01 * np.eye(3)
-        theta = np.array([2.0, *(2.0 * c), *inertia[np.triu_indices(3)]])
+        centre = [off_axis * np.cos(np.deg2rad(angle)), off_axis * np.sin(np.deg2rad(angle)), 0.08]
+        theta = from_centre_of_mass(2.0, centre, 0.01 * np.eye(3))
         return robot.replace(links=(*robot.links[:-1], replace(robot.links[-1], theta=theta)))
 
     doubts = estimate_parameters(with_tool(0.0), Task("ur10e"), (log_of(with_tool(angle), 0.02),), EXACT).doubts

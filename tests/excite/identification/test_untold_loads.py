@@ -25,9 +25,7 @@ TARGET = target_of(irp6(), TASK.changed(joints=("1", "2", "3", "4", "5")))
 def test_its_mass_and_centre_are_those_of_the_load(sign: float) -> None:
     motion = periodic(np.eye(5), 3, 0.4).samples(np.arange(400) / 200)
     bare, loaded = torques(irp6(), motion, 5), torques(irp6(), motion, 5, HEAVY)
-    load = load_that_explains(TARGET, motion, sign * (loaded - bare), bare)
-    assert load is not None
-    mass, text = load
+    mass, text = load_that_explains(TARGET, motion, sign * (loaded - bare), bare)
     assert mass == pytest.approx(sign * HEAVY[0], rel=1e-6)
     assert f"its centre at ({', '.join(f'{x:.3f}' for x in HEAVY[1:4] / HEAVY[0])}) m" in text
     before = percent(float(np.linalg.norm(loaded - bare) / np.linalg.norm(bare)))

@@ -61,7 +61,6 @@ def test_a_second_process_is_refused_and_told_the_holder(here: Here) -> None:
     holder = subprocess.Popen(
         [sys.executable, "-c", HOLD, "out"], cwd=tmp_path, stdout=subprocess.PIPE, env=ENVIRONMENT, text=True
     )
-    assert holder.stdout is not None
     second = ("friction", "plan", "irp6", "--drives", "z5", "--warm-up", "0", "--speeds", "20,100", "--breakaways", "0")
     try:
         assert holder.stdout.readline() == "held\n"
@@ -433,7 +432,6 @@ def test_starts_design_and_manifest_state_one_run_that_locks_the_starts(tmp_path
         assert "is being written by process" in refused[-1]
         made.save(folder / "saved")
         origin = read_start(start_file(folder, 0))[1]
-        assert origin is not None
         assert origin["run"] == made.provenance["run"] == read_manifest(folder / "saved")["design"].run
         runs.add(origin["run"])
     assert len(runs) == 2
@@ -447,8 +445,7 @@ def test_what_is_beside_an_edited_log_is_ignored(tmp_path: Path) -> None:
     run.save(path)
     robot = built_in("irp6")
     whole = log_of(path, robot)
-    assert whole.truth == run.truth
-    assert whole.left_out == ()
+    assert (whole.truth, whole.left_out) == (run.truth, ())
     path.write_text(path.read_text().replace("\n", " \n", 1))
     edited = log_of(path, robot)
     assert edited.truth is None

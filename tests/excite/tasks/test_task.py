@@ -124,23 +124,18 @@ def test_task_files_are_strict(tmp_path: Path) -> None:
         assert message in refusal(read_task_file, text_file(tmp_path / "task.yaml", text))
 
 
-def test_every_option_is_a_flag_a_key_and_a_row_of_the_page() -> None:
-    flags = {parameter.name for parameter in design.params if isinstance(parameter, click.Option)}
+def test_every_option_is_a_flag_with_its_default_a_key_and_a_row_of_the_page() -> None:
+    flags = {parameter.name: parameter.default for parameter in design.params if isinstance(parameter, click.Option)}
     described = [option for part in PARTS.values() for option in options_of(part)]
-    assert {field.name for field, option in described if not option.hidden} <= flags
-    assert set(FURTHER) - flags == {"carried"}
+    assert {field.name for field, option in described if not option.hidden} <= flags.keys()
+    assert set(FURTHER) - flags.keys() == {"carried"}
+    for field, option in described:
+        if option.kind in ("number", "integer", "flag") and field.default is not None and not option.hidden:
+            assert flags[field.name] == field.default
     content = task_content(Task("irp6"))
     assert {field.name for field, option in described if not option.late} <= set(content) | set(content["limits"])
     page = module_of(ROOT / "docs" / "list_task_options.py")
     assert (ROOT / "docs" / "task_options.md").read_text() == page.text()  # docs/list_task_options.py writes it anew
-
-
-def test_defaults_are_stated_once() -> None:
-    stated = {parameter.name: parameter.default for parameter in design.params if isinstance(parameter, click.Option)}
-    for part in PARTS.values():
-        for field, option in options_of(part):
-            if option.kind in ("number", "integer", "flag") and field.default is not None and not option.hidden:
-                assert stated[field.name] == field.default
 
 
 def test_what_a_result_names_is_not_imported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -162,22 +157,18 @@ def test_objects_are_kept_and_named() -> None:
     assert task.trajectory.family().duration == 6.0
 
 
-def test_angles_as_printed_are_an_option_of_a_task(tmp_path: Path) -> None:
-    """What is stored without saying so was made of the angles as printed."""
-    task = task_from_options(read_task_file(text_file(tmp_path / "task.yaml", "robot: arm.urdf\nsnap_angles: false")))
-    assert (task.snap_angles, task.changed(period=20).snap_angles) == (False, False)
-    assert task_content(task)["snap_angles"] is False
-    content = {name: value for name, value in task_content(Task("arm.urdf")).items() if name != "snap_angles"}
-    assert task_from_options(content).snap_angles is True
-    assert task_from_options(content, stored=True).snap_angles is False
-
-
-def test_expanding_a_file_is_an_option_of_a_task(tmp_path: Path) -> None:
-    """It is written where it is asked for, and not asked for by what is stored without it."""
-    task = task_from_options(read_task_file(text_file(tmp_path / "task.yaml", "robot: arm.urdf\nxacro: true")))
-    assert (task.xacro, task.changed(period=20).xacro) == (True, True)
-    assert task_from_options(task_content(task), stored=True).xacro is True
-    assert "xacro" not in task_content(Task("arm.urdf"))
+def test_how_a_file_is_read_is_an_option_of_a_task(tmp_path: Path) -> None:
+    """What is stored without saying so was made of the angles as printed, and not expanded."""
+    file = text_file(tmp_path / "task.yaml", "robot: arm.urdf\nsnap_angles: false\nxacro: true")
+    task = task_from_options(read_task_file(file))
+    for one in (task, task.changed(period=20), task_from_options(task_content(task), stored=True)):
+        assert (one.snap_angles, one.xacro) == (False, True)
+    content = task_content(Task("arm.urdf"))
+    assert content.pop("snap_angles") is True
+    assert "xacro" not in content
+    for stored in (False, True):
+        one = task_from_options(content, stored=stored)
+        assert (one.snap_angles, one.xacro) == (not stored, False)
     with pytest.raises(InputError, match="`xacro=True` says how to read the file of a robot, but no file is named"):
         excite.identify(excite.load_robot("irp6"), [], xacro=True)
 

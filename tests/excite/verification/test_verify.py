@@ -12,7 +12,7 @@ from identified import with_estimate
 from played import FRICTION, LOAD, curves, found, noisy, periodic, played, three_joints
 from recordings import real_log
 from refused import refusal
-from written_files import saved
+from written_files import saved, text_file
 
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
@@ -36,11 +36,8 @@ from regressors.samples import Array, Samples
 TASK = Task("irp6")
 
 
-def stored(result: Identification, folder: Path, friction: str | None = None) -> Identification:
+def stored(result: Identification, folder: Path) -> Identification:
     """The result as its file tells it."""
-    if friction is not None:
-        (folder / "friction.yaml").write_text(friction)
-        result = replace(result, friction_file=folder / "friction.yaml")
     return load_result(saved(folder, result, replace=True))
 
 
@@ -96,7 +93,7 @@ def test_a_result_of_wrench_integrals_is_judged_by_the_wrench(tmp_path: Path) ->
 
 def test_friction_that_was_subtracted_is_added_again(tmp_path: Path, other: Log) -> None:
     identified = found(TASK, played(three_joints(), 3), friction=FrictionCurves(curves()))
-    loaded = stored(identified, tmp_path, FRICTION)
+    loaded = stored(replace(identified, friction_file=text_file(tmp_path / "friction.yaml", FRICTION)), tmp_path)
     v = verify(tmp_path, other, signals="butterworth")  # by its folder
     assert v.relative_error == verify(loaded, other, signals="butterworth").relative_error
     assert v.verdict.holds
@@ -250,8 +247,7 @@ def test_motion_errors_are_relative_to_the_way_within_a_horizon() -> None:
     off[30] = [0.1, 0.0]
     samples = Samples(time, q, q, q, q)
     first, resting = motion_errors(replay_of(time, q + off, (0, 50)), samples, {"q1": "rad", "slide": "m"})
-    assert first.travel == pytest.approx(0.49)
-    assert first.error == pytest.approx(0.01)
+    assert (first.travel, first.error) == (pytest.approx(0.49), pytest.approx(0.01))
     assert first.relative == pytest.approx(0.01 / 0.49)
     assert (first.worst, first.worst_time, first.unit) == (pytest.approx(0.1), 0.3, "rad")
     assert (resting.travel, resting.relative, resting.unit) == (0.0, np.inf, "m")

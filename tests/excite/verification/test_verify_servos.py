@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from refused import refusal
 from servo_arm import JOINTS, identified_servos, servo_log, true_servos
+from written_files import assert_alike
 
 import excite
 from excite.identification.servo_result import ServoResult
@@ -47,12 +48,7 @@ def test_true_servos_predict_a_motion_within_the_step_of_the_encoder_and_a_file_
     path = next(each for each in stored.save(tmp_path, name="mine") if each.suffix == ".json")
     loaded = excite.load(path)
     assert isinstance(loaded, ServoVerification)
-    for field in fields(stored):
-        ours, theirs = getattr(stored, field.name), getattr(loaded, field.name)
-        if isinstance(ours, np.ndarray):
-            np.testing.assert_array_equal(ours, theirs, err_msg=field.name)
-        elif field.name != "robot":
-            assert ours == theirs, field.name
+    assert_alike(loaded, stored)
     assert loaded.verdict == verification.verdict
 
 

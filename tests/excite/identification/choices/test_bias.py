@@ -13,22 +13,17 @@ from refused import refusal
 from excite.identification.choices.friction_terms import _told_apart
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
-from excite.logs.log import Log
 from regressors.errors import InputError
 
 BIAS = np.array([0.3, -0.2, 0.4, 0.02, -0.01, 0.015])
 ALL = ("fx", "fy", "fz", "nx", "ny", "nz")
 
 
-def biased(size: float) -> Log:
-    """Six seconds of all joints with noise of the wrench, and a bias."""
+def identified(size: float, **options) -> Identification:
+    """Of six seconds of all joints with noise of the wrench, and a bias."""
     log = played(periodic(np.eye(5), 3, size), 5, 250.0, 6.0, load=LOAD)
     noise = np.random.default_rng(2).normal(size=log.wrench.shape) * np.repeat([0.2, 0.01], 3)
-    return replace(log, wrench=log.wrench + noise + BIAS)
-
-
-def identified(size: float, **options) -> Identification:
-    return identify("irp6", biased(size), model="load", cutoff=20.0, **options)
+    return identify("irp6", replace(log, wrench=log.wrench + noise + BIAS), model="load", cutoff=20.0, **options)
 
 
 @pytest.mark.parametrize("kept", [ALL, ("fx", "fy", "fz", "ny", "nz")])

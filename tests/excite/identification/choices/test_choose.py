@@ -64,13 +64,6 @@ def late(delay: float, rate: float = 200.0, seconds: float = 8.0) -> Log:
     return noisy(replace(played(motion, 3, rate, seconds), effort=effort), 0.2, 1e-6, 1)
 
 
-def with_torque(torque: Array) -> Log:
-    """The clean log with some torques of the first three drives besides, shape (N, 3)."""
-    C = np.array(irp6().transmission.coupling)[:3, :3]
-    log = clean()
-    return replace(log, effort=log.effort + torque @ C, sha256="changed")
-
-
 def choice_of(result: Identification, name: str) -> choose.Choice:
     (found,) = [choice for choice in result.choices if choice.name == name]
     return found
@@ -81,8 +74,7 @@ def choice_of(result: Identification, name: str) -> choose.Choice:
 
 def test_a_clean_log_needs_nothing_more() -> None:
     result = plain()
-    assert result.names == PLAIN
-    assert result.recipe.delay == 0.0
+    assert (result.names, result.recipe.delay) == (PLAIN, 0.0)
     assert (result.recipe.sign_width, result.recipe.breakaway) == (0.0, 0.0)
     assert [choice.name for choice in result.choices] == ALL_OF_TORQUES
     assert choice_of(result, "terms").value == ()
@@ -96,8 +88,7 @@ def test_a_clean_log_needs_nothing_more() -> None:
 def test_without_choices_an_identification_is_what_it_was() -> None:
     result = excite.identify("irp6", clean(), choose=False)
     before = estimate_parameters(irp6(), Task("irp6"), [clean()])
-    assert result.choices == ()
-    assert result.recipe == before.recipe
+    assert (result.choices, result.recipe) == ((), before.recipe)
     np.testing.assert_array_equal(result.coefficients, before.coefficients)
     assert "setting to choose" in refusal(excite.identify, "irp6", clean(), choose=("speed",))
     log = clean().of(["q1", "q3"])
@@ -188,11 +179,11 @@ def test_delays_of_single_joints_and_logs_are_found_applied_stated_and_read_back
 
 
 def test_planted_terms_are_chosen_for_their_drive() -> None:
-    dz = clean().dq @ np.array(irp6().transmission.coupling)[:3, :3].T
-    torque = np.column_stack(
-        [8.0 * np.abs(dz[:, 0]), 5.0 + 0 * dz[:, 1], 6.0 * np.sign(dz[:, 2]) * np.sqrt(np.abs(dz[:, 2]))]
-    )
-    result = excite.identify("irp6", with_torque(torque), estimator="weighted")
+    C = np.array(irp6().transmission.coupling)[:3, :3]
+    first, second, third = C @ clean().dq.T
+    torque = np.array([8.0 * np.abs(first), 5.0 + 0 * second, 6.0 * np.sign(third) * np.sqrt(np.abs(third))])
+    log = replace(clean(), effort=clean().effort + torque.T @ C, sha256="changed")
+    result = excite.identify("irp6", log, estimator="weighted")
     chosen = choice_of(result, "terms").value
     assert {"asymmetry 1", "offset 2", "root 3"} <= set(chosen)
     assert len(chosen) <= 4

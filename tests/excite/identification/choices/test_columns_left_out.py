@@ -24,23 +24,19 @@ from excite.identification.choices.left_out import (
 from regressors.samples import Array
 
 
-def last_weights(statistics: BlockStatistics) -> tuple[LeftOut, Array]:
-    """Left-out errors, and the weights of the estimates that they are of."""
+def test_squares_are_those_of_least_squares_on_the_rows_of_the_other_blocks() -> None:
+    """With the weights of the last estimates."""
     used: list[Array] = []
 
     def estimate(both: Array) -> Array:
         used.append(both[:, -1, -1])
         return least_squares_of_products(both)
 
-    errors, measured = left_out(statistics, estimate), (statistics.total - statistics.products)[:, :, -1, -1]
-    return errors, np.linalg.lstsq(measured, used[-1])[0]
-
-
-def test_squares_are_those_of_least_squares_on_the_rows_of_the_other_blocks() -> None:
     for seed in range(6):
         W, y, block, _ = random_blocks(seed)
         statistics = statistics_of(W, y, block)
-        found, weights = last_weights(statistics)
+        found = left_out(statistics, estimate)
+        weights = np.linalg.lstsq((statistics.total - statistics.products)[:, :, -1, -1], used[-1])[0]
         floor = NEGLIGIBLE**2 * np.outer(statistics.counts / statistics.counts.sum(), (y[block >= 0] ** 2).sum(axis=0))
         np.testing.assert_allclose(found.squares, slow_squares(W, y, block, weights) + floor, rtol=1e-6)
         assert found.instants == np.count_nonzero(block >= 0)
