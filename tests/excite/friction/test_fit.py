@@ -252,8 +252,6 @@ def test_the_command_writes_curves_that_read_back(here: Here) -> None:
     assert "--force" in here.refused(*fit, "fit")
     asked = here.run(*fit, "table", "--drives", "2", "--model", "table", "--json")
     assert json.loads(asked.stdout)["characteristics"][0]["fit"] is None
-    arguments = ("identify", "irp6", "run.csv", "--drives", "2", "--rows", "all", "--out", "res")
-    here.run(*arguments, "--friction-curves", "fit/friction.yaml", status=0)
 
 
 def test_the_command_refuses(here: Here) -> None:

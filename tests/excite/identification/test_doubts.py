@@ -253,16 +253,15 @@ def test_noise_of_derivatives_is_found() -> None:
 
 
 TERMS = {"friction": 0.8, "rotor": 0.1, "offset": 0.0}
-RESIDUALS = [
-    ({**TERMS, "friction": 0.5}, [], "no single cause", "check in the mapping the units"),
-    (TERMS, [], "friction of q1 explains 80 %", "`friction=True`"),
-    (TERMS, ["z3"], "there is no friction curve for z3", "fit curves for these drives too"),
-    ({**TERMS, "rotor": 0.9}, [], "an inertia of its own of q1", "`joint_rotors=True`"),
-]
 
 
 def test_the_cause_that_explains_most_is_named() -> None:
-    for shares, without_curve, cause, cure in RESIDUALS:
+    for shares, without_curve, cause, cure in (
+        ({**TERMS, "friction": 0.5}, [], "no single cause", "check in the mapping the units"),
+        (TERMS, [], "friction of q1 explains 80 %", "`friction=True`"),
+        (TERMS, ["z3"], "there is no friction curve for z3", "fit curves for these drives too"),
+        ({**TERMS, "rotor": 0.9}, [], "an inertia of its own of q1", "`joint_rotors=True`"),
+    ):
         known = cause_of_residual(shares, np.array([0.9, 0.0]), ["q1", "q2"], without_curve)
         doubt = large_residual(0.5, 0.0, known)
         assert "the residual is 50 % of what was measured, more than 30 %" in doubt.what

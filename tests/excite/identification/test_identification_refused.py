@@ -15,21 +15,19 @@ from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.robot.friction.curves import FrictionCurves
 
-BAD_RECIPES = (
-    ({"delay": (0.0, 1e9)}, "`delay` must be a number from -10000 to 10000 s, given"),
-    ({"signals": "magic"}, "no signals named 'magic'; available: butterworth, "),
-    ({"estimator": "best"}, "no estimator named 'best'; available: huber, "),
-    ({"covariance": "none"}, "no covariance named 'none'; available: auto, white, robust"),
-    ({"cutoff": 0.0}, "`cutoff` must be a number from 1e-06 to 10000000 Hz, given 0"),
-    ({"sign_width": -0.1}, "`sign_width` must be 0 or a number from 1e-12 to 1000000 rad/s or m/s, given -0.1"),
-    ({"sign_width": 0.1, "breakaway": 0.1}, "give `sign_width` or `breakaway`, not both"),
-    ({"rows": "1:" + "9" * 5000}, "rows must be auto, all, or FIRST:LAST such as 100:2000; given '1:999999"),
-    ({"rows": "0:9"}, "the first must be 1 or more and below the last, given '0:9'"),
-)
-
 
 def test_a_recipe_that_cannot_be_is_refused() -> None:
-    for given, message in BAD_RECIPES:
+    for given, message in (
+        ({"delay": (0.0, 1e9)}, "`delay` must be a number from -10000 to 10000 s, given"),
+        ({"signals": "magic"}, "no signals named 'magic'; available: butterworth, "),
+        ({"estimator": "best"}, "no estimator named 'best'; available: huber, "),
+        ({"covariance": "none"}, "no covariance named 'none'; available: auto, white, robust"),
+        ({"cutoff": 0.0}, "`cutoff` must be a number from 1e-06 to 10000000 Hz, given 0"),
+        ({"sign_width": -0.1}, "`sign_width` must be 0 or a number from 1e-12 to 1000000 rad/s or m/s, given -0.1"),
+        ({"sign_width": 0.1, "breakaway": 0.1}, "give `sign_width` or `breakaway`, not both"),
+        ({"rows": "1:" + "9" * 5000}, "rows must be auto, all, or FIRST:LAST such as 100:2000; given '1:999999"),
+        ({"rows": "0:9"}, "the first must be 1 or more and below the last, given '0:9'"),
+    ):
         assert message in refusal(Recipe, **given)
     for name, given, message in (
         ("instrumental", {}, "needs the commanded motion: name the `design` that was played"),

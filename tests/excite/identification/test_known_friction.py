@@ -205,19 +205,16 @@ def test_nothing_to_scale_is_refused(log: Log) -> None:
         found(TASK, log, recipe=RECIPE, friction=FrictionCurves({"z4": CoulombViscous(1.0)}))
 
 
-MULTIPLIED = (
-    CoulombViscous(2.0, 3.0, 0.1),
-    Stribeck(Side(2.0, 3.0, 4.0, 0.1, 1.0), Side(1.0, 2.0, 3.0), offset=0.2),
-    TableFriction([0.1, 1.0], [3.0, 5.0]),
-    Scaled(CoulombViscous(2.0, 3.0), 1.5),
-    Warm(CoulombViscous(2.0, 3.0), 30.0, Slope(-0.01, 0.02), Slope(0.03), range=(20.0, 40.0)),
-    Loaded(CoulombViscous(2.0, 3.0), 0.1, 0.2),
-)
-
-
 def test_multiplied_curves_are_of_their_kind() -> None:
     v = np.array([-2.0, -0.1, 0.1, 0.7])
-    for curve in MULTIPLIED:
+    for curve in (
+        CoulombViscous(2.0, 3.0, 0.1),
+        Stribeck(Side(2.0, 3.0, 4.0, 0.1, 1.0), Side(1.0, 2.0, 3.0), offset=0.2),
+        TableFriction([0.1, 1.0], [3.0, 5.0]),
+        Scaled(CoulombViscous(2.0, 3.0), 1.5),
+        Warm(CoulombViscous(2.0, 3.0), 30.0, Slope(-0.01, 0.02), Slope(0.03), range=(20.0, 40.0)),
+        Loaded(CoulombViscous(2.0, 3.0), 0.1, 0.2),
+    ):
         one = multiplied(curve, 1.3)
         np.testing.assert_allclose(one.torque(v), 1.3 * curve.torque(v), rtol=1e-12)
         np.testing.assert_allclose(one.torque_at(v, 45.0), 1.3 * curve.torque_at(v, 45.0), rtol=1e-12)

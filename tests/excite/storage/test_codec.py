@@ -110,24 +110,21 @@ def test_arrays_stand_beside_under_the_names_of_their_fields() -> None:
     assert "expected an array of numbers" in refusal(record_of, Whole, content, {"curve.q": np.array(["x"])})
 
 
-WRONG: tuple[tuple[dict[str, Any], str], ...] = (
-    ({"name": 3}, "^name: expected str, given 3"),
-    ({"count": True}, "^count: expected int, given True"),
-    ({"number": "much"}, "^number: expected a number, given 'much'"),
-    ({"number": None}, "^number: expected a number, given None"),
-    ({"colour": "GREEN"}, "^colour: 'GREEN' is missing"),
-    ({"weight": "heavy"}, "^weight: expected a number"),
-    ({"parts": [{"against": []}, {"against": [1]}]}, r"^parts\[1\].against\[0\]: expected str, given 1"),
-    ({"parts": 3}, "^parts: "),
-    ({"maybe": 3}, "^maybe: expected an object, given 3"),
-    ({"curve": {"joints": ["j"], "q": [1.0]}}, "^curve.q: expected an array of numbers"),
-    ({"robot": {}}, "^robot: 'description' is missing"),
-)
-
-
 def test_what_does_not_fit_or_is_missing_is_named_with_its_place() -> None:
     content, arrays = content_of(WHOLE)
-    for change, message in WRONG:
+    for change, message in (
+        ({"name": 3}, "^name: expected str, given 3"),
+        ({"count": True}, "^count: expected int, given True"),
+        ({"number": "much"}, "^number: expected a number, given 'much'"),
+        ({"number": None}, "^number: expected a number, given None"),
+        ({"colour": "GREEN"}, "^colour: 'GREEN' is missing"),
+        ({"weight": "heavy"}, "^weight: expected a number"),
+        ({"parts": [{"against": []}, {"against": [1]}]}, r"^parts\[1\].against\[0\]: expected str, given 1"),
+        ({"parts": 3}, "^parts: "),
+        ({"maybe": 3}, "^maybe: expected an object, given 3"),
+        ({"curve": {"joints": ["j"], "q": [1.0]}}, "^curve.q: expected an array of numbers"),
+        ({"robot": {}}, "^robot: 'description' is missing"),
+    ):
         assert re.search(message, refusal(record_of, Whole, {**content, **change}, arrays))
     for name in ("name", "number", "colour"):
         with pytest.raises(InputError, match=f"'{name}' is missing"):

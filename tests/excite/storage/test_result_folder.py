@@ -138,19 +138,18 @@ def test_a_manifest_of_the_users_own_stays(tmp_path: Path) -> None:
 
 
 OF_X = '{"schema": "excite.manifest/1", "results": {"x": {"run": "1", "files": %s}}}'
-DAMAGED = (
-    "{",
-    '{"schema": "excite.manifest/2"}',
-    '{"schema": "excite.manifest/1"}',
-    '{"schema": "excite.manifest/1", "results": []}',
-    OF_X % '{"../a": {"sha256": "", "size": 1}}',
-    OF_X % '{"a": {"sha256": ""}}',
-    OF_X % '{}, "figures": 1',
-)
 
 
 def test_a_damaged_manifest_is_refused(tmp_path: Path) -> None:
-    for content in DAMAGED:
+    for content in (
+        "{",
+        '{"schema": "excite.manifest/2"}',
+        '{"schema": "excite.manifest/1"}',
+        '{"schema": "excite.manifest/1", "results": []}',
+        OF_X % '{"../a": {"sha256": "", "size": 1}}',
+        OF_X % '{"a": {"sha256": ""}}',
+        OF_X % '{}, "figures": 1',
+    ):
         (tmp_path / MANIFEST).write_text(content)
         assert MANIFEST in refusal(read_manifest, tmp_path)
 

@@ -102,21 +102,18 @@ def test_locked_drives_belong_to_the_robot_of_a_task() -> None:
             Task("irp6", locked_drives=("4", "5"), **options)
 
 
-IMPOSSIBLE: tuple[tuple[dict[str, Any], str], ...] = (
-    ({"gravity": (0, 0, -1), "mount": "wall"}, "`gravity` and `mount` both set the direction of gravity"),
-    ({"gravity": (0, 0)}, r"gravity: expected three numbers, given \(0, 0\)"),
-    ({"gravity": (0, 0, float("nan"))}, "`gravity` must be a number from -10000 to 10000 m/s.2, given nan"),
-    ({"mount": "roof"}, "mount: expected floor, wall, ceiling, or roll, pitch and yaw, given 'roof'"),
-    ({"mount": True}, "mount: expected floor"),
-    ({"payload": (1.0,)}, "payload needs a mass and its centre x, y, z"),
-    ({"payload": (0.0, 0, 0, 0)}, "no body has a mass of 0 kg and an inertia of zero"),
-    ({"payload": (-1.0, 0, 0, 0)}, "no body has a mass of -1 kg"),
-    ({"payload": (1.0, 0, 0, 0, 0.1, 0, 0, 0.1, 0, 0.3)}, "none exceeds the sum of the others"),
-)
-
-
 def test_installations_that_cannot_be_are_refused() -> None:
-    for options, message in IMPOSSIBLE:
+    for options, message in (
+        ({"gravity": (0, 0, -1), "mount": "wall"}, "`gravity` and `mount` both set the direction of gravity"),
+        ({"gravity": (0, 0)}, r"gravity: expected three numbers, given \(0, 0\)"),
+        ({"gravity": (0, 0, float("nan"))}, "`gravity` must be a number from -10000 to 10000 m/s.2, given nan"),
+        ({"mount": "roof"}, "mount: expected floor, wall, ceiling, or roll, pitch and yaw, given 'roof'"),
+        ({"mount": True}, "mount: expected floor"),
+        ({"payload": (1.0,)}, "payload needs a mass and its centre x, y, z"),
+        ({"payload": (0.0, 0, 0, 0)}, "no body has a mass of 0 kg and an inertia of zero"),
+        ({"payload": (-1.0, 0, 0, 0)}, "no body has a mass of -1 kg"),
+        ({"payload": (1.0, 0, 0, 0, 0.1, 0, 0, 0.1, 0, 0.3)}, "none exceeds the sum of the others"),
+    ):
         assert re.search(message, refusal(Installation, **options))
 
 

@@ -183,20 +183,19 @@ def nan_at(array: np.ndarray, *place: int) -> np.ndarray:
 
 
 BASE = random_problem(0)[0]
-BAD = (
-    (BASE.rows(np.arange(0)), "no rows, so nothing can be estimated"),
-    (observations_of(np.zeros((4, 0)), np.ones(4)), "no parameters to estimate"),
-    (
-        dataclasses.replace(BASE, W=nan_at(BASE.W, 5, 2)),
-        "W must be finite, given nan for b3 in row 5, log log1, time 0.0",
-    ),
-    (dataclasses.replace(BASE, y=nan_at(BASE.y, 8)), "y must be finite, given nan in row 8"),
-    (dataclasses.replace(BASE, noise=np.array([[1.0, 0.0]])), r"noise must be positive, given \[\[1.0, 0.0\]\]"),
-)
 
 
 def test_bad_observations() -> None:
-    for observations, message in BAD:
+    for observations, message in (
+        (BASE.rows(np.arange(0)), "no rows, so nothing can be estimated"),
+        (observations_of(np.zeros((4, 0)), np.ones(4)), "no parameters to estimate"),
+        (
+            dataclasses.replace(BASE, W=nan_at(BASE.W, 5, 2)),
+            "W must be finite, given nan for b3 in row 5, log log1, time 0.0",
+        ),
+        (dataclasses.replace(BASE, y=nan_at(BASE.y, 8)), "y must be finite, given nan in row 8"),
+        (dataclasses.replace(BASE, noise=np.array([[1.0, 0.0]])), r"noise must be positive, given \[\[1.0, 0.0\]\]"),
+    ):
         assert re.search(message, refusal(weighted, observations))
 
 
