@@ -59,7 +59,7 @@ def test_rows_of_slow_drives_are_left_out(log: Log) -> None:
 
 
 @pytest.mark.parametrize("changes", [{"every": 3}, {"low_pass": 10.0}])
-def test_decimated_equations_leave_the_same_stretches_out(changes: dict, log: Log) -> None:
+def test_decimated_equations_leave_the_same_stretches_out(changes: dict) -> None:
     long = played(three_joints(), 3, seconds=3 * PERIOD)
     result = found(TASK, long, recipe=replace(EXACTLY, standstill=0.05, **changes))
     part, observations = result.prepared[0], result.observations

@@ -13,7 +13,7 @@ from observed import observations_of
 from played import EXACT, LOAD, irp6, noisy, periodic, played
 from recordings import MAPPING, REAL
 
-from excite.identification.drive_gains import GainCalibration, drive_gains
+from excite.identification.drive_gains import drive_gains
 from excite.identification.identification import Identification
 from excite.identification.identify import identify as identify_by_choice
 from excite.identification.observations import Observations
@@ -115,16 +115,12 @@ def calibrated(
     return identify(TASK, bare, loaded=loaded, gains=kind, **options)
 
 
-def of(result: Identification) -> GainCalibration:
-    return result.calibration
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["each", "common"])
 def test_planted_gains_come_back_and_the_parameters_are_true(kind: str, tmp_path: Path) -> None:
     gains = GAINS if kind == "each" else dict.fromkeys(GAINS, 1.09)
     result = calibrated(gains, 1e-4, kind=kind)
-    assert of(result).factors == pytest.approx(gains, rel=1e-4)
+    assert result.calibration.factors == pytest.approx(gains, rel=1e-4)
     right = identify(TASK, truth(False), recipe=RECIPE)
     np.testing.assert_allclose(result.estimate.values, right.estimate.values, rtol=1e-2, atol=1e-2)
     assert result_content(right)["drive_gains"] is None
@@ -147,7 +143,7 @@ def test_intervals_hold_the_truth() -> None:
     """Under noise that is correlated in time."""
     hits = []
     for seed in range(50):
-        calibration = of(calibrated(GAINS, 0.5, seed))
+        calibration = calibrated(GAINS, 0.5, seed).calibration
         hits.append(np.abs(calibration.factor - list(GAINS.values())) <= calibration.half_width)
     assert np.mean(hits) > 0.97
     assert np.min(np.mean(hits, axis=0)) > 0.93
@@ -194,7 +190,7 @@ def test_the_gains_of_a_ur10e_are_nine_per_cent_off() -> None:
         str(REAL / "ur10e.urdf"), logs[0], loaded=logs[1], known_mass=2.805, gains="common",
         mapping=read_mapping(MAPPING), joint_rotors=True, offset=True,
     )  # fmt: skip
-    calibration = of(result)
+    calibration = result.calibration
     assert calibration.stated_mass == pytest.approx(3.06, abs=0.03)
     assert calibration.factor[0] == pytest.approx(0.915, abs=0.01)
     assert 0.02 < calibration.half_width[0] < 0.06

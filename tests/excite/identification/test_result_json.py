@@ -146,7 +146,7 @@ def test_an_older_result_says_that_it_was_identified_with_a_pull(tmp_path: Path)
             assert plain(result)["recipe"]["estimator"] == ("weighted" if "estimator" in changed else "recursive")
 
 
-def test_parameters_that_are_not_shown_are_null(tmp_path: Path) -> None:
+def test_parameters_that_are_not_shown_are_null() -> None:
     # of a motion of the second drive alone the whole model shows combinations only
     result = found(TASK, played(periodic(mixed([0.0, 1.0, -1.0]), 2), 3))
     content = json.loads(json.dumps(result_content(result), allow_nan=False))

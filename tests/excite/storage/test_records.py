@@ -36,10 +36,6 @@ def load_verification(path: Path) -> Verification:
     return read_record(path, Verification, "verification")
 
 
-def load_study(path: Path) -> TimeStudy:
-    return read_record(path, TimeStudy, "study")
-
-
 def test_a_verification_is_read_as_written_and_without_its_curves_all_else(tmp_path: Path) -> None:
     new = verification("old")
     new.save(tmp_path)
@@ -81,7 +77,7 @@ def test_a_study_is_read_as_written(tmp_path: Path) -> None:
         np.array([1.0, np.nan]), "truth",
     ).with_repetitions(rng.normal(size=(3, 5, 2)), ("noted",))  # fmt: skip
     TimeStudy("irp6", "hash", (course, course), 0.05).save(tmp_path)
-    read = load_study(tmp_path / "study.json")
+    read = excite.load(tmp_path / "study.json")
     assert (read.robot, read.sha256, read.below, len(read.courses)) == ("irp6", "hash", 0.05, 2)
     assert_alike(read.courses[1], course, "repeated")
     np.testing.assert_allclose(read.courses[1].repeated, course.repeated, rtol=1e-6)
@@ -95,7 +91,7 @@ def test_only_some_repetitions_are_in_a_file_and_the_scatter_is_of_all(
     course = TimeCourse("run", ("a",), ("kg",), np.arange(3.0), one, one, 2.6, one[:, 0], one[0], "truth")
     course = course.with_repetitions(np.random.default_rng(0).normal(size=(7, 3, 1)), ())
     TimeStudy("irp6", "", (course,), 0.05).save(tmp_path)
-    (read,) = load_study(tmp_path / "study.json").courses
+    (read,) = excite.load(tmp_path / "study.json").courses
     assert (read.repeated.shape, read.repetitions) == ((2, 3, 1), 7)
     np.testing.assert_array_equal(read.scatter, course.scatter)
 
@@ -163,7 +159,7 @@ def test_every_entry_of_schema_1_is_in_the_record_of_today(place: str, tmp_path:
 
 def test_what_follows_from_a_study_of_schema_1_is_the_same() -> None:
     path = SAMPLES / "study-1" / "study.json"
-    (course,), (known,) = load_study(path).courses, json.loads(path.read_text())["courses"]
+    (course,), (known,) = excite.load(path).courses, json.loads(path.read_text())["courses"]
     below, half = (np.array(known[name], dtype=float) for name in ("time_below", "half_width_99"))
     np.testing.assert_array_equal(course.time_below(0.05), below)
     seen = np.isfinite(half)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from refused import refusal
-from servo_arm import JOINTS, identified_servos, servo_log, true_servos
+from servo_arm import JOINTS, servo_log, true_servos
 from written_files import assert_alike
 
 import excite
@@ -50,13 +50,6 @@ def test_true_servos_predict_a_motion_within_the_step_of_the_encoder_and_a_file_
     assert isinstance(loaded, ServoVerification)
     assert_alike(loaded, stored)
     assert loaded.verdict == verification.verdict
-
-
-@pytest.mark.slow
-def test_identified_servos_hold_on_another_motion() -> None:
-    verification = verify_servos(identified_servos(), other())
-    assert verification.holds
-    assert all(fit.position_error < fit.step for fit in verification.fits)
 
 
 def test_with_half_the_stiffness_the_command_alone_predicts_better() -> None:

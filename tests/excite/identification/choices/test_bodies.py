@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -54,13 +53,12 @@ def true_beta(scale: float = 1.0) -> Array:
     return np.asarray(target().base.D @ definition @ np.array(body))
 
 
-def statistics(count: int, noise: float, seed: int = 0, scale: float = 1.0, size: float = 1.0) -> BlockStatistics:
+def statistics(count: int, noise: float, scale: float = 1.0) -> BlockStatistics:
     """Torques at random states in five blocks, with noise relative to each joint's."""
-    states = random_states(target().robot, count, seed)
-    states = replace(states, ddq=size * states.ddq, dq=size * states.dq)
+    states = random_states(target().robot, count, 0)
     W = target().model.assemble(states)[:, target().base.index].reshape(count, -1, target().base.rank)
     y = W @ true_beta(scale)
-    y = y + noise * y.std(axis=0) * np.random.default_rng(seed).normal(size=y.shape)
+    y = y + noise * y.std(axis=0) * np.random.default_rng(0).normal(size=y.shape)
     return statistics_of(W, y, np.arange(count) * 5 // count)
 
 
