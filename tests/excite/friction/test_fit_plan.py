@@ -17,7 +17,7 @@ from excite.friction.breakaway_tests import gravity_about
 from excite.friction.breakaway_torque import break_aways
 from excite.friction.constant_speed_windows import FitSettings, WindowSearch, constant_windows, position_noise
 from excite.friction.friction_fit import characteristics
-from excite.friction.plan_match import PlannedWindow, Source, match_plan, windows_of_plan
+from excite.friction.plan_match import PlannedWindow, Source, _stretch, match_plan, windows_of_plan
 from excite.friction.points import described_model, drive_log, points_of
 from excite.logs.log import Log
 from regressors.errors import InputError
@@ -76,6 +76,13 @@ def test_whole_windows_are_symmetric_about_the_pose() -> None:
         assert abs(ends.sum()) <= 1.01 * abs(window.speed) / RATE
         assert abs(np.diff(ends)[0]) >= 0.97 * abs(planned.last - planned.first)
         assert window.speed == pytest.approx(planned.speed, rel=1e-3)
+
+
+def test_what_is_missing_at_one_end_is_cut_off_at_the_other() -> None:
+    way = np.linspace(-1.0, 0.6, 161)
+    a, b = _stretch(np.abs(way), 90, 0.8)
+    assert (way[a], way[b - 1]) == pytest.approx((-0.6, 0.6))
+    assert _stretch(np.abs(way), 90, 0.5) == (50, 151)
 
 
 def test_windows_that_begin_unsteadily_lose_as_much_at_their_end() -> None:

@@ -22,7 +22,7 @@ from excite.identification.biases import (
     without_standstill,
 )
 from excite.identification.equations import equations_of
-from excite.identification.estimator import Context
+from excite.identification.estimator import Context, Estimate
 from excite.identification.estimators.least_squares import Weighted, weighted
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
@@ -134,11 +134,17 @@ def slowest(result) -> Array:
     return each.ravel()
 
 
+def allowed(result: Identification, context: Context) -> tuple[Estimate, Estimate]:
+    """The weighted estimate, and the one that allows for standstill."""
+    plain = Weighted().estimate(result.observations)
+    return plain, allowing_for_standstill(plain, Weighted(), result.observations, context)
+
+
 def test_friction_that_is_right_changes_nothing(noisy_log: Log) -> None:
     result = found(TASK, noisy_log, recipe=EXACTLY)
     np.testing.assert_array_equal(fast_rows(result.observations, context_of(result), 0.1), slowest(result) >= 0.1)
-    plain = Weighted().estimate(result.observations)
-    assert allowing_for_standstill(plain, Weighted(), result.observations, context_of(result)) is plain
+    plain, wider = allowed(result, context_of(result))
+    assert wider is plain
 
 
 def test_where_friction_holds_the_change_without_slow_rows_enters(noisy_log: Log) -> None:
@@ -146,11 +152,8 @@ def test_where_friction_holds_the_change_without_slow_rows_enters(noisy_log: Log
     speeds = np.sqrt(np.mean((result.prepared[0].samples.dq @ C.T) ** 2, axis=0))
     fast = slowest(result) >= 0.1 * np.median(speeds)
     assert fails_near_standstill(result.estimate, result.observations, fast)
-    estimator = Weighted()
-    other = estimator.estimate(result.observations.rows(np.flatnonzero(fast)))
-    plain = estimator.estimate(result.observations)
-    wider = allowing_for_standstill(plain, estimator, result.observations, context_of(result))
-    change = other.values - plain.values
+    plain, wider = allowed(result, context_of(result))
+    change = Weighted().estimate(result.observations.rows(np.flatnonzero(fast))).values - plain.values
     np.testing.assert_allclose(wider.covariance, plain.covariance + np.outer(change, change), rtol=1e-6)
     truth = np.array([result.target.robot.transmission.drives[2].coulomb])
     place = result.names.index("F3c")
@@ -161,8 +164,7 @@ def test_where_friction_holds_the_change_without_slow_rows_enters(noisy_log: Log
 
 def test_where_rows_are_left_out_twice_the_speed_is_tried(noisy_log: Log) -> None:
     result = found(TASK, noisy_log, recipe=replace(EXACTLY, standstill=0.05))
-    plain = Weighted().estimate(result.observations)
-    wider = allowing_for_standstill(plain, Weighted(), result.observations, context_of(result))
+    plain, wider = allowed(result, context_of(result))
     fast = fast_rows(result.observations, context_of(result), 0.1)
     assert 0 < np.count_nonzero(~fast) < fast.size
     change = Weighted().estimate(result.observations.rows(np.flatnonzero(fast))).values - plain.values
@@ -174,10 +176,8 @@ def test_what_only_slow_rows_show_has_an_interval_as_wide_as_itself(noisy_log: L
     result = found(TASK, noisy_log, recipe=EXACTLY)
     part = result.prepared[0]
     moved = replace(part.samples, dq=part.samples.dq * [1.0, 1e-3, 1e-3])
-    slow = replace(context_of(result), prepared=(replace(part, samples=moved),))
-    recipe = replace(EXACTLY, standstill=1e-2)
-    plain = Weighted().estimate(result.observations)
-    wider = allowing_for_standstill(plain, Weighted(), result.observations, replace(slow, recipe=recipe))
+    slow = Context(result.target, (replace(part, samples=moved),), replace(EXACTLY, standstill=1e-2))
+    plain, wider = allowed(result, slow)
     place = result.names.index("F3c")
     assert wider.deviation[place] >= abs(plain.values[place])
 

@@ -115,6 +115,7 @@ def test_what_does_not_fit_or_is_missing_is_named_with_its_place() -> None:
     for change, message in (
         ({"name": 3}, "^name: expected str, given 3"),
         ({"count": True}, "^count: expected int, given True"),
+        ({"count": 1.5}, "^count: expected int, given 1.5"),
         ({"number": "much"}, "^number: expected a number, given 'much'"),
         ({"number": None}, "^number: expected a number, given None"),
         ({"colour": "GREEN"}, "^colour: 'GREEN' is missing"),

@@ -19,6 +19,7 @@ from excite.identification.estimators.physical import (
     LEAST,
     UNCHANGED,
     Physical,
+    _lifted,
     physical,
 )
 from excite.identification.estimators.possible_set import StandardProblem, standard_problem
@@ -128,6 +129,19 @@ def test_what_the_data_leaves_open_stays_near_the_reference() -> None:
     assert described.standard["m1"] == pytest.approx(known["m1"], rel=1e-2)
     assert given.standard["m1"] == pytest.approx(50.0, rel=1e-2)
     np.testing.assert_allclose(given.values, described.values, rtol=1e-7, atol=1e-9)
+
+
+def test_what_the_solver_leaves_outside_is_brought_inside() -> None:
+    standard = problem("irp6", 0.05)
+    theta = theta_of(estimated("irp6", 0.05), standard)
+    ball = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -2e-10, 0.0, 2e-10]  # without extent, and less
+    theta[standard.bodies[1].index] = ball
+    theta[standard.positive] = -1e-12
+    lifted = _lifted(standard, theta)
+    np.testing.assert_allclose(standard.margins(lifted).min(), LEAST, rtol=1e-6)
+    np.testing.assert_array_equal(lifted[standard.positive], 0.0)
+    np.testing.assert_allclose(lifted, theta, atol=1e-8)
+    np.testing.assert_allclose(lifted, standard.S @ np.linalg.pinv(standard.S) @ lifted, atol=1e-15)
 
 
 # --- pulls -----------------------------------------------------------------------------------------------------------
