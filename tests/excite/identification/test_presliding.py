@@ -150,3 +150,13 @@ def test_every_length_of_path_follows_the_recursion(distance: float) -> None:
         rng = np.random.default_rng(count)
         z = np.cumsum(rng.normal(size=(count, 2)) * [1e-3, 1e-1], axis=0)
         np.testing.assert_allclose(dahl_direction(z, distance), written_out(z, distance), atol=1e-13)
+
+
+def test_the_slope_along_the_path_is_that_of_dahl() -> None:
+    t = np.linspace(0.0, 3.0, 30_001)
+    z = np.sin(3.0 * t)[:, None]
+    s, d = dahl_direction(z, 0.2)[:, 0], 0.2
+    way = np.diff(z[:, 0])
+    middle = (s[1:] + s[:-1]) / 2
+    fast = np.abs(way) > 1e-5
+    np.testing.assert_allclose((np.diff(s) / way)[fast], ((1 - middle * np.sign(way)) / d)[fast], rtol=1e-4, atol=1e-6)
