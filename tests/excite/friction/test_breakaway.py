@@ -143,8 +143,7 @@ def test_means_have_the_interval_of_students_t() -> None:
     assert (ahead.direction, ahead.count, behind.direction, behind.count) == (1, 3, -1, 1)
     low, high = scipy.stats.t.interval(0.99, 2, loc=14.5, scale=scipy.stats.sem([14.0, 15.0, 14.5]))
     assert (ahead.torque - ahead.interval99, ahead.torque + ahead.interval99) == pytest.approx((low, high))
-    assert behind.torque == -10.0
-    assert behind.interval99 == pytest.approx(2.5758 * 0.3, rel=1e-4)
+    assert (behind.torque, behind.interval99) == (-10.0, pytest.approx(2.5758 * 0.3, rel=1e-4))
     (alike,) = mean_break_aways([away(14.0), away(14.0)])
     assert alike.interval99 == pytest.approx(2.5758 * 0.1, rel=1e-4)
 
@@ -174,16 +173,16 @@ TUSTIN = Form("tustin", stribeck=True)
 TRUE = np.array([9.0, 25.0, 14.1, 0.1, 0.4])
 
 
-def windows(p: Array, speeds: Array, seed: int, form: Form = TUSTIN, sigma: float = 0.05) -> list[Point]:
+def windows(p: Array, speeds: Array, seed: int) -> list[Point]:
     v = np.r_[speeds, -speeds]
-    tau = form.values(p, Conditions.of(v))[0] + np.random.default_rng(seed).normal(0.0, sigma, v.size)
-    return [Point(x, y, sigma, 0.0, 0.3, 0) for x, y in zip(v.tolist(), tau.tolist(), strict=True)]
+    tau = TUSTIN.values(p, Conditions.of(v))[0] + np.random.default_rng(seed).normal(0.0, 0.05, v.size)
+    return [Point(x, y, 0.05, 0.0, 0.3, 0) for x, y in zip(v.tolist(), tau.tolist(), strict=True)]
 
 
-def rests(p: Array, seed: int, form: Form = TUSTIN, sigma: float = 0.1) -> tuple[Point, ...]:
+def rests(p: Array, seed: int) -> tuple[Point, ...]:
     v = np.tile([0.0, -0.0], 3)
-    tau = form.values(p, Conditions.of(v))[0] + np.random.default_rng(1000 + seed).normal(0.0, sigma, v.size)
-    return rest_points([away(x, sigma) for x in tau.tolist()])
+    tau = TUSTIN.values(p, Conditions.of(v))[0] + np.random.default_rng(1000 + seed).normal(0.0, 0.1, v.size)
+    return rest_points([away(x) for x in tau.tolist()])
 
 
 SPEEDS = np.array([0.06, 0.13, 0.25, 0.4, 0.6, 0.9, 1.2])

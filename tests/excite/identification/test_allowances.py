@@ -56,18 +56,26 @@ def test_the_column_is_the_change_of_the_prediction_with_the_width() -> None:
 
 
 def test_the_wider_covariance_is_the_block_of_the_larger_problem() -> None:
+    """Of an array, and of streamed rows."""
     rng = np.random.default_rng(0)
     W, c = rng.normal(size=(200, 3)), rng.normal(size=200)
     W[:, 0] += c
-    observations = observations_of(W, W @ np.ones(3) + 0.1 * rng.normal(size=200))
-    estimate = weighted(observations)
-    extended, _ = with_nuisance(estimate, observations, c)
-    wider = without_nuisance(extended, estimate)
-    sigma = float(estimate.noise[0, 0])
-    A = np.column_stack([W, c])
-    np.testing.assert_allclose(wider.covariance, sigma**2 * np.linalg.inv(A.T @ A)[:3, :3], rtol=1e-6)
-    assert wider.deviation[0] > 1.1 * estimate.deviation[0]
-    np.testing.assert_array_equal(wider.values, estimate.values)
+    held, A = observations_of(W, W @ np.ones(3) + 0.1 * rng.normal(size=200)), np.column_stack([W, c])
+    robust = []
+    for observations in (held, replace(held, W=StreamedRows([held_rows(W[:, None])]))):
+        estimate = weighted(observations)
+        extended, rows = with_nuisance(estimate, observations, c)
+        wider = without_nuisance(extended, estimate)
+        sigma = float(estimate.noise[0, 0])
+        np.testing.assert_allclose(wider.covariance, sigma**2 * np.linalg.inv(A.T @ A)[:3, :3], rtol=1e-6)
+        assert wider.deviation[0] > 1.1 * estimate.deviation[0]
+        np.testing.assert_array_equal(wider.values, estimate.values)
+        robust.append(robust_covariance(extended, rows).covariance)
+        for which in (slice(5, 9), np.array([0, 7, 150])):
+            np.testing.assert_allclose(rows.W[which], A[which], rtol=1e-9)
+        np.testing.assert_allclose(rows.W @ np.arange(4.0), A @ np.arange(4.0), rtol=1e-9)
+    assert isinstance(rows.W, StreamedRows)
+    np.testing.assert_allclose(*robust, rtol=1e-9, atol=1e-15)
 
 
 def test_a_width_that_is_found_widens_the_intervals_of_friction() -> None:
@@ -82,22 +90,6 @@ def test_a_width_that_is_found_widens_the_intervals_of_friction() -> None:
     coulomb = [k for k, name in enumerate(free.names) if name.endswith("c")]
     assert np.all(ratio > 1.0 - 1e-9)
     assert ratio[coulomb].max() > 1.02
-
-
-def test_streamed_rows_are_widened_as_an_array_is() -> None:
-    rng = np.random.default_rng(0)
-    W, c = rng.normal(size=(200, 3)), rng.normal(size=200)
-    held = observations_of(W, W @ np.ones(3) + 0.1 * rng.normal(size=200))
-    streamed = replace(held, W=StreamedRows([held_rows(W[:, None])]))
-    results = []
-    for observations in (held, streamed):
-        extended, wider = with_nuisance(weighted(observations), observations, c)
-        robust = robust_covariance(extended, wider)
-        rows = wider.W[np.array([0, 7, 150])]
-        results.append((extended.covariance, robust.covariance, wider.W[5:9], rows, wider.W @ np.arange(4.0)))
-    assert isinstance(wider.W, StreamedRows)
-    for array, blocks in zip(*results, strict=True):
-        np.testing.assert_allclose(blocks, array, rtol=1e-9, atol=1e-15)
 
 
 STEP = 1 / 200

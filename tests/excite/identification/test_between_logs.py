@@ -13,7 +13,6 @@ from excite.identification.between_logs import EachLog, allowing_for_logs, inter
 from excite.identification.estimator import Estimate
 from excite.identification.identify import identify
 from excite.identification.result_json import result_content
-from excite.logs.log import Log
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -99,16 +98,11 @@ def test_a_parameter_that_one_log_does_not_show_is_left_out() -> None:
     assert "leave out the scatter between logs" in alone.notes[-1]
 
 
-@pytest.fixture(scope="module")
-def logs() -> tuple[Log, Log]:
-    exact = played(three_joints(), 3, seconds=4.0)
-    return noisy(exact, 0.5, 0.0, 1), replace(noisy(exact, 0.5, 0.0, 2), source="OTHER")
-
-
 @pytest.mark.slow
-def test_each_log_is_estimated_as_if_it_were_alone(logs: tuple[Log, Log]) -> None:
-    recipe = replace(EXACT, sign_width=0.0)
-    both = identify(TASK, list(logs), recipe=recipe, each=True)
+def test_each_log_is_estimated_as_if_it_were_alone() -> None:
+    exact, recipe = played(three_joints(), 3, seconds=4.0), replace(EXACT, sign_width=0.0)
+    logs = [noisy(exact, 0.5, 0.0, 1), replace(noisy(exact, 0.5, 0.0, 2), source="OTHER")]
+    both = identify(TASK, logs, recipe=recipe, each=True)
     alone = [found(TASK, log, recipe=recipe) for log in logs]
     np.testing.assert_allclose(both.scatter.each.values, [a.estimate.values for a in alone], rtol=1e-9)
     np.testing.assert_allclose(both.scatter.each.deviations, [a.estimate.deviation for a in alone], rtol=1e-6)
@@ -118,7 +112,7 @@ def test_each_log_is_estimated_as_if_it_were_alone(logs: tuple[Log, Log]) -> Non
     assert [e["log"] for e in first["each"]] == ["LOG", "OTHER"]
     assert first["each"][0]["value"] == both.scatter.each.values[0, 0]
     assert content["interval_scope"] == interval_scope(2)
-    plain = result_content(identify(TASK, list(logs), recipe=recipe))
+    plain = result_content(identify(TASK, logs, recipe=recipe))
     assert "each" not in plain["between_logs"]["parameters"][0]
     single = result_content(alone[0])
     assert single["between_logs"] is None

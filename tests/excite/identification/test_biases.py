@@ -22,7 +22,7 @@ from excite.identification.biases import (
     without_standstill,
 )
 from excite.identification.equations import equations_of
-from excite.identification.estimator import Context
+from excite.identification.estimator import Context, Estimate
 from excite.identification.estimators.least_squares import Weighted, weighted
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
@@ -33,7 +33,6 @@ from excite.logs.log import Log
 from excite.simulation.simulate import simulate
 from excite.tasks.search import Search
 from excite.tasks.task import Task
-from regressors.errors import InputError
 from regressors.samples import Array
 
 EXACTLY = replace(EXACT, sign_width=0.0)
@@ -60,7 +59,7 @@ def test_rows_of_slow_drives_are_left_out(log: Log) -> None:
 
 
 @pytest.mark.parametrize("changes", [{"every": 3}, {"low_pass": 10.0}])
-def test_decimated_equations_leave_the_same_stretches_out(changes: dict, log: Log) -> None:
+def test_decimated_equations_leave_the_same_stretches_out(changes: dict) -> None:
     long = played(three_joints(), 3, seconds=3 * PERIOD)
     result = found(TASK, long, recipe=replace(EXACTLY, standstill=0.05, **changes))
     part, observations = result.prepared[0], result.observations
@@ -88,15 +87,6 @@ def test_candidates_keep_the_rows_of_a_slow_drive_but_not_of_one_that_rests(shar
     slowest = np.abs(samples.dq[:, 0] * C[0, 0]).max()
     assert len(candidates) == count
     assert bool(candidates[-1] <= 0.5 * slowest) == (count < 7)
-
-
-def test_models_of_windows_refuse_it_and_so_do_repetitions(log: Log) -> None:
-    with pytest.raises(InputError, match="`standstill` is for models of joint torques at single instants"):
-        found(Task("irp6", model="energy"), log, recipe=replace(EXACTLY, standstill=0.05))
-    with pytest.raises(InputError, match="leave out `standstill`"):
-        Recipe(standstill=0.1).check_repeatable(3)
-    with pytest.raises(InputError, match="`standstill` must be 0 or a number from 1e-12 to 1000000 rad/s or m/s, giv"):
-        Recipe(standstill=-1.0)
 
 
 def test_a_drive_that_rests_makes_no_equations(log: Log) -> None:
@@ -144,28 +134,26 @@ def slowest(result) -> Array:
     return each.ravel()
 
 
+def allowed(result: Identification, context: Context) -> tuple[Estimate, Estimate]:
+    """The weighted estimate, and the one that allows for standstill."""
+    plain = Weighted().estimate(result.observations)
+    return plain, allowing_for_standstill(plain, Weighted(), result.observations, context)
+
+
 def test_friction_that_is_right_changes_nothing(noisy_log: Log) -> None:
     result = found(TASK, noisy_log, recipe=EXACTLY)
     np.testing.assert_array_equal(fast_rows(result.observations, context_of(result), 0.1), slowest(result) >= 0.1)
-    plain = Weighted().estimate(result.observations)
-    assert allowing_for_standstill(plain, Weighted(), result.observations, context_of(result)) is plain
+    plain, wider = allowed(result, context_of(result))
+    assert wider is plain
 
 
-@pytest.fixture(scope="module")
-def stuck(noisy_log: Log) -> Identification:
-    return found(TASK, sticking(noisy_log, 20.0), recipe=EXACTLY)
-
-
-def test_where_friction_holds_the_change_without_slow_rows_enters(stuck: Identification) -> None:
-    result = stuck
+def test_where_friction_holds_the_change_without_slow_rows_enters(noisy_log: Log) -> None:
+    result = found(TASK, sticking(noisy_log, 20.0), recipe=EXACTLY)
     speeds = np.sqrt(np.mean((result.prepared[0].samples.dq @ C.T) ** 2, axis=0))
     fast = slowest(result) >= 0.1 * np.median(speeds)
     assert fails_near_standstill(result.estimate, result.observations, fast)
-    estimator = Weighted()
-    other = estimator.estimate(result.observations.rows(np.flatnonzero(fast)))
-    plain = estimator.estimate(result.observations)
-    wider = allowing_for_standstill(plain, estimator, result.observations, context_of(result))
-    change = other.values - plain.values
+    plain, wider = allowed(result, context_of(result))
+    change = Weighted().estimate(result.observations.rows(np.flatnonzero(fast))).values - plain.values
     np.testing.assert_allclose(wider.covariance, plain.covariance + np.outer(change, change), rtol=1e-6)
     truth = np.array([result.target.robot.transmission.drives[2].coulomb])
     place = result.names.index("F3c")
@@ -176,8 +164,7 @@ def test_where_friction_holds_the_change_without_slow_rows_enters(stuck: Identif
 
 def test_where_rows_are_left_out_twice_the_speed_is_tried(noisy_log: Log) -> None:
     result = found(TASK, noisy_log, recipe=replace(EXACTLY, standstill=0.05))
-    plain = Weighted().estimate(result.observations)
-    wider = allowing_for_standstill(plain, Weighted(), result.observations, context_of(result))
+    plain, wider = allowed(result, context_of(result))
     fast = fast_rows(result.observations, context_of(result), 0.1)
     assert 0 < np.count_nonzero(~fast) < fast.size
     change = Weighted().estimate(result.observations.rows(np.flatnonzero(fast))).values - plain.values
@@ -189,10 +176,8 @@ def test_what_only_slow_rows_show_has_an_interval_as_wide_as_itself(noisy_log: L
     result = found(TASK, noisy_log, recipe=EXACTLY)
     part = result.prepared[0]
     moved = replace(part.samples, dq=part.samples.dq * [1.0, 1e-3, 1e-3])
-    slow = replace(context_of(result), prepared=(replace(part, samples=moved),))
-    recipe = replace(EXACTLY, standstill=1e-2)
-    plain = Weighted().estimate(result.observations)
-    wider = allowing_for_standstill(plain, Weighted(), result.observations, replace(slow, recipe=recipe))
+    slow = Context(result.target, (replace(part, samples=moved),), replace(EXACTLY, standstill=1e-2))
+    plain, wider = allowed(result, slow)
     place = result.names.index("F3c")
     assert wider.deviation[place] >= abs(plain.values[place])
 

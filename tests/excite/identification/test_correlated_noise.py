@@ -45,11 +45,6 @@ def ar2_autocovariance(count: int) -> Array:
     return np.array([h[: h.size - k] @ h[k:] for k in range(count)])
 
 
-def test_a_single_row_is_white() -> None:
-    one = np.ones((1, 1))
-    np.testing.assert_allclose(autoregressive_covariance([NoiseGroup(np.full(1, 0.1), 0 * one, one, one)], 9.0), 0.01)
-
-
 def test_yule_and_walker_recover_the_coefficients() -> None:
     noise = autoregressive_noise(ar2_autocovariance(12), 10_000)
     np.testing.assert_allclose(noise.coefficients, [1.2, -0.5], atol=1e-9)
@@ -115,6 +110,8 @@ def test_almost_as_many_parameters_as_effective_rows_leave_finite_deviations() -
         NoiseGroup(n, X, X, np.ones((200, 1))) for n, X in zip(e.reshape(3, 200), Q.reshape(3, 200, 30), strict=True)
     ]
     assert np.sqrt(np.trace(autoregressive_covariance(groups, 50.0))) < 100 * np.std(noise)
+    one = np.ones((1, 1))  # a single row is white
+    np.testing.assert_allclose(autoregressive_covariance([NoiseGroup(np.full(1, 0.1), 0 * one, one, one)], 9.0), 0.01)
 
 
 BETA = np.array([1.0, -2.0, 0.5])

@@ -11,7 +11,7 @@ import pytest
 from observed import observations_of, robot_model
 from pinocchio_chains import chain_model
 from played import EXACT, TASK, found, noisy, periodic, played, three_joints
-from recordings import REAL, real_log
+from recordings import REAL, ROOT, real_log
 from written_files import saved
 
 import excite
@@ -41,15 +41,6 @@ from regressors.models.nominal import parameter_values, standard_values
 from regressors.readers.library import built_in
 from regressors.robot.inertia import from_pseudo_inertia
 
-KR300 = """
-joints: [j1, j2, j3, j4, j5, j6]
-time: {column: time, unit: s}
-position: {columns: [q1, q2, q3, q4, q5, q6], unit: deg}
-effort:
-  columns: [mot1, mot2, mot3, mot4, mot5, mot6]
-  unit: Nm
-  ratio: [256.857, 267.429, 252.333, 221, 239.619, 154.323]
-"""
 NOISY = ("mostly noise", "`cutoff=5`")
 
 
@@ -138,17 +129,16 @@ def test_a_long_log_of_a_real_arm_has_none() -> None:
 
 
 @pytest.mark.slow
-def test_a_short_log_of_a_real_arm_is_too_little(tmp_path: Path) -> None:
-    folder = REAL.parent / "kr300"
+def test_a_short_log_of_a_real_arm_is_too_little() -> None:
+    folder, mapping = REAL.parent / "kr300", ROOT / "benchmarks" / "real" / "kr300.yaml"
     if not folder.exists():
         pytest.skip("recorded logs are not beside the repository")
-    (tmp_path / "kr300.yaml").write_text(KR300)
-    options = {"mapping": tmp_path / "kr300.yaml", "joint_rotors": True, "offset": True}
+    options = {"mapping": mapping, "joint_rotors": True, "offset": True}
     plain = identify(str(folder / "kr300.urdf"), folder / "A.csv", estimator="weighted", **options)
     assert plain.doubts == ()
     assert [warning.about for warning in plain.warnings] == ["inertia"]
     assert answers(plain)[0].startswith("bodies: the data leave open whether a possible robot has these parameters")
-    default = identify(str(folder / "kr300.urdf"), folder / "A.csv", mapping=options["mapping"])
+    default = identify(str(folder / "kr300.urdf"), folder / "A.csv", mapping=mapping)
     assert default.doubts == ()
     (warning,) = default.warnings
     assert "this log is too little" in warning.text
@@ -165,7 +155,6 @@ def test_the_mass_matrix_is_pinocchios() -> None:
     q = np.random.default_rng(0).uniform(-2.0, 2.0, (5, 6))
     known = {column.name: 0.0 for column in target.model.columns} | standard_values(robot)
     K = mass_matrix_regressor(target, q)
-    assert K is not None
     for pose, ours in zip(q, K @ parameter_values(target.model, target.base, known), strict=True):
         theirs = np.triu(pin.crba(model, data, pose))
         np.testing.assert_allclose(ours, theirs + np.triu(theirs, 1).T, atol=1e-10)
@@ -197,8 +186,7 @@ def test_its_cause_is_what_the_data_say() -> None:
 def test_poses_are_within_the_limits_and_reach_them() -> None:
     robot = built_in("panda")
     q = allowed_poses(robot, np.zeros((2, 7)))
-    assert np.all(q >= robot.limits.lower - 1e-12)
-    assert np.all(q <= robot.limits.upper + 1e-12)
+    assert np.all((q >= robot.limits.lower - 1e-12) & (q <= robot.limits.upper + 1e-12))
     np.testing.assert_allclose(q.min(axis=0), robot.limits.lower)
     np.testing.assert_array_equal(q, allowed_poses(robot, np.zeros((2, 7))))
 
@@ -265,16 +253,15 @@ def test_noise_of_derivatives_is_found() -> None:
 
 
 TERMS = {"friction": 0.8, "rotor": 0.1, "offset": 0.0}
-RESIDUALS = [
-    ({**TERMS, "friction": 0.5}, [], "no single cause", "check in the mapping the units"),
-    (TERMS, [], "friction of q1 explains 80 %", "`friction=True`"),
-    (TERMS, ["z3"], "there is no friction curve for z3", "fit curves for these drives too"),
-    ({**TERMS, "rotor": 0.9}, [], "an inertia of its own of q1", "`joint_rotors=True`"),
-]
 
 
 def test_the_cause_that_explains_most_is_named() -> None:
-    for shares, without_curve, cause, cure in RESIDUALS:
+    for shares, without_curve, cause, cure in (
+        ({**TERMS, "friction": 0.5}, [], "no single cause", "check in the mapping the units"),
+        (TERMS, [], "friction of q1 explains 80 %", "`friction=True`"),
+        (TERMS, ["z3"], "there is no friction curve for z3", "fit curves for these drives too"),
+        ({**TERMS, "rotor": 0.9}, [], "an inertia of its own of q1", "`joint_rotors=True`"),
+    ):
         known = cause_of_residual(shares, np.array([0.9, 0.0]), ["q1", "q2"], without_curve)
         doubt = large_residual(0.5, 0.0, known)
         assert "the residual is 50 % of what was measured, more than 30 %" in doubt.what

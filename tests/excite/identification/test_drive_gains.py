@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from observed import observations_of
 from played import EXACT, LOAD, irp6, noisy, periodic, played
+from recordings import MAPPING, REAL
 
-from excite.identification.drive_gains import GainCalibration, drive_gains
+from excite.identification.drive_gains import drive_gains
 from excite.identification.identification import Identification
 from excite.identification.identify import identify as identify_by_choice
 from excite.identification.observations import Observations
@@ -25,6 +26,7 @@ from excite.verification.verify import verify
 from regressors.errors import InputError, UnknownName
 from regressors.robot.friction.curve import CoulombViscous
 from regressors.robot.friction.curves import FrictionCurves
+from regressors.robot.inertia import from_centre_of_mass
 from regressors.samples import Array
 
 R, P, INSTANTS = 3, 5, 120
@@ -84,18 +86,9 @@ identify = partial(identify_by_choice, choose=False)
 RECIPE = replace(EXACT, sign_width=0.0, breakaway=0.0)
 TASK = Task("irp6", joints=("1", "2", "3", "4", "5"))
 GAINS = {"z1": 1.1, "z2": 0.9, "z3": 1.05, "z4": 1.2, "z5": 0.95}
-REAL = Path(__file__).parents[4] / "shared" / "data" / "ur10e"
-MAPPING = Path(__file__).parents[3] / "benchmarks" / "identification" / "ur10e.yaml"
 
 
-def heavy() -> Array:
-    """A load beside the last axis, about the last link's frame."""
-    m, c = 5.0, np.array([0.2, 0.15, 0.25])
-    inertia = 0.05 * np.eye(3) + m * (c @ c * np.eye(3) - np.outer(c, c))
-    return np.array([m, *(m * c), *inertia[np.triu_indices(3)]])
-
-
-HEAVY = heavy()
+HEAVY = from_centre_of_mass(5.0, [0.2, 0.15, 0.25], 0.05 * np.eye(3))  # beside the last axis
 
 
 @cache
@@ -122,16 +115,12 @@ def calibrated(
     return identify(TASK, bare, loaded=loaded, gains=kind, **options)
 
 
-def of(result: Identification) -> GainCalibration:
-    return result.calibration
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["each", "common"])
 def test_planted_gains_come_back_and_the_parameters_are_true(kind: str, tmp_path: Path) -> None:
     gains = GAINS if kind == "each" else dict.fromkeys(GAINS, 1.09)
     result = calibrated(gains, 1e-4, kind=kind)
-    assert of(result).factors == pytest.approx(gains, rel=1e-4)
+    assert result.calibration.factors == pytest.approx(gains, rel=1e-4)
     right = identify(TASK, truth(False), recipe=RECIPE)
     np.testing.assert_allclose(result.estimate.values, right.estimate.values, rtol=1e-2, atol=1e-2)
     assert result_content(right)["drive_gains"] is None
@@ -154,7 +143,7 @@ def test_intervals_hold_the_truth() -> None:
     """Under noise that is correlated in time."""
     hits = []
     for seed in range(50):
-        calibration = of(calibrated(GAINS, 0.5, seed))
+        calibration = calibrated(GAINS, 0.5, seed).calibration
         hits.append(np.abs(calibration.factor - list(GAINS.values())) <= calibration.half_width)
     assert np.mean(hits) > 0.97
     assert np.min(np.mean(hits, axis=0)) > 0.93
@@ -201,7 +190,7 @@ def test_the_gains_of_a_ur10e_are_nine_per_cent_off() -> None:
         str(REAL / "ur10e.urdf"), logs[0], loaded=logs[1], known_mass=2.805, gains="common",
         mapping=read_mapping(MAPPING), joint_rotors=True, offset=True,
     )  # fmt: skip
-    calibration = of(result)
+    calibration = result.calibration
     assert calibration.stated_mass == pytest.approx(3.06, abs=0.03)
     assert calibration.factor[0] == pytest.approx(0.915, abs=0.01)
     assert 0.02 < calibration.half_width[0] < 0.06

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import Here
+from friction_runs import pieces
 from played import TASK, curves, described, found, irp6, played, three_joints
+from refused import refusal
 from written_files import text_file
 
 from excite.friction.constant_speed_windows import FitSettings
@@ -30,7 +33,6 @@ from excite.simulation.simulation import Simulation
 from excite.tasks.friction_file import read_friction, write_friction
 from excite.tasks.reference import SampledMotion
 from excite.tasks.task import Task
-from regressors.errors import InputError
 from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, TableFriction
 from regressors.robot.friction.curves import FrictionCurves
 from regressors.robot.friction.load_and_temperature import Loaded, Slope, Warm
@@ -43,17 +45,12 @@ ARM = Task("irp6", drives=("2",))
 
 def motion(*runs: tuple[float, float], start: float) -> SampledMotion:
     """Drive 2 alone, q2 = s and q3 = -s: runs of constant speed over some way, one after the other."""
-    s, t, rows = start, 0.0, [np.array([[0.0, start, 0.0, 0.0]])]
+    parts = []
     for speed, way in runs:
-        ramp, steady = round(abs(speed) / 3.0 * RATE), round(abs(way / speed) * RATE)
-        a = speed * RATE / ramp
-        for count, begin, acceleration in ((ramp, 0.0, a), (steady, speed, 0.0), (ramp, speed, -a), (5, 0.0, 0.0)):
-            x = np.arange(1, count + 1) / RATE
-            block = [t + x, s + begin * x + acceleration * x**2 / 2, begin + acceleration * x, 0 * x + acceleration]
-            rows.append(np.column_stack(block))
-            t, s = rows[-1][-1, :2]
-    time, *along = np.vstack(rows).T
-    q, dq, ddq = (np.outer(x, [0.0, 1.0, -1.0]) for x in along)
+        ramp, a = abs(speed) / 3.0, np.copysign(3.0, speed)
+        parts += [(ramp, a), (abs(way / speed), 0.0), (ramp, -a), (0.02, 0.0)]
+    time, s, v, a = pieces(parts, RATE)
+    q, dq, ddq = (np.outer(x, [0.0, 1.0, -1.0]) for x in (start + s, v, a))
     return SampledMotion(Samples(time, q, dq, ddq, np.full_like(q, np.nan)))
 
 
@@ -107,14 +104,10 @@ def inertial(log: Log, curve: FrictionCurve, **recipe: object) -> Identification
     return estimate_parameters(irp6(), ARM, [log], Recipe(rows="all", **recipe), friction=FrictionCurves({"z2": curve}))
 
 
-def inside(result: Identification) -> Array:
-    low, high = result.estimate.interval.T
-    return (low <= described(result)) & (described(result) <= high)
-
-
 def test_a_warm_log_gives_masses_without_bias(fitted: Characteristic, warm_log: Log) -> None:
     warm = inertial(warm_log, fitted.curve)
-    assert np.all(inside(warm))
+    low, high = warm.estimate.interval.T
+    assert np.all((low <= described(warm)) & (described(warm) <= high))
     assert "friction of z2 is taken at 40 deg C" in warm.prepared[0].notes
     mean = inertial(warm_log, fitted.curve.at(None))
     errors = [np.abs(one.estimate.values - described(one)).max() for one in (warm, mean)]
@@ -125,6 +118,8 @@ def test_a_warm_log_gives_masses_without_bias(fitted: Characteristic, warm_log: 
     unknown = inertial(bare, fitted.curve)
     np.testing.assert_array_equal(unknown.estimate.values, mean.estimate.values)
     assert any("not known: taken at its reference, 32.3" in note for note in unknown.prepared[0].notes)
+    constant = inertial(bare, TRUTH.at(30.0), temperature=(30.0,))
+    assert any("no friction curve depends on temperature" in note for note in constant.prepared[0].notes)
 
 
 def drifting(log: Log, warm: dict[str, Warm]) -> Log:
@@ -245,19 +240,13 @@ def test_identify_refuses_temperatures(warm_log: Log, here: Here) -> None:
     assert without in here.refused(*IDENTIFY, "bare.csv", "--temperature", "30")
 
 
-def test_temperatures_are_for_curves_that_depend_on_them(warm_log: Log) -> None:
-    result = inertial(replace(warm_log, temperature=None), TRUTH.at(30.0), temperature=(30.0,))
-    assert any("no friction curve depends on temperature" in note for note in result.prepared[0].notes)
-
-
 def test_simulations_refuse() -> None:
     for temperature, message in (
         ((20.0, 30.0), "temperature needs one value, or 3, one per joint; given 2"),
         ((np.nan,), "`temperature` must be a number from -273.15 to 10000 deg C, given nan"),
         ((140.0,), "z2: friction: coulomb must be zero or more"),
     ):
-        with pytest.raises(InputError, match=message):
-            simulated(temperature, (0.3, 0.1), seed=0)
+        assert re.search(message, refusal(simulated, temperature, (0.3, 0.1), seed=0))
 
 
 def test_one_temperature_column_is_that_of_all_joints(tmp_path: Path) -> None:
@@ -266,8 +255,7 @@ def test_one_temperature_column_is_that_of_all_joints(tmp_path: Path) -> None:
     np.testing.assert_array_equal(log.temperature, [[20.0, 20.0], [21.0, 21.0]])
     assert log.left_out == ()
     path.write_text("time,a.position,b.position,a.temperature\n0,1,2,20\n1,1,2,21\n", encoding="utf-8")
-    with pytest.raises(InputError, match=r"but not b\.temperature; give one column 'temperature' for all joints"):
-        read_log(path)
+    assert "but not b.temperature; give one column 'temperature' for all joints" in refusal(read_log, path)
     header = "time,temperature,a.position,a.temperature,b.position,b.temperature"
     path.write_text(f"{header}\n0,9,1,20,2,30\n1,9,1,20,2,30\n", encoding="utf-8")
     np.testing.assert_array_equal(read_log(path).temperature, [[20.0, 30.0]] * 2)

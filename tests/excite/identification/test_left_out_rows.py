@@ -189,7 +189,6 @@ def pushed(log: Log, size: float, begin: float = 2.5, length: float = 0.4) -> Lo
     """Pushed by something for a while, held in place by the controller."""
     share = np.clip((log.time - begin) / length, 0.0, 1.0)
     force = size * np.sin(np.pi * share)[:, None] * np.array([1.0, 2.0, 0.7])
-    assert log.effort is not None
     return replace(log, effort=log.effort + force, sha256=f"{log.sha256} pushed {size}")
 
 

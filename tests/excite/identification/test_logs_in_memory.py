@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pytest
+from refused import refusal
 
 import excite
 from excite.identification.procedure import log_of, read_logs
@@ -43,8 +44,7 @@ def test_a_frame_stands_for_its_log(frames: list[Any]) -> None:
         np.testing.assert_array_equal(result.coefficients, results[0].coefficients, strict=True)
         assert [*result.training] == [log.sha256]
         for seen in (frame, frame.to_pydict(), log):
-            with pytest.raises(InputError, match=r"^frame is a log that the result was identified from"):
-                excite.verify(result, seen)
+            refusal(excite.verify, result, seen, begins="frame is a log that the result was identified from")
     check = excite.verify(results[0], other)
     assert check.holds
     assert (check.log.file, check.log.sha256) == ("frame", excite.Log.from_frame(other).sha256)
@@ -76,7 +76,4 @@ def test_rows_and_mapping_of_the_call_apply(frames: list[Any]) -> None:
 def test_what_is_no_log_is_refused() -> None:
     with pytest.raises(InputError, match=r"^logs: expected a Log, .*a simulation, a DataFrame, a mapping or a list"):
         excite.identify("irp6", 3)
-    with pytest.raises(
-        InputError, match=r"^expected a log, the name of its file, a simulation, a frame or a dict of col"
-    ):
-        log_of(3, None)
+    refusal(log_of, 3, None, begins="expected a log, the name of its file, a simulation, a frame or a dict of col")

@@ -24,6 +24,7 @@ from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
 from regressors.robot.friction.load_and_temperature import drives_with_friction
+from regressors.robot.inertia import from_centre_of_mass
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -42,6 +43,10 @@ def positions(change: Callable[[Array], Array]) -> Log:
     return replace(log, q=change(log.q.copy()), dq=None, sha256="spoilt")
 
 
+def times(*factors: float) -> Log:
+    return effort(lambda y: y * np.array(factors))
+
+
 def late(y: Array) -> Array:
     return np.vstack([np.repeat(y[:1], 4, axis=0), y[:-4]])
 
@@ -51,9 +56,7 @@ def later_half(y: Array) -> Array:
 
 
 def numbers(pattern: str, text: str) -> list[float]:
-    match = re.search(pattern, text)
-    assert match is not None
-    return [float(x) for x in match.groups()]
+    return [float(x) for x in re.search(pattern, text).groups()]
 
 
 CASES = {
@@ -63,23 +66,15 @@ CASES = {
         "the columns that now stand for q1, q3, q2, in this order",
     ),
     "torque columns shifted": (effort(lambda y: np.roll(y, 1, axis=1)), "the torque columns are shifted", "by one"),
-    "torque sign": (
-        effort(lambda y: y * np.array([1, -1, 1])),
-        "the torques of q2 have the opposite sign",
-        "`sign: [1, -1, 1]`",
-    ),
-    "torque unit": (
-        effort(lambda y: y * np.array([1, 1e3, 1])),
-        "the torques of q2 are in mNm, not in Nm",
-        "`unit: [Nm, mNm, Nm]`",
-    ),
+    "torque sign": (times(1, -1, 1), "the torques of q2 have the opposite sign", "`sign: [1, -1, 1]`"),
+    "torque unit": (times(1, 1e3, 1), "the torques of q2 are in mNm, not in Nm", "`unit: [Nm, mNm, Nm]`"),
     "a torque constant": (
-        effort(lambda y: y * np.array([1, 0.85, 1])),
+        times(1, 0.85, 1),
         "the torques of q2 are 0.85 times what the other joints say of it, or the torques of q3 are 1.2 times",
         "`gain: [1, 1.17, 1]`",
     ),
-    "torque unit of a joint that friction explains": (
-        effort(lambda y: y * np.array([1e-3, 1, 1])),
+    "unit where friction explains": (
+        times(1e-3, 1, 1),
         "the torques of q1 are in kNm, not in Nm",
         "`unit: [kNm, Nm, Nm]`",
     ),
@@ -89,7 +84,7 @@ CASES = {
         "record them over their whole range",
     ),
     "currents": (
-        effort(lambda y: y * np.array([0.3, 0.05, 0.15])),
+        times(0.3, 0.05, 0.15),
         "the torques of q2, q3 are 0.05, 0.15 times what the described robot would need, as currents or drive units",
         "use `gain: [1, 20, 6.6",
     ),
@@ -225,11 +220,7 @@ def test_zeros_explain_a_zero_that_is_off_and_no_masses_that_are() -> None:
 
 GAINS = {
     "none": (5, 1.0, None),
-    "of a joint before others": (
-        3,
-        0.85,
-        "the torques of wrist_1_joint are 0.85 times what the other joints say of it",
-    ),
+    "of a joint before others": (3, 0.85, "the torques of wrist_1_joint are 0.85 times what the other joints say of"),
     "small, of the last joint": (5, 0.85, None),
     "too large for masses": (5, 0.2, "the torques of wrist_3_joint are 0.19 times what the other joints say of it"),
     "large, of the last joint": (5, 0.6, "the torques of wrist_3_joint are 0.58 times what the described masses make"),
@@ -253,9 +244,8 @@ def test_a_last_body_described_a_little_otherwise_is_no_zero(angle: float, off_a
     robot = built_in("ur10e")
 
     def with_tool(angle: float) -> Robot:
-        c = np.array([off_axis * np.cos(np.deg2rad(angle)), off_axis * np.sin(np.deg2rad(angle)), 0.08])
-        inertia = 2.0 * (c @ c * np.eye(3) - np.outer(c, c)) + 0.01 * np.eye(3)
-        theta = np.array([2.0, *(2.0 * c), *inertia[np.triu_indices(3)]])
+        centre = [off_axis * np.cos(np.deg2rad(angle)), off_axis * np.sin(np.deg2rad(angle)), 0.08]
+        theta = from_centre_of_mass(2.0, centre, 0.01 * np.eye(3))
         return robot.replace(links=(*robot.links[:-1], replace(robot.links[-1], theta=theta)))
 
     doubts = estimate_parameters(with_tool(0.0), Task("ur10e"), (log_of(with_tool(angle), 0.02),), EXACT).doubts

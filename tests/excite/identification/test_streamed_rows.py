@@ -12,7 +12,6 @@ from hypothesis import given, settings, strategies as st
 from played import TASK, found, noisy, played, three_joints
 
 from excite.identification import equations, observations, streamed_rows
-from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.streamed_rows import RowSource, StreamedRows, held_rows, joined_rows
 from excite.logs.log import Log
@@ -33,17 +32,11 @@ def logs() -> list[Log]:
     return [noisy(played(three_joints(), 3, seconds=seconds), 0.5, 1e-5, 1) for seconds in (4.005, 2.505)]
 
 
-def identified(recipe: Recipe, given: list[Log]) -> Identification:
-    result = found(TASK, *given, recipe=recipe)
-    assert result.training_error is not None
-    return result
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", RECIPES)
 def test_blocks_give_what_the_whole_gives(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two logs, in blocks of 37 instants, against the array."""
-    whole = identified(RECIPES[name], logs())
+    whole = found(TASK, *logs(), recipe=RECIPES[name])
     assert isinstance(whole.observations.W, np.ndarray)
     for module, what, value in (
         (equations, "HELD", 0),
@@ -52,7 +45,7 @@ def test_blocks_give_what_the_whole_gives(name: str, monkeypatch: pytest.MonkeyP
         (observations, "BLOCK", 37),
     ):
         monkeypatch.setattr(module, what, value)
-    blocks = identified(RECIPES[name], logs())
+    blocks = found(TASK, *logs(), recipe=RECIPES[name])
     assert isinstance(blocks.observations.W, StreamedRows)
     size = np.abs(whole.observations.W).max()
     np.testing.assert_allclose(blocks.observations.matrix, whole.observations.W, rtol=0, atol=1e-11 * size)

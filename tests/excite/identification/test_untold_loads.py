@@ -21,23 +21,16 @@ HEAVY = 8.0 * LOAD
 TARGET = target_of(irp6(), TASK.changed(joints=("1", "2", "3", "4", "5")))
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_its_mass_and_centre_are_those_of_the_load(sign: float) -> None:
+def test_its_mass_and_centre_are_those_of_the_load_and_friction_and_gains_are_none() -> None:
     motion = periodic(np.eye(5), 3, 0.4).samples(np.arange(400) / 200)
     bare, loaded = torques(irp6(), motion, 5), torques(irp6(), motion, 5, HEAVY)
-    load = load_that_explains(TARGET, motion, sign * (loaded - bare), bare)
-    assert load is not None
-    mass, text = load
-    assert mass == pytest.approx(sign * HEAVY[0], rel=1e-6)
-    assert f"its centre at ({', '.join(f'{x:.3f}' for x in HEAVY[1:4] / HEAVY[0])}) m" in text
     before = percent(float(np.linalg.norm(loaded - bare) / np.linalg.norm(bare)))
-    (after,) = re.findall(rf"from {before} to (\S+) % of the torque", text)
-    assert float(after) < 1e-4
-
-
-def test_friction_and_gains_are_no_load() -> None:
-    motion = periodic(np.eye(5), 3, 0.4).samples(np.arange(400) / 200)
-    bare = torques(irp6(), motion, 5)
+    for sign in (1.0, -1.0):
+        mass, text = load_that_explains(TARGET, motion, sign * (loaded - bare), bare)
+        assert mass == pytest.approx(sign * HEAVY[0], rel=1e-6)
+        assert f"its centre at ({', '.join(f'{x:.3f}' for x in HEAVY[1:4] / HEAVY[0])}) m" in text
+        (after,) = re.findall(rf"from {before} to (\S+) % of the torque", text)
+        assert float(after) < 1e-4
     for other in (30.0 * np.sign(motion.dq), 0.2 * bare, 0.01 * bare, np.random.default_rng(0).normal(size=bare.shape)):
         assert load_that_explains(TARGET, motion, other, bare) is None
 

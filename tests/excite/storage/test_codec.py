@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -14,6 +15,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
+from refused import refusal
+from written_files import assert_alike
 
 from excite.logs.log import Log
 from excite.logs.log_reading import write_log
@@ -80,13 +83,8 @@ def again(whole: Whole) -> Whole:
     return record_of(Whole, json.loads(json.dumps(content, allow_nan=False)), arrays)
 
 
-def test_a_record_is_read_as_written() -> None:
-    read = again(WHOLE)
-    for name in Whole.__dataclass_fields__:
-        assert getattr(read, name) == getattr(WHOLE, name)
-
-
-def test_entries_are_the_fields_with_what_follows_from_them() -> None:
+def test_a_record_is_read_as_written_and_its_entries_are_its_fields_with_what_follows_from_them() -> None:
+    assert_alike(again(WHOLE), WHOLE)
     content, arrays = content_of(WHOLE)
     assert arrays == {}
     assert content["holds"] is False
@@ -107,34 +105,28 @@ def test_arrays_stand_beside_under_the_names_of_their_fields() -> None:
     content, arrays = content_of(Whole("a", 1.0, 1, Colour.RED, Part(), curve=Curve(("j", "k"), q)))
     assert content["curve"] == {"joints": ["j", "k"], "q": {"array": "curve.q"}}
     read = record_of(Whole, content, arrays)
-    assert read.curve is not None
     np.testing.assert_array_equal(read.curve.q, q)
     assert record_of(Whole, content, {}).curve is None
-    with pytest.raises(InputError, match="expected an array of numbers"):
-        record_of(Whole, content, {"curve.q": np.array(["x"])})
-
-
-WRONG: tuple[tuple[dict[str, Any], str], ...] = (
-    ({"name": 3}, "^name: expected str, given 3"),
-    ({"count": True}, "^count: expected int, given True"),
-    ({"count": 1.5}, "^count: expected int, given 1.5"),
-    ({"number": "much"}, "^number: expected a number, given 'much'"),
-    ({"number": None}, "^number: expected a number, given None"),
-    ({"colour": "GREEN"}, "^colour: 'GREEN' is missing"),
-    ({"weight": "heavy"}, "^weight: expected a number"),
-    ({"parts": [{"against": []}, {"against": [1]}]}, r"^parts\[1\].against\[0\]: expected str, given 1"),
-    ({"parts": 3}, "^parts: "),
-    ({"maybe": 3}, "^maybe: expected an object, given 3"),
-    ({"curve": {"joints": ["j"], "q": [1.0]}}, "^curve.q: expected an array of numbers"),
-    ({"robot": {}}, "^robot: 'description' is missing"),
-)
+    assert "expected an array of numbers" in refusal(record_of, Whole, content, {"curve.q": np.array(["x"])})
 
 
 def test_what_does_not_fit_or_is_missing_is_named_with_its_place() -> None:
     content, arrays = content_of(WHOLE)
-    for change, message in WRONG:
-        with pytest.raises(InputError, match=message):
-            record_of(Whole, {**content, **change}, arrays)
+    for change, message in (
+        ({"name": 3}, "^name: expected str, given 3"),
+        ({"count": True}, "^count: expected int, given True"),
+        ({"count": 1.5}, "^count: expected int, given 1.5"),
+        ({"number": "much"}, "^number: expected a number, given 'much'"),
+        ({"number": None}, "^number: expected a number, given None"),
+        ({"colour": "GREEN"}, "^colour: 'GREEN' is missing"),
+        ({"weight": "heavy"}, "^weight: expected a number"),
+        ({"parts": [{"against": []}, {"against": [1]}]}, r"^parts\[1\].against\[0\]: expected str, given 1"),
+        ({"parts": 3}, "^parts: "),
+        ({"maybe": 3}, "^maybe: expected an object, given 3"),
+        ({"curve": {"joints": ["j"], "q": [1.0]}}, "^curve.q: expected an array of numbers"),
+        ({"robot": {}}, "^robot: 'description' is missing"),
+    ):
+        assert re.search(message, refusal(record_of, Whole, {**content, **change}, arrays))
     for name in ("name", "number", "colour"):
         with pytest.raises(InputError, match=f"'{name}' is missing"):
             record_of(Whole, {key: value for key, value in content.items() if key != name}, arrays)
@@ -152,12 +144,12 @@ def test_entries_may_have_names_of_their_own() -> None:
     content, _ = content_of(Entries((Part(),), (1.0,)))
     assert content == {"pieces": [{"against": [], "weight": 1.0}], "heavy": [1.0]}
     assert record_of(Entries, content, {}) == Entries((Part(),), (1.0,))
-    with pytest.raises(InputError, match="pieces: expected a list, given 'a b'"):
-        record_of(Entries, {"pieces": "a b"}, {})
-    with pytest.raises(InputError, match="'pieces' is missing"):
-        record_of(Entries, {}, {})
-    with pytest.raises(InputError, match=r"pieces\[0\].weight: expected a number, given 'a'"):
-        record_of(Entries, {"pieces": [{"weight": "a"}]}, {})
+    for wrong, message in (
+        ({"pieces": "a b"}, "pieces: expected a list, given 'a b'"),
+        ({}, "'pieces' is missing"),
+        ({"pieces": [{"weight": "a"}]}, r"pieces\[0\].weight: expected a number, given 'a'"),
+    ):
+        assert re.search(message, refusal(record_of, Entries, wrong, {}))
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,17 +182,14 @@ def test_small_arrays_are_lists_and_objects_are_left_to_who_reads() -> None:
     mine = object()
     read = record_of(Holder, {**json.loads(json.dumps(content, allow_nan=False)), "own": mine}, arrays)
     assert read.own is mine
-    assert read.small is not None
-    for name in ("values", "flags", "table", "path"):
-        np.testing.assert_array_equal(getattr(read.small, name), getattr(small, name))
+    assert_alike(read.small, small)
     assert record_of(Holder, {**content, "own": mine}, {}).small.path is None
 
 
 def test_lists_that_are_no_arrays_are_refused() -> None:
     content, arrays = content_of(Holder(own=1, small=Small(np.zeros(2), np.zeros(2))))
     for values in (["x"], [[1.0], [1.0, 2.0]], [None], 3):
-        with pytest.raises(InputError, match=r"^(values: )?"):
-            record_of(Holder, {**content, "own": 1, "values": values}, arrays)
+        assert re.search(r"^(values: )?", refusal(record_of, Holder, {**content, "own": 1, "values": values}, arrays))
 
 
 # Files of curves: read back as written, refused where they are damaged or far too large.
@@ -223,28 +212,22 @@ def test_arrays_are_read_as_written(tmp_path: Path) -> None:
         np.testing.assert_array_equal(read[name], array)
 
 
-def _objects() -> bytes:
+def archive(member: bytes) -> bytes:
     stream = io.BytesIO()
-    np.save(stream, np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    return stream.getvalue()
-
-
-def _archive(member: bytes) -> bytes:
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("time.npy", member)
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as written:
+        written.writestr("time.npy", member)
     return stream.getvalue()
 
 
 def test_damaged_and_far_too_large_files_are_named(tmp_path: Path) -> None:
-    damaged = map(_archive, (b"no array", b"\x93NUMPY\x01\x00", _objects()))
-    for content in (b"", b"PK\x03\x04", *damaged):
+    np.save(objects := io.BytesIO(), np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    damaged = map(archive, (b"no array", b"\x93NUMPY\x01\x00", objects.getvalue()))
+    for content, message in (
+        *((content, r"c\.npz") for content in (b"", b"PK\x03\x04", *damaged)),
+        (archive(bytes(70_000_000)), "expected at most"),
+    ):
         (tmp_path / "c.npz").write_bytes(content)
-        with pytest.raises(InputError, match=r"c\.npz"):
-            read_curves(tmp_path / "c.npz")
-    (tmp_path / "c.npz").write_bytes(_archive(bytes(70_000_000)))
-    with pytest.raises(InputError, match="expected at most"):
-        read_curves(tmp_path / "c.npz")
+        assert re.search(message, refusal(read_curves, tmp_path / "c.npz"))
 
 
 def test_strides_and_choices() -> None:

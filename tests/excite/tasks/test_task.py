@@ -12,7 +12,8 @@ import click
 import numpy as np
 import pytest
 from commands import module_of
-from written_files import saved
+from refused import refusal
+from written_files import saved, text_file
 
 import excite
 from excite.cli.design_commands import design
@@ -79,9 +80,6 @@ def test_options_and_parts_say_the_same() -> None:
     assert flat.changed(search=excite.Search(seed=4)).search == excite.Search(seed=4)
     assert flat.changed(robot="panda").robot_name == "panda"
     assert pickle.loads(pickle.dumps(flat)) == flat
-
-
-def test_options_that_no_part_has_are_refused() -> None:
     with pytest.raises(UnknownName, match="no option of a task named 'wheels'"):
         Task("irp6", wheels=3)
 
@@ -102,53 +100,42 @@ BAD = [
     ({"criterion": "mine"}, "no criterion named 'mine'; available: condition, frobenius, sigma-min, logdet, trace"),
     ({"window": "wide"}, "no window named 'wide'"),
     ({"joints": ("1",), "drives": ("1",)}, "`joints` and `drives` exclude each other"),
+    ({"root_friction": [True]}, "root_friction: expected all, none, or names or numbers of drives, given [True]"),
+    ({"stribeck": {"1": 2}}, "stribeck: expected all, none, or names or numbers of drives, given {'1': 2}"),
+    ({"stribeck_speed": 0.0}, "`stribeck_speed` must be a number from 1e-09 to 1000000 rad/s or m/s, given 0"),
+    ({"carried": {"m1": "a"}}, "carried: expected standard parameters, each with a finite number"),
+    ({"carried": {"m1": float("nan")}}, "carried: expected standard parameters, each with a finite number"),
 ]
 
 
 @pytest.mark.parametrize(("options", "message"), BAD, ids=[str(options) for options, _ in BAD])
 def test_values_of_another_type_are_refused(options: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError) as refused:
-        Task("irp6", **options)
-    assert message in str(refused.value)
+    assert message in refusal(Task, "irp6", **options)
 
 
-BAD_FILES = [
-    ("period: true\n", "period (line 1): "),
-    ("period: 1_0\n", "period (line 1): '1_0' is not a number: write it without underscores"),
-    (
-        "noise: [0.5, yes please]\n",
-        "noise (line 1): should be a number, or a list of numbers, given [0.5, 'yes",
-    ),
-    ("friction: 1.5\n", "friction (line 1): "),
-    ("limits: {velocity: true}\n", "limits.velocity"),
-    ("limits: {speed: 1}\n", "limits.speed (line 1): "),
-]
+def test_task_files_are_strict(tmp_path: Path) -> None:
+    for text, message in (
+        ("period: true", "period (line 1): "),
+        ("noise: [0.5, yes please]", "noise (line 1): should be a number, or a list of numbers, given [0.5, 'yes"),
+        ("friction: 1.5", "friction (line 1): "),
+        ("limits: {velocity: true}", "limits.velocity"),
+        ("limits: {speed: 1}", "limits.speed (line 1): "),
+    ):
+        assert message in refusal(read_task_file, text_file(tmp_path / "task.yaml", text))
 
 
-@pytest.mark.parametrize(("text", "message"), BAD_FILES, ids=[text.strip() for text, _ in BAD_FILES])
-def test_task_files_are_strict(text: str, message: str, tmp_path: Path) -> None:
-    (tmp_path / "task.yaml").write_text(text)
-    with pytest.raises(InputError) as refused:
-        read_task_file(tmp_path / "task.yaml")
-    assert message in str(refused.value)
-
-
-def test_every_option_is_a_flag_a_key_and_a_row_of_the_page() -> None:
-    flags = {parameter.name for parameter in design.params if isinstance(parameter, click.Option)}
+def test_every_option_is_a_flag_with_its_default_a_key_and_a_row_of_the_page() -> None:
+    flags = {parameter.name: parameter.default for parameter in design.params if isinstance(parameter, click.Option)}
     described = [option for part in PARTS.values() for option in options_of(part)]
-    assert {field.name for field, option in described if not option.hidden} <= flags
+    assert {field.name for field, option in described if not option.hidden} <= flags.keys()
+    assert set(FURTHER) - flags.keys() == {"carried"}
+    for field, option in described:
+        if option.kind in ("number", "integer", "flag") and field.default is not None and not option.hidden:
+            assert flags[field.name] == field.default
     content = task_content(Task("irp6"))
     assert {field.name for field, option in described if not option.late} <= set(content) | set(content["limits"])
     page = module_of(ROOT / "docs" / "list_task_options.py")
     assert (ROOT / "docs" / "task_options.md").read_text() == page.text()  # docs/list_task_options.py writes it anew
-
-
-def test_defaults_are_stated_once() -> None:
-    stated = {parameter.name: parameter.default for parameter in design.params if isinstance(parameter, click.Option)}
-    for part in PARTS.values():
-        for field, option in options_of(part):
-            if option.kind in ("number", "integer", "flag") and field.default is not None and not option.hidden:
-                assert stated[field.name] == field.default
 
 
 def test_what_a_result_names_is_not_imported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -164,33 +151,24 @@ def test_what_a_result_names_is_not_imported(tmp_path: Path, monkeypatch: pytest
 
 def test_objects_are_kept_and_named() -> None:
     task = Task("irp6", criterion=Trace(), trajectory=excite.Fourier(6.0, 4), solver="sqp")
-    assert task.trajectory.period == 6.0
-    assert task.trajectory.harmonics == 4
+    assert (task.trajectory.period, task.trajectory.harmonics) == (6.0, 4)
     assert isinstance(task.objective.criterion, Trace)
-    assert task_content(task)["criterion"] == "trace"
-    assert task_content(task)["trajectory"] == "fourier"
-    np.testing.assert_equal(task.trajectory.family().duration, 6.0)
+    assert (task_content(task)["criterion"], task_content(task)["trajectory"]) == ("trace", "fourier")
+    assert task.trajectory.family().duration == 6.0
 
 
-def test_angles_as_printed_are_an_option_of_a_task(tmp_path: Path) -> None:
-    """What is stored without saying so was made of the angles as printed."""
-    (tmp_path / "task.yaml").write_text("robot: arm.urdf\nsnap_angles: false\n")
-    options = read_task_file(tmp_path / "task.yaml")
-    task = task_from_options(options)
-    assert (task.snap_angles, task.changed(period=20).snap_angles) == (False, False)
-    assert task_content(task)["snap_angles"] is False
-    content = {name: value for name, value in task_content(Task("arm.urdf")).items() if name != "snap_angles"}
-    assert task_from_options(content).snap_angles is True
-    assert task_from_options(content, stored=True).snap_angles is False
-
-
-def test_expanding_a_file_is_an_option_of_a_task(tmp_path: Path) -> None:
-    """It is written where it is asked for, and not asked for by what is stored without it."""
-    (tmp_path / "task.yaml").write_text("robot: arm.urdf\nxacro: true\n")
-    task = task_from_options(read_task_file(tmp_path / "task.yaml"))
-    assert (task.xacro, task.changed(period=20).xacro) == (True, True)
-    assert task_from_options(task_content(task), stored=True).xacro is True
-    assert "xacro" not in task_content(Task("arm.urdf"))
+def test_how_a_file_is_read_is_an_option_of_a_task(tmp_path: Path) -> None:
+    """What is stored without saying so was made of the angles as printed, and not expanded."""
+    file = text_file(tmp_path / "task.yaml", "robot: arm.urdf\nsnap_angles: false\nxacro: true")
+    task = task_from_options(read_task_file(file))
+    for one in (task, task.changed(period=20), task_from_options(task_content(task), stored=True)):
+        assert (one.snap_angles, one.xacro) == (False, True)
+    content = task_content(Task("arm.urdf"))
+    assert content.pop("snap_angles") is True
+    assert "xacro" not in content
+    for stored in (False, True):
+        one = task_from_options(content, stored=stored)
+        assert (one.snap_angles, one.xacro) == (not stored, False)
     with pytest.raises(InputError, match="`xacro=True` says how to read the file of a robot, but no file is named"):
         excite.identify(excite.load_robot("irp6"), [], xacro=True)
 
@@ -211,8 +189,8 @@ CHOICES = {
 
 @pytest.mark.parametrize("text", CHOICES)
 def test_drives_are_chosen_by_name_or_number(text: str, tmp_path: Path) -> None:
-    (tmp_path / "task.yaml").write_text(f"robot: irp6\nroot_friction: {text}\noffset: {text}\n")
-    task = task_from_options(read_task_file(tmp_path / "task.yaml"))
+    file = text_file(tmp_path / "task.yaml", f"robot: irp6\nroot_friction: {text}\noffset: {text}")
+    task = task_from_options(read_task_file(file))
     chosen, numbers = CHOICES[text]
     assert (task.model.root_friction, task.model.offset) == (chosen, chosen)
     columns = target_of(built_in("irp6"), task).model.columns
@@ -225,41 +203,14 @@ def test_drives_are_chosen_by_name_or_number(text: str, tmp_path: Path) -> None:
 def test_a_stored_task_has_new_keys_only_where_they_differ() -> None:
     assert not set(FURTHER) & set(task_content(Task("irp6")))
     assert task_content(Task("irp6"))["offset"] is False
-    values = {
-        "load_share": ("1", "z2"),
-        "stribeck": True,
-        "stribeck_speed": 0.3,
-        "offset": ("2",),
-        "carried": {"m1": -1.5},
-    }
+    new = {"load_share": ("1", "z2"), "stribeck": True, "stribeck_speed": 0.3, "carried": {"m1": -1.5}}
+    values = {**new, "offset": ("2",)}
     task = Task("irp6", **values)
     content = json.loads(json.dumps(task_content(task)))
-    assert set(FURTHER) & set(content) == {"load_share", "stribeck", "stribeck_speed", "carried"}
+    assert set(FURTHER) & set(content) == set(new)
     again = task_from_options(content, stored=True)
     assert again.model == task.model
     assert {name: getattr(again.model, name) for name in values} == values
-
-
-def test_what_is_carried_is_no_option_of_the_command_line() -> None:
-    names = {parameter.name for parameter in design.params}
-    assert {"load_share", "root_friction", "asymmetric_friction", "stribeck", "stribeck_speed"} <= names
-    assert "carried" not in names
-
-
-BAD_FRICTION = [
-    ({"root_friction": [True]}, "root_friction: expected all, none, or names or numbers of drives, given [True]"),
-    ({"stribeck": {"1": 2}}, "stribeck: expected all, none, or names or numbers of drives, given {'1': 2}"),
-    ({"stribeck_speed": 0.0}, "`stribeck_speed` must be a number from 1e-09 to 1000000 rad/s or m/s, given 0"),
-    ({"carried": {"m1": "a"}}, "carried: expected standard parameters, each with a finite number"),
-    ({"carried": {"m1": float("nan")}}, "carried: expected standard parameters, each with a finite number"),
-]
-
-
-@pytest.mark.parametrize(("options", "message"), BAD_FRICTION, ids=[str(options) for options, _ in BAD_FRICTION])
-def test_other_values_are_refused(options: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError) as refused:
-        Task("irp6", **options)
-    assert message in str(refused.value)
 
 
 def test_a_drive_that_the_robot_lacks_is_refused_with_those_it_has() -> None:

@@ -55,12 +55,6 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Identification:
     return load_result(saved(tmp_path_factory.mktemp("result"), found(Task("irp6"), log, recipe=EXACT)))
 
 
-def scaled(result: Identification, factor: float, but: str = "") -> Identification:
-    """The result with parameters that are wrong by a factor, friction only or all but it."""
-    factors = [factor if name.startswith("F") == (but == "masses") else 1.0 for name in result.names]
-    return with_estimate(result, fit=result.coefficients * factors)
-
-
 @pytest.fixture(scope="module")
 def mostly_noise() -> Log:
     """Another motion, 86 % of whose error is noise of the measurement."""
@@ -81,21 +75,16 @@ def test_noise_of_the_measurement_does_not_speak_against_a_result(result: Identi
 
 @pytest.mark.parametrize(("factor", "but"), [(1.4, ""), (0.0, "masses")])
 def test_noise_does_not_hide_a_wrong_result(result: Identification, mostly_noise: Log, factor: float, but: str) -> None:
-    v = verify(scaled(result, factor, but), mostly_noise, signals="butterworth")
+    """Parameters are wrong by a factor, of friction only or all but it."""
+    factors = [factor if name.startswith("F") == (but == "masses") else 1.0 for name in result.names]
+    wrong = with_estimate(result, fit=result.coefficients * factors)
+    v = verify(wrong, mostly_noise, signals="butterworth")
     assert not v.holds
     assert "more than 10 %; the error of" in v.verdict.text
     assert "does not generalise" in v.verdict.text
 
 
 # ---------------------------------------------------------------- joints of little inertia
-
-
-def motion_of(inertia: Array) -> tuple[Samples, Array]:
-    """A motion of two bodies, and the torques that it takes."""
-    w = 2 * np.pi * np.array([0.4, 0.3])
-    q = 0.5 * np.sin(np.multiply.outer(TIME, w))
-    dq, ddq = 0.5 * w * np.cos(np.multiply.outer(TIME, w)), -(w**2) * q
-    return Samples(TIME, q, dq, ddq, np.zeros_like(q)), inertia * ddq
 
 
 def simulated(measured: Samples, inertia: Array, horizon: float, torque: Array, gravity: Array) -> Replay:
@@ -120,12 +109,14 @@ def simulated(measured: Samples, inertia: Array, horizon: float, torque: Array, 
 def test_a_light_wrist_that_runs_away_is_simulated_over_less_time(wrist: float, longest: float) -> None:
     """The model's torques are wrong by 2.8 % of a load that is carried."""
     inertia, carried = np.array([1.0, wrist]), np.array([3.0, 0.5]) * np.ones_like(TORQUE)
-    measured, torque = motion_of(inertia)
+    w = 2 * np.pi * np.array([0.4, 0.3])
+    q = 0.5 * np.sin(np.multiply.outer(TIME, w))
+    measured = Samples(TIME, q, 0.5 * w * np.cos(np.multiply.outer(TIME, w)), -(w**2) * q, np.zeros_like(q))
     tried = list[float]()
 
     def simulate(horizon: float) -> Replay:
         tried.append(horizon)
-        return simulated(measured, inertia, horizon, torque + carried, 1.028 * carried)
+        return simulated(measured, inertia, horizon, inertia * measured.ddq + carried, 1.028 * carried)
 
     replay, horizon = longest_replay(simulate, 0.5, shortest_horizon(TIME))
     assert tried == [0.5 / 2**k for k in range(len(tried))]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -23,12 +22,10 @@ from excite.identification.choices.scoring import (
     pulled_least_squares,
 )
 from excite.identification.estimators import physical
-from excite.identification.estimators.physical import Physical
 from excite.identification.estimators.possible_set import near_described
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, target_of
 from excite.tasks.task import Task
-from regressors.errors import InputError
 from regressors.models.base import random_states
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
@@ -56,13 +53,12 @@ def true_beta(scale: float = 1.0) -> Array:
     return np.asarray(target().base.D @ definition @ np.array(body))
 
 
-def statistics(count: int, noise: float, seed: int = 0, scale: float = 1.0, size: float = 1.0) -> BlockStatistics:
+def statistics(count: int, noise: float, scale: float = 1.0) -> BlockStatistics:
     """Torques at random states in five blocks, with noise relative to each joint's."""
-    states = random_states(target().robot, count, seed)
-    states = replace(states, ddq=size * states.ddq, dq=size * states.dq)
+    states = random_states(target().robot, count, 0)
     W = target().model.assemble(states)[:, target().base.index].reshape(count, -1, target().base.rank)
     y = W @ true_beta(scale)
-    y = y + noise * y.std(axis=0) * np.random.default_rng(seed).normal(size=y.shape)
+    y = y + noise * y.std(axis=0) * np.random.default_rng(0).normal(size=y.shape)
     return statistics_of(W, y, np.arange(count) * 5 // count)
 
 
@@ -137,14 +133,6 @@ def test_deviations_are_in_the_sizes_of_a_body() -> None:
     expected = [mass] + 3 * [mass * length] + 6 * [mass * length**2]
     np.testing.assert_allclose([pull[name][1] for name in names], 0.5 * np.array(expected))
     np.testing.assert_allclose([pull[name][0] for name in names], [described()[name] for name in names])
-
-
-def test_deviations_that_are_none_are_refused() -> None:
-    for within in (0.0, -1.0, np.nan, np.inf):
-        with pytest.raises(InputError, match="described_within must be a positive number"):
-            Physical(described_within=within)
-    with pytest.raises(InputError, match="`described_within` is for the estimator physical, not for weighted"):
-        Recipe(described_within=1.0)
 
 
 # ---------------------------------------------------------------- choice

@@ -14,6 +14,7 @@ import scipy.signal
 from motions import Sines
 from played import LOAD, curves, irp6, noisy, periodic, played, three_joints
 from recordings import real_log
+from refused import refusal
 from written_files import saved
 
 import excite
@@ -63,18 +64,6 @@ def late(delay: float, rate: float = 200.0, seconds: float = 8.0) -> Log:
     return noisy(replace(played(motion, 3, rate, seconds), effort=effort), 0.2, 1e-6, 1)
 
 
-def with_torque(torque: Array) -> Log:
-    """The clean log with some torques of the first three drives besides, shape (N, 3)."""
-    C = np.array(irp6().transmission.coupling)[:3, :3]
-    log = clean()
-    return replace(log, effort=log.effort + torque @ C, sha256="changed")
-
-
-def drive_speeds() -> Array:
-    dq = clean().dq
-    return np.asarray(dq @ np.array(irp6().transmission.coupling)[:3, :3].T)
-
-
 def choice_of(result: Identification, name: str) -> choose.Choice:
     (found,) = [choice for choice in result.choices if choice.name == name]
     return found
@@ -85,8 +74,7 @@ def choice_of(result: Identification, name: str) -> choose.Choice:
 
 def test_a_clean_log_needs_nothing_more() -> None:
     result = plain()
-    assert result.names == PLAIN
-    assert result.recipe.delay == 0.0
+    assert (result.names, result.recipe.delay) == (PLAIN, 0.0)
     assert (result.recipe.sign_width, result.recipe.breakaway) == (0.0, 0.0)
     assert [choice.name for choice in result.choices] == ALL_OF_TORQUES
     assert choice_of(result, "terms").value == ()
@@ -100,11 +88,9 @@ def test_a_clean_log_needs_nothing_more() -> None:
 def test_without_choices_an_identification_is_what_it_was() -> None:
     result = excite.identify("irp6", clean(), choose=False)
     before = estimate_parameters(irp6(), Task("irp6"), [clean()])
-    assert result.choices == ()
-    assert result.recipe == before.recipe
+    assert (result.choices, result.recipe) == ((), before.recipe)
     np.testing.assert_array_equal(result.coefficients, before.coefficients)
-    with pytest.raises(InputError, match="setting to choose"):
-        excite.identify("irp6", clean(), choose=("speed",))
+    assert "setting to choose" in refusal(excite.identify, "irp6", clean(), choose=("speed",))
     log = clean().of(["q1", "q3"])
     for choose_them in (True, False):
         with pytest.raises(InputError, match="LOG has the joints q1, q3, but not q2, which the model moves; record"):
@@ -193,11 +179,11 @@ def test_delays_of_single_joints_and_logs_are_found_applied_stated_and_read_back
 
 
 def test_planted_terms_are_chosen_for_their_drive() -> None:
-    dz = drive_speeds()
-    torque = np.column_stack(
-        [8.0 * np.abs(dz[:, 0]), 5.0 + 0 * dz[:, 1], 6.0 * np.sign(dz[:, 2]) * np.sqrt(np.abs(dz[:, 2]))]
-    )
-    result = excite.identify("irp6", with_torque(torque), estimator="weighted")
+    C = np.array(irp6().transmission.coupling)[:3, :3]
+    first, second, third = C @ clean().dq.T
+    torque = np.array([8.0 * np.abs(first), 5.0 + 0 * second, 6.0 * np.sign(third) * np.sqrt(np.abs(third))])
+    log = replace(clean(), effort=clean().effort + torque.T @ C, sha256="changed")
+    result = excite.identify("irp6", log, estimator="weighted")
     chosen = choice_of(result, "terms").value
     assert {"asymmetry 1", "offset 2", "root 3"} <= set(chosen)
     assert len(chosen) <= 4
@@ -214,20 +200,17 @@ def test_planted_terms_are_chosen_for_their_drive() -> None:
 
 def test_choices_are_written_and_read_back(tmp_path: Path) -> None:
     result = delayed(0.004)
-    result.save(tmp_path / "out")
+    stored = load_result(saved(tmp_path / "out", result))
     content = json.loads((tmp_path / "out" / "result.json").read_text())
     assert [choice["name"] for choice in content["choices"]] == ["cutoff", "delay", "presliding"]
     for written, choice in zip(content["choices"], result.choices, strict=True):
         assert (written["value"], written["reason"]) == (choice.value, choice.reason)
         assert len(written["candidates"]) >= 2
         assert all(set(candidate) == {"value", "error", "score"} for candidate in written["candidates"])
-    stored = load_result(tmp_path / "out")
-    assert (stored.recipe.delay, stored.recipe.cutoff) == (result.recipe.delay, result.recipe.cutoff)
-    other = replace(late(0.004), sha256="another")
-    error = excite.verify(stored, other).relative_error
+    other, undelayed = replace(late(0.004), sha256="another"), replace(stored, recipe=replace(stored.recipe, delay=0.0))
+    error, without = (excite.verify(each, other).relative_error for each in (stored, undelayed))
     assert error == pytest.approx(excite.verify(result, other).relative_error)
-    undelayed = replace(stored, recipe=replace(stored.recipe, delay=0.0))
-    assert excite.verify(undelayed, other).relative_error > 2 * error
+    assert without > 2 * error
 
 
 # ---------------------------------------------------------------- other logs and models

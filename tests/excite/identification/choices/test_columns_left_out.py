@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 from observed import random_blocks, slow_squares, statistics_of
+from refused import refusal
 
 from excite.identification.choices.friction_terms import Group, choose_columns
 from excite.identification.choices.left_out import (
@@ -20,27 +21,22 @@ from excite.identification.choices.left_out import (
     left_out,
     time_blocks,
 )
-from regressors.errors import InputError
 from regressors.samples import Array
 
 
-def last_weights(statistics: BlockStatistics) -> tuple[LeftOut, Array]:
-    """Left-out errors, and the weights of the estimates that they are of."""
+def test_squares_are_those_of_least_squares_on_the_rows_of_the_other_blocks() -> None:
+    """With the weights of the last estimates."""
     used: list[Array] = []
 
     def estimate(both: Array) -> Array:
         used.append(both[:, -1, -1])
         return least_squares_of_products(both)
 
-    errors, measured = left_out(statistics, estimate), (statistics.total - statistics.products)[:, :, -1, -1]
-    return errors, np.linalg.lstsq(measured, used[-1])[0]
-
-
-def test_squares_are_those_of_least_squares_on_the_rows_of_the_other_blocks() -> None:
     for seed in range(6):
         W, y, block, _ = random_blocks(seed)
         statistics = statistics_of(W, y, block)
-        found, weights = last_weights(statistics)
+        found = left_out(statistics, estimate)
+        weights = np.linalg.lstsq((statistics.total - statistics.products)[:, :, -1, -1], used[-1])[0]
         floor = NEGLIGIBLE**2 * np.outer(statistics.counts / statistics.counts.sum(), (y[block >= 0] ** 2).sum(axis=0))
         np.testing.assert_allclose(found.squares, slow_squares(W, y, block, weights) + floor, rtol=1e-6)
         assert found.instants == np.count_nonzero(block >= 0)
@@ -62,8 +58,7 @@ def test_statistics_are_sums_of_products_of_columns_and_logs() -> None:
     np.testing.assert_allclose(parts.products, statistics.products)
     np.testing.assert_array_equal(parts.counts, statistics.counts)
     for none in (np.zeros(300, dtype=int), np.full(300, -1)):  # fewer than two blocks
-        with pytest.raises(InputError, match="too few rows"):
-            statistics_of(W, y, none)
+        assert "too few rows" in refusal(statistics_of, W, y, none)
 
 
 # ---------------------------------------------------------------- scores

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
 import scipy.optimize
 from observed import observations_of, random_problem
+from refused import refusal
 
 from excite.identification.estimators.robust import huber, instrumental
-from regressors.errors import InputError
-from regressors.samples import Array
 
 # --- Huber -----------------------------------------------------------------------------------------------------------
 
@@ -30,25 +30,20 @@ def test_huber_minimises_hubers_loss() -> None:
     np.testing.assert_allclose(found.values, oracle.x, atol=1e-5 * float(found.deviation.min()), rtol=1e-5)
 
 
-def literal_huber(W: Array, y: Array, k: float) -> Array:
+@pytest.mark.parametrize("k", [0.8, 1.345, 2.5])
+def test_huber_is_the_fixed_point_of_reweighting(k: float) -> None:
     """Iteratively reweighted least squares as in the textbook, scale from the median with its degrees of freedom."""
+    observations, _ = random_problem(1, deviations=(0.3,), instants=150)
+    W, y = observations.W, observations.y.copy()
+    y[:15] += 5.0
+    found = huber(dataclasses.replace(observations, y=y), threshold=k)
     values = np.linalg.lstsq(W, y)[0]
     for _ in range(500):
         e = y - W @ values
         scale = 1.482602218505602 * np.median(np.abs(e)) * np.sqrt(len(y) / (len(y) - W.shape[1]))
         w = np.minimum(1.0, k / np.maximum(np.abs(e / scale), 1e-300))
         values = np.linalg.lstsq(W * np.sqrt(w)[:, None], y * np.sqrt(w))[0]
-    return np.asarray(values)
-
-
-@pytest.mark.parametrize("k", [0.8, 1.345, 2.5])
-def test_huber_is_the_fixed_point_of_reweighting(k: float) -> None:
-    observations, _ = random_problem(1, deviations=(0.3,), instants=150)
-    y = observations.y.copy()
-    y[:15] += 5.0
-    observations = dataclasses.replace(observations, y=y)
-    found = huber(observations, threshold=k)
-    np.testing.assert_allclose(found.values, literal_huber(observations.W, y, k), atol=1e-6 * found.deviation.min())
+    np.testing.assert_allclose(found.values, values, atol=1e-6 * found.deviation.min())
 
 
 @pytest.mark.slow
@@ -79,14 +74,12 @@ def test_instruments_are_the_closed_form() -> None:
 # --- bad input -------------------------------------------------------------------------------------------------------
 
 GOOD = random_problem(0)[0]
-BAD = (
-    (lambda: huber(GOOD, threshold=0.0), "threshold must be greater than zero, given 0.0"),
-    (lambda: instrumental(GOOD, GOOD.W[:-1]), r"instruments have shape \(119, 4\), .* W has \(120, 4\)"),
-    (lambda: instrumental(GOOD, np.full(GOOD.W.shape, np.nan)), "instruments must hold finite numbers"),
-)
 
 
 def test_bad_settings() -> None:
-    for make, message in BAD:
-        with pytest.raises(InputError, match=message):
-            make()
+    for make, message in (
+        (lambda: huber(GOOD, threshold=0.0), "threshold must be greater than zero, given 0.0"),
+        (lambda: instrumental(GOOD, GOOD.W[:-1]), r"instruments have shape \(119, 4\), .* W has \(120, 4\)"),
+        (lambda: instrumental(GOOD, np.full(GOOD.W.shape, np.nan)), "instruments must hold finite numbers"),
+    ):
+        assert re.search(message, refusal(make))
