@@ -83,17 +83,14 @@ def test_stiff_servos_are_designed_for_as_if_there_were_none() -> None:
 
 def test_a_design_counts_the_tracked_motion_and_its_files_hold_the_servos(tmp_path: Path) -> None:
     slow = servos(D=3.0)
-    slow.save(tmp_path / "servos")
+    folder = saved(tmp_path / "servos", slow)
     plain = excite.design_trajectory(small_arm(), model="servo", **QUICK)
-    aware = excite.design_trajectory(small_arm(), model="servo", servos=str(tmp_path / "servos"), **QUICK)
+    aware = excite.design_trajectory(small_arm(), model="servo", servos=str(folder), **QUICK)
     problem = formulate(*robot_and_task(aware.task)).problem
     assert problem.exact_value(aware.trajectory.x) == pytest.approx(aware.minimised_value, rel=1e-9)
     assert aware.minimised_value < problem.exact_value(plain.trajectory.x) - 0.01
     loaded = excite.load_design(saved(tmp_path / "design", aware))
-    assert (
-        loaded.task.objective.servos == task_servos(slow)
-        or loaded.task.objective.servos.values == task_servos(slow).values
-    )
+    assert loaded.task.objective.servos.values == task_servos(slow).values
     assert loaded.feasible
 
 
