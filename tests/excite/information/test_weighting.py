@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 from commands import Here, content_of
+from written_files import text_file
 
 from excite.cli.streams import in_options
 from excite.design.comparison import compare
@@ -193,13 +193,12 @@ def test_stated_deviations_belong_to_whole_quantities(robot: str) -> None:
 
 def test_what_nothing_is_known_of_stays_unknown() -> None:
     target = target_of(load_robot("irp6"), Task("irp6", offset=True))
-    prior = prior_of(target.model, target.base, 0.2)
+    prior, rank = prior_of(target.model, target.base, 0.2), target.base.rank
     offsets = [k for k, name in enumerate(target.base.names) if name.endswith("o")]
     assert len(offsets) == 3
     np.testing.assert_allclose(prior.precision[offsets], 0.0, atol=1e-12)
-    deviations = prior.base_deviations(np.eye(target.base.rank))
-    assert np.flatnonzero(np.isinf(deviations)).tolist() == offsets
-    assert np.linalg.matrix_rank(prior.precision) == target.base.rank - 3
+    assert np.flatnonzero(np.isinf(prior.base_deviations(np.eye(rank)))).tolist() == offsets
+    assert np.linalg.matrix_rank(prior.precision) == rank - 3
 
 
 REFUSED = (
@@ -229,30 +228,6 @@ def test_what_cannot_be_weighted_is_refused() -> None:
 
 QUICK = "design irp6 --starts 2 --harmonics 3 --executor serial --noise 1,0.1,10 --criterion trace"
 KNOWN_YAML = "X7: {value: 8.125, deviation: 0.5}\nm3c3x: {value: 0.59, deviation: 0.1}\n"
-
-
-def test_files_that_do_not_say_what_is_known(tmp_path: Path) -> None:
-    path = tmp_path / "known.yaml"
-    for read, text, message in (
-        (
-            read_prior,
-            "X7: {value: 8.1}\n",
-            "X7 (line 1): expected finite numbers {value: ..., deviation: ...}, given a",
-        ),
-        (read_prior, "X7: {value: 8.1, deviation: .inf}\n", "X7 (line 1): deviation must be a number"),
-        (read_prior, "- 3\n", "expected a mapping of fields, given a list of 1"),
-        (read_prior, "X7: [\n", "not valid YAML"),
-        (read_task_file, "prior: [1]\n", "prior (line 1): expected a relative uncertainty or a mapping of parameters"),
-        (
-            read_task_file,
-            "prior: {X7: {deviation: 1}}\n",
-            "prior (line 1): X7: expected finite numbers {value: ..., dev",
-        ),
-    ):
-        path.write_text(text)
-        with pytest.raises(InputError) as refused:
-            read(path)
-        assert message in str(refused.value)
 
 
 def test_tasks_survive_json() -> None:
@@ -288,7 +263,18 @@ def test_command(here: Here) -> None:
     assert "rows divided" in shown
 
 
-def test_options_that_cannot_be(here: Here) -> None:
+def test_files_and_options_that_cannot_be(here: Here) -> None:
+    for read, text, message in (
+        (read_prior, "X7: {value: 8.1}", "X7 (line 1): expected finite numbers {value: ..., deviation: ...}, given a"),
+        (read_prior, "X7: {value: 8.1, deviation: .inf}", "X7 (line 1): deviation must be a number"),
+        (read_prior, "- 3", "expected a mapping of fields, given a list of 1"),
+        (read_prior, "X7: [", "not valid YAML"),
+        (read_task_file, "prior: [1]", "prior (line 1): expected a relative uncertainty or a mapping of parameters"),
+        (read_task_file, "prior: {X7: {deviation: 1}}", "prior (line 1): X7: expected finite numbers {value: ..., dev"),
+    ):
+        with pytest.raises(InputError) as refused:
+            read(text_file(here.cwd / "known.yaml", f"{text}\n"))
+        assert message in str(refused.value)
     for typed, message in (
         ("--prior 0", "'--prior': expected a relative uncertainty greater than zero, or a file, given '0'"),
         ("--prior none.yaml", "cannot read prior file none.yaml: No such file or directory"),
