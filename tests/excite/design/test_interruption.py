@@ -77,7 +77,7 @@ def swallowed(number: int) -> None:
         signal.raise_signal(number)
 
 
-def test_a_signal_that_is_sent_twice_at_once_counts_once(
+def test_a_signal_sent_twice_at_once_counts_once(
     answered: Interruption, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(interruption, "_DOUBLED", 60.0)

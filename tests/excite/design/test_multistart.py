@@ -108,7 +108,7 @@ def test_points_are_not_written_at_every_iterate(made: Formulation, tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_every_start_is_on_disk_when_it_is_reported_and_the_executor_does_not_matter(
+def test_every_start_is_on_disk_when_it_is_reported_whatever_runs_it(
     made: Formulation, tmp_path: Path
 ) -> None:
     results = {}
@@ -126,7 +126,7 @@ def test_every_start_is_on_disk_when_it_is_reported_and_the_executor_does_not_ma
     assert without_cpu(results["process"]) == without_cpu(results["serial"])
 
 
-def test_an_error_in_a_process_or_in_progress_is_raised_here_and_ends_the_pool(
+def test_an_error_is_raised_here_and_ends_the_pool(
     alone: Formulation, tmp_path: Path
 ) -> None:
     with pytest.raises(Exception, match="gone"):

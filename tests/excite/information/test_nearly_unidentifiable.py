@@ -40,10 +40,8 @@ THETA = np.array([4.0, 0.4, 0.1, 0.2, 0.3, 0.01, 0.02, 0.25, 0.01, 0.2])
 
 def arm(*, base: float = 0.0, elbow: float = np.pi / 2, drives: tuple[Drive, ...] = ()) -> Robot:
     """Two joints; the first axis leans against gravity by `base`, the second against the first by `elbow` [rad]."""
-    joints = (
-        Joint.from_mdh("shoulder", "revolute", alpha=base, a=0.0),
-        Joint.from_mdh("elbow", "revolute", alpha=elbow, a=0.3),
-    )
+    placed = (("shoulder", base, 0.0), ("elbow", elbow, 0.3))
+    joints = tuple(Joint.from_mdh(name, "revolute", alpha=alpha, a=a) for name, alpha, a in placed)
     two = np.full(2, 2.0)
     limits = Limits(-two, two, two, 3 * two, np.full(2, np.inf), np.full(2, np.inf))
     transmission = Transmission(np.eye(2), drives, Limits.none(2)) if drives else None
@@ -256,9 +254,8 @@ LEANING = [arm(), arm(base=1e-3), arm(elbow=1.5), small_and_fast(arm(base=1e-3))
 
 @pytest.mark.parametrize("robot", [*LEANING, *map(excite.load_robot, excite.built_in_names())], ids=lambda r: r.name)
 def test_a_lean_of_a_thousandth_is_no_rounding_and_built_in_robots_keep_all_their_parameters(robot: Robot) -> None:
-    found, kept = (
-        target_of(robot, Task(robot, nearly_unidentifiable=choice)).base for choice in ("drop-rounding", "keep")
-    )
+    tasks = (Task(robot, nearly_unidentifiable=choice) for choice in ("drop-rounding", "keep"))
+    found, kept = (target_of(robot, task).base for task in tasks)
     assert found.by_rounding == ()
     assert found.names == kept.names
     np.testing.assert_array_equal(found.D, kept.D)

@@ -138,9 +138,8 @@ def torques() -> excite.TaskTorques:
 @pytest.fixture(scope="module")
 def design(torques: excite.TaskTorques) -> excite.Design:
     target = excite.PrecisionTarget(None, parameters={"X2": 0.3}, torques=torques)
-    return excite.design_trajectory(
-        "irp6", precision=target, noise=(1.0, 2.0, 3.0), criterion="trace", scale="precision", search=ONE
-    )
+    criterion = {"criterion": "trace", "scale": "precision", "noise": (1.0, 2.0, 3.0)}
+    return excite.design_trajectory("irp6", precision=target, search=ONE, **criterion)
 
 
 def test_the_error_of_torques_is_that_of_sampled_parameters(design: excite.Design) -> None:

@@ -96,11 +96,10 @@ def slow_covariance(made: Formulation, samples: Samples) -> Array:
             definition[row] = 0.0
             definition, names = np.column_stack([definition, np.eye(len(definition))[row]]), (*names, name)
     equations = []
+    by_noise = task.objective.weighted or task.objective.prior is not None
+    noise = task.objective.noise if by_noise and task.objective.noise else (1.0,) * len(model.row_labels)
     for k, row in enumerate(model.assemble(samples) @ definition):
-        by_noise = task.objective.weighted or task.objective.prior is not None
-        equations.append(
-            row / (task.objective.noise[k % len(model.row_labels)] if by_noise and task.objective.noise else 1.0)
-        )
+        equations.append(row / noise[k % len(noise)])
     equations += [np.eye(len(names))[names.index(name)] / s for name, s in deviations.items()]
     to_wanted = np.linalg.inv(made.target.transforms[task.objective.base]) @ made.target.base.D @ definition
     sizes = np.linalg.norm(equations, axis=0)
@@ -122,9 +121,8 @@ def slow_scale(made: Formulation) -> Array:
     definition, names = target.model.definition()
     deviations = slow_deviations(made)
     to_wanted = np.linalg.inv(T) @ target.base.D @ definition
-    return np.array(
-        [np.sqrt(sum((a * deviations[n]) ** 2 for a, n in zip(row, names, strict=True) if a)) for row in to_wanted]
-    )
+    squares = [sum((a * deviations[n]) ** 2 for a, n in zip(row, names, strict=True) if a) for row in to_wanted]
+    return np.sqrt(squares)
 
 
 def test_information_is_the_inverse_of_the_covariance_of_all_that_is_known(made: Formulation) -> None:
@@ -134,10 +132,8 @@ def test_information_is_the_inverse_of_the_covariance_of_all_that_is_known(made:
     N = len(made.target.model.assemble(samples)) / len(made.target.model.row_labels)
     covariance = slow_covariance(made, samples) / np.outer(scale, scale)
     M = problem.objective.matrix(problem.objective.exact_matrix(x))
-    roots = np.sqrt(np.diag(covariance))
-    np.testing.assert_allclose(
-        np.linalg.inv(M) / N / np.outer(roots, roots), covariance / np.outer(roots, roots), atol=2e-5
-    )
+    sizes = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
+    np.testing.assert_allclose(np.linalg.inv(M) / N / sizes, covariance / sizes, atol=2e-5)
     assert problem.exact_value(x) == instance("criterion", made.task.objective.criterion).value(M)
     if made.task.objective.criterion == "sigma-min":  # the largest relative deviation of any combination of parameters
         assert problem.exact_value(x) == pytest.approx(np.sqrt(N * np.linalg.norm(covariance, 2)), rel=1e-5)

@@ -166,9 +166,8 @@ def test_intervals_of_the_weighted_estimate_hold_as_often_as_they_say() -> None:
     found = torque_noise("weighted")
     hits = scipy.stats.binom.ppf([RARE, 1 - RARE], found.count, 0.99) / found.count
     assert np.all((found.coverage >= hits[0]) & (found.coverage <= hits[1]))
-    np.testing.assert_allclose(
-        found.predicted_deviation, np.sqrt(np.diag(covariance(np.array([2.0, 20.0])))), rtol=0.02
-    )
+    expected = np.sqrt(np.diag(covariance(np.array([2.0, 20.0]))))
+    np.testing.assert_allclose(found.predicted_deviation, expected, rtol=0.02)
     np.testing.assert_allclose(found.noise.mean(axis=0), [0.5, 0.05], rtol=0.01)
 
 

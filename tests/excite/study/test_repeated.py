@@ -81,11 +81,8 @@ def test_an_experiment_is_repeated_as_well_after_it_was_sent(name: str) -> None:
 
 @pytest.mark.usefixtures("in_pairs")
 def test_repetitions_are_in_the_order_of_their_numbers_whatever_ends_first() -> None:
-    seen: list[tuple[int, int]] = []
-    backwards = OneByOne(backwards=True)
-    there = repeat_experiment(
-        plain(), COUNT, 0, progress=lambda done, count: seen.append((done, count)), executor=backwards
-    )
+    seen, backwards = list[tuple[int, int]](), OneByOne(backwards=True)
+    there = repeat_experiment(plain(), COUNT, 0, progress=lambda *done: seen.append(done), executor=backwards)
     same(there, repeat_experiment(plain(), COUNT, 0, executor="serial"))
     assert seen == [(k, COUNT) for k in range(2, COUNT + 1, 2)]
     assert backwards.closed

@@ -436,17 +436,12 @@ def test_sines_of_whole_frequencies_are_a_series_with_a_quintic() -> None:
     linear, nonlinear = FourierQuintic(5.0, 3), Sines(5.0, 3)
     y, t = np.random.default_rng(10).normal(size=(2, linear.size)), np.linspace(0, 5, 100)
     series = linear.to_dict(y)
-    amplitude = np.array(series["sine"]) + 1j * np.array(series["cosine"])
-    waves = {
-        "amplitude": np.abs(amplitude),
-        "phase": np.angle(amplitude),
-        "frequency": np.tile([1, 2, 3], (2, 1)) * 0.4 * np.pi,
-    }
+    wave = np.array(series["sine"]) + 1j * np.array(series["cosine"])
+    frequency = np.tile([1, 2, 3], (2, 1)) * 0.4 * np.pi
+    waves = {"amplitude": np.abs(wave), "phase": np.angle(wave), "frequency": frequency}
     x = nonlinear.restored({"offset": [0.0, 0.0], **waves})
-    expected = linear.motion(y, t, 0)
-    np.testing.assert_allclose(
-        nonlinear.motion(x, t, 0) - nonlinear.motion(x, t[:1], 0), expected - expected[0], atol=1e-9
-    )
+    expected, found = linear.motion(y, t, 0), nonlinear.motion(x, t, 0)
+    np.testing.assert_allclose(found - found[0], expected - expected[0], atol=1e-9)
 
 
 # --- the search ------------------------------------------------------------------------------------------------------

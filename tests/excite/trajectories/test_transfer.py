@@ -72,10 +72,8 @@ def rows_of(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
 
 
 def motion_in(columns: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return tuple(
-        np.column_stack([columns[f"{joint}.{what}"] for joint in IRP6.joint_names])
-        for what in ("position", "velocity", "acceleration")
-    )
+    whats = ("position", "velocity", "acceleration")
+    return tuple(np.column_stack([columns[f"{joint}.{what}"] for joint in IRP6.joint_names]) for what in whats)
 
 
 # --- the law from 0 to 1
@@ -229,9 +227,7 @@ def test_segments_follow_one_another_from_home_and_back_and_begin_on_samples(des
     assert np.allclose(time, np.arange(time.size) / RATE, rtol=1e-14, atol=0.0)
     spans = {part["name"]: part for part in content["segments"]}
     assert (spans["approach"]["start"], spans["return"]["end"]) == pytest.approx((0.0, time[-1]), abs=1e-9)
-    assert (spans["excite"]["start"], spans["excite"]["end"]) == pytest.approx(
-        (time[here[0]], time[here[-1]]), abs=1e-9
-    )
+    assert [spans["excite"][end] for end in ("start", "end")] == pytest.approx(time[[here[0], here[-1]]], abs=1e-9)
     assert spans["excite"]["end"] - spans["excite"]["start"] == pytest.approx(TASK.trajectory.period)
     assert content["duration"] == pytest.approx(time[-1])
     # the exciting rows are those of the motion alone, and between them and the ways it rests
