@@ -15,7 +15,6 @@ from commands import content_of, files_below, table_of
 from hypothesis import given, settings, strategies as st
 from written_files import text_file
 
-from constraints.linear import linear_limits
 from excite.design.design import Design
 from excite.design.design_folder import save_design
 from excite.design.design_json import load_design
@@ -258,23 +257,6 @@ def test_the_table_is_the_motion_to_the_last_bit_and_at_rest_at_both_ends(design
 def test_zeros_of_the_table_have_no_sign(tmp_path: Path) -> None:
     write_motion_table(tmp_path / "m.csv", ["time", "q"], np.array([[0.0, -0.0]]))
     assert (tmp_path / "m.csv").read_text(encoding="utf-8") == "time,q\n0,0\n"
-
-
-def test_certificate_is_that_of_the_written_motion(design: Design, folder: Path) -> None:
-    stored = load_design(folder)
-    time = np.linspace(0.0, stored.trajectory.duration, 20_001)
-    samples = stored.trajectory.samples(time)
-    told = {limit["label"]: limit for limit in content_of(folder)["limits"]}
-    seen = set()
-    for limit in linear_limits(stored.moving):
-        for k, label in enumerate(limit.labels):
-            values, use = limit.values(samples)[:, k], told[label]
-            extreme = values[np.argmax(np.minimum(limit.upper[k] - values, values - limit.lower[k]) * -1)]
-            assert extreme == pytest.approx(use["extreme"], rel=1e-5, abs=1e-6)
-            assert time[np.argmin(np.abs(time - use["time"]))] == pytest.approx(use["time"], abs=1e-3)
-            assert use["margin"] == pytest.approx(abs(use["bound"] - use["extreme"]), rel=1e-12)
-            seen.add(label)
-    assert seen == {label for label, use in told.items() if use["quantity"] not in ("torque", "distance")}
 
 
 # Complete or absent

@@ -77,9 +77,7 @@ def swallowed(number: int) -> None:
         signal.raise_signal(number)
 
 
-def test_a_signal_sent_twice_at_once_counts_once(
-    answered: Interruption, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_signal_sent_twice_at_once_counts_once(answered: Interruption, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(interruption, "_DOUBLED", 60.0)
     interrupted(signal.SIGHUP)
     signal.raise_signal(signal.SIGHUP)

@@ -108,9 +108,7 @@ def test_points_are_not_written_at_every_iterate(made: Formulation, tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_every_start_is_on_disk_when_it_is_reported_whatever_runs_it(
-    made: Formulation, tmp_path: Path
-) -> None:
+def test_every_start_is_on_disk_when_it_is_reported_whatever_runs_it(made: Formulation, tmp_path: Path) -> None:
     results = {}
     for executor in EXECUTORS:
         folder, reported = tmp_path / executor, list[tuple[int, bool]]()
@@ -126,9 +124,7 @@ def test_every_start_is_on_disk_when_it_is_reported_whatever_runs_it(
     assert without_cpu(results["process"]) == without_cpu(results["serial"])
 
 
-def test_an_error_is_raised_here_and_ends_the_pool(
-    alone: Formulation, tmp_path: Path
-) -> None:
+def test_an_error_is_raised_here_and_ends_the_pool(alone: Formulation, tmp_path: Path) -> None:
     with pytest.raises(Exception, match="gone"):
         run_in_pool(alone, [[0, 1, 2]], tmp_path / "gone", lambda _: None)
     with pytest.raises(ZeroDivisionError):

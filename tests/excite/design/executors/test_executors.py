@@ -120,9 +120,7 @@ def test_results_come_by_number_from_every_executor() -> None:
 
 
 @pytest.mark.slow
-def test_a_unit_that_kills_its_process_thrice_is_left_out(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_unit_that_kills_its_process_thrice_is_left_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     for times in (1, 99):
         (tmp_path / str(times)).mkdir()
         with caplog.at_level(logging.WARNING):
