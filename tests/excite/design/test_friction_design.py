@@ -45,10 +45,8 @@ KNOWN = FrictionCurves(
         "z4": CoulombViscous(10.0, 5.0),
     }
 )
-MARGIN = 0.6
-TASK = Task(
-    "irp6", harmonics=3, starts=1, executor="serial", friction_curves=KNOWN, torque_margin=MARGIN, **NO_DISTANCES
-)
+MARGIN, QUICK = 0.6, {"harmonics": 3, "starts": 1, "executor": "serial"}
+TASK = Task("irp6", friction_curves=KNOWN, torque_margin=MARGIN, **QUICK, **NO_DISTANCES)
 FILE = """\
 schema: excite.friction/1
 drives:
