@@ -69,16 +69,14 @@ def test_a_gradient_that_is_none_is_refused_before_the_search(criterion: excite.
         excite.design_trajectory("irp6", period=4, criterion=criterion, search=SEARCH)
 
 
+design = excite.design_trajectory
 WRONG: dict[str, tuple[Callable[[], object], str]] = {
-    "lambda as criterion": (lambda: excite.design_trajectory("irp6", criterion=lambda M: 1.0), "criterion: expected"),
+    "lambda as criterion": (lambda: design("irp6", criterion=lambda M: 1.0), "criterion: expected"),
     "lambda as constraint": (
-        lambda: excite.design_trajectory("irp6", constraints=[lambda q: q]),
+        lambda: design("irp6", constraints=[lambda q: q]),
         "constraints: expected a list, each a Limit or text",
     ),
-    "limit not in a list": (
-        lambda: excite.design_trajectory("irp6", constraints=excite.TorqueLimit(0.1)),
-        "constraints: expected a list",
-    ),
+    "no list": (lambda: design("irp6", constraints=excite.TorqueLimit(0.1)), "constraints: expected a list"),
     "lambda as model": (lambda: excite.Task("irp6", model=lambda robot: robot), "model: expected a RegressorModel"),
     "a design to verify": (lambda: excite.verify(short(), "x.csv"), "result: expected a result of `identify`"),
     "no friction curves": (lambda: excite.Task("irp6", friction_curves=object()), "friction_curves: expected curves"),

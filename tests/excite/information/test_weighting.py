@@ -28,17 +28,15 @@ from regressors.readers.library import load_robot
 from regressors.samples import Array, Samples
 
 KNOWN = (Belief("X7", 8.125, 0.5), Belief("m3c3x", 0.59, 0.1), Belief("F2c", 28.75, 4.0))
-WHEELS = (0.5, 2.0, 1.0, 4.0, 0.2, 0.1, 0.3)
+PIVOTED = {"base": "pivoted", "friction": False, "noise": (0.5, 2.0, 1.0, 4.0, 0.2, 0.1, 0.3)}
 TASKS = {
     "weighted": Task("irp6", noise=(0.5, 8.0, 2.0), weighted=True),
-    "pivoted": Task("panda", base="pivoted", friction=False, noise=WHEELS, weighted=True, criterion="trace"),
+    "pivoted": Task("panda", **PIVOTED, weighted=True, criterion="trace"),
     "orthonormal": Task("irp6", joints=tuple("12345"), base="orthonormal", noise=(1, 2, 3, 4, 5), prior=0.1),
     "prior": Task("irp6", noise=(0.5, 8.0, 2.0), prior=0.3, criterion="sigma-min", scale="prior"),
     "some known": Task("irp6", noise=(0.5, 8.0, 2.0), prior=KNOWN, criterion="logdet"),
     "value": Task("irp6", scale="value", criterion="sigma-min"),
-    "value, pivoted": Task(
-        "panda", base="pivoted", friction=False, noise=WHEELS, prior=0.2, scale="value", criterion="sigma-min"
-    ),
+    "value, pivoted": Task("panda", **PIVOTED, prior=0.2, scale="value", criterion="sigma-min"),
     "one joint": Task("irp6", joints=("3",), noise=(0.7,), prior=0.2, scale="prior", criterion="frobenius"),
     "energy": Task("irp6", model="energy", noise=(0.1,), prior=0.2, scale="prior"),
     "load": Task("irp6", model="load", noise=(2.0, 2.0, 1.0, 0.1, 0.2, 0.3), weighted=True, period=5.0),

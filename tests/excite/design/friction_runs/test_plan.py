@@ -348,10 +348,7 @@ def test_what_cannot_be_planned() -> None:
         ({"pose": np.array([0, 2.0, 0, 0, 0])}, "pose: joint q2 position is 2 rad"),
         ({"balanced": True}, "give `pose` too"),
         ({"drives": ("3",), "percent": (100.0,), "shortest": 0.3}, r"z3: no speed leaves a window: .* `shortest`"),
-        (
-            {"drives": ("2",), "pose": np.array([0, 0.698, -0.698, 0, 0])},
-            r"z2: no speed leaves .* in a stroke of 0 rad",
-        ),
+        ({"drives": ("2",), "pose": np.array([0, 0.698, -0.698, 0, 0])}, "z2: no speed leaves .* a stroke of 0 rad"),
         ({"robot": WITHOUT_VELOCITY}, r"shoulder_pan_joint: no velocity limit bounds it.*`velocity`"),
         ({"percent": (50.0, 50.0)}, "duplicate speeds in `percent`"),
         ({"percent": ()}, "given none"),
