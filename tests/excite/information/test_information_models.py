@@ -20,7 +20,6 @@ from excite.information.target import model_of
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
-from regressors.errors import InputError
 from regressors.models.model import RegressorModel
 from regressors.models.windows import WindowModel
 from regressors.readers.library import built_in
@@ -230,8 +229,3 @@ def test_designs_keep_limits_move_what_is_asked_and_report_the_criterion_of_thei
     assert design.condition_number < 1e4
     assert design.starts[0].history[-1] < design.starts[0].history[0]
     assert len(design.predicted) == design.base.rank
-
-
-def test_a_window_longer_than_the_motion_is_refused_before_the_search() -> None:
-    with pytest.raises(InputError, match="longer than the motion"):
-        formulate(built_in("irp6"), Task("irp6", model="energy", period=6.0, harmonics=3, window_length=6.5))

@@ -42,10 +42,6 @@ def noise() -> Log:
     return noisy(played(three_joints(), 3, seconds=4.005), 0.5, 1e-5, 1)
 
 
-def test_the_estimators_that_can_be_repeated_are_those_in_batches() -> None:
-    assert set(REPEATABLE) == set(ESTIMATORS)
-
-
 def test_repetitions_have_the_noise_of_the_torques_whatever_the_equations_are(noise: Log) -> None:
     for task, recipe in (
         (TASK, Recipe(rows="all")),
@@ -117,11 +113,6 @@ def test_ctrl_c_keeps_what_has_come_back_and_ends_the_workers() -> None:
     np.testing.assert_array_equal(rest.estimates, repeat_experiment(plain(), COUNT, 0).estimates[COUNT - 4 :])
 
 
-def test_a_scheduler_that_goes_away_promises_nothing_that_is_not_kept() -> None:
-    with pytest.raises(LostWorkersError, match=r"^the scheduler went away; repeat with fewer `workers`, or with"):
-        repeat_experiment(plain(), COUNT, 0, executor=OneByOne(ends_after=0))
-
-
 # --- where they run ---------------------------------------------------------------------------------------------------
 
 LONG = 10**6  # repetitions of far more than `SHORT`
@@ -153,6 +144,9 @@ def test_what_is_asked_for_by_address_or_as_an_object_is_used() -> None:
         executor_of_repetitions("proces", None, plain(), COUNT)
     with pytest.raises(InputError, match="workers"):
         repeat_experiment(plain(), COUNT, 0, workers=0)
+    with pytest.raises(LostWorkersError, match=r"^the scheduler went away; repeat with fewer `workers`, or with"):
+        repeat_experiment(plain(), COUNT, 0, executor=OneByOne(ends_after=0))  # nothing that is not kept is promised
+    assert set(REPEATABLE) == set(ESTIMATORS)
 
 
 @pytest.mark.usefixtures("cores")
