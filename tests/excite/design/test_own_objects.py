@@ -72,10 +72,7 @@ def test_a_gradient_that_is_none_is_refused_before_the_search(criterion: excite.
 design = excite.design_trajectory
 WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "lambda as criterion": (lambda: design("irp6", criterion=lambda M: 1.0), "criterion: expected"),
-    "lambda as constraint": (
-        lambda: design("irp6", constraints=[lambda q: q]),
-        "constraints: expected a list, each a Limit or text",
-    ),
+    "lambda as limit": (lambda: design("irp6", constraints=[lambda q: q]), "constraints: expected a list, each a Lim"),
     "no list": (lambda: design("irp6", constraints=excite.TorqueLimit(0.1)), "constraints: expected a list"),
     "lambda as model": (lambda: excite.Task("irp6", model=lambda robot: robot), "model: expected a RegressorModel"),
     "a design to verify": (lambda: excite.verify(short(), "x.csv"), "result: expected a result of `identify`"),

@@ -179,6 +179,7 @@ def test_bound_of_the_irp6_is_proven_and_below_every_motion() -> None:
     assert found.proven
     assert 0.3 * one.condition_number < found.value <= found.estimate < found.reached
     assert found.reached == pytest.approx(one.condition_number)
+    assert found.efficiency == pytest.approx(found.value / found.reached)
 
 
 FAMILIES: dict[str, dict[str, Any]] = {
