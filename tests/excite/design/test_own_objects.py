@@ -180,6 +180,7 @@ def test_required_parameter_that_the_motion_does_not_show_is_named_with_a_cure()
         ({"drives": ("2",), "require": ("X5",)}, "X5 is not identifiable from motions of z2; move z1, z3, which ident"),
         ({"require": ("X9",)}, "no parameter named 'X9'"),
         ({"start": ("cosine", "sines")}, "start: expected one initial guess, or 3 for q1, q2, q3"),
+        ({"window_length": 20.0}, "a window of 20 s is longer than the motion of 10 s"),
     ):
         with pytest.raises((InputError, UnknownName), match=message):
             formulate(IRP6, Task("irp6", model="energy", **options))

@@ -151,9 +151,7 @@ def test_what_cannot_be_studied() -> None:
     for executor, how, error in (("proces", {}, UnknownName), ("process", {"workers": 0}, InputError)):
         with pytest.raises(error):
             repeated(executor, **how)
-    with pytest.raises(
-        LostWorkersError, match="nothing of the study is kept: repeat it with fewer `workers`, or with"
-    ):
+    with pytest.raises(LostWorkersError, match="nothing of the study is kept: repeat it with fewer `workers`, or with"):
         repeated(OneByOne(ends_after=1), repeats=2)
 
 
