@@ -109,15 +109,6 @@ def test_torques_of_the_drive_stay_within_their_limit() -> None:
     assert abs(use.extreme) < reached + 0.02 * 2.7
 
 
-def _projected(lengths: tuple[float, ...], robot: Robot, samples: Samples) -> Array:
-    """``N' Y`` by slow means: N by differences of the closed form."""
-    h, q1 = 1e-5, samples.q[:, 0]
-    N = (joint_angles(lengths, q1 + h) - joint_angles(lengths, q1 - h)) / (2 * h)
-    tree = robot.replace(closures=(), passive=())
-    Y = DifferentialModel(tree, Terms()).instants(samples).reshape(len(q1), 3, -1)
-    return np.einsum("tj,tjp->tp", N, Y)
-
-
 def test_the_condition_number_is_that_of_the_projected_equations_along_the_closed_form() -> None:
     design, robot = design_of("four-bar"), robot_of("four-bar")
     model = design.target.model
@@ -132,8 +123,12 @@ def test_the_condition_number_is_that_of_the_projected_equations_along_the_close
     bent = (-angles[:-4] + 16 * angles[1:-3] - 30 * angles[2:-2] + 16 * angles[3:-1] - angles[4:]) / (12 * step**2)
     np.testing.assert_allclose(along.dq, velocity, atol=1e-6)
     np.testing.assert_allclose(along.ddq, bent, atol=1e-4)
-    names = [column.name for column in DifferentialModel(robot.replace(closures=(), passive=()), Terms()).columns]
-    W = _projected(FOUR_BAR, robot, samples)[:, [names.index(name) for name in design.target.base.names]]
+    # N' Y by slow means: N by differences of the closed form
+    h, q1, tree = 1e-5, samples.q[:, 0], DifferentialModel(robot.replace(closures=(), passive=()), Terms())
+    N = (joint_angles(FOUR_BAR, q1 + h) - joint_angles(FOUR_BAR, q1 - h)) / (2 * h)
+    projected = np.einsum("tj,tjp->tp", N, tree.instants(samples).reshape(len(q1), 3, -1))
+    names = [column.name for column in tree.columns]
+    W = projected[:, [names.index(name) for name in design.target.base.names]]
     assert np.linalg.cond(W) == pytest.approx(design.condition_number, rel=1e-6)
 
 
@@ -177,13 +172,9 @@ def test_a_stored_design_is_the_same_motion_of_all_joints(tmp_path: Path) -> Non
 
 @pytest.mark.slow
 def test_starts_in_other_processes_give_the_same_motion() -> None:
-    serial, process = (
-        excite.design_trajectory(
-            robot_of("four-bar"), search=excite.Search(starts=2, executor=executor, workers=2), **OPTIONS
-        )
-        for executor in ("serial", "process")
-    )
-    assert serial.condition_number == process.condition_number
+    searches = [excite.Search(starts=2, executor=executor, workers=2) for executor in ("serial", "process")]
+    designs = [excite.design_trajectory(robot_of("four-bar"), search=search, **OPTIONS) for search in searches]
+    assert designs[0].condition_number == designs[1].condition_number
 
 
 def test_what_another_process_builds_from_is_pickled_without_what_was_compiled() -> None:
@@ -195,33 +186,29 @@ def test_what_another_process_builds_from_is_pickled_without_what_was_compiled()
 
 
 def test_a_controller_is_told_the_joints_of_the_drives(tmp_path: Path) -> None:
-    excite.export_motion(design_of("parallelogram"), "npz", tmp_path / "motion.npz", rate=50.0)
+    design = design_of("parallelogram")
+    excite.export_motion(design, "npz", tmp_path / "motion.npz", rate=50.0)
     written_file = np.load(tmp_path / "motion.npz")
     assert written_file["joint_names"].tolist() == ["q1"]
-    q = written_file["q"]
-    np.testing.assert_allclose(q[:, 0], design_of("parallelogram").trajectory.sampled(50.0).q[:, 0], atol=1e-12)
-    assert q.shape[1] == 1
+    np.testing.assert_allclose(written_file["q"], design.trajectory.sampled(50.0).q[:, :1], atol=1e-12)
 
 
-REFUSED = {
-    "home": ({"home": (0.0, 0.0, 0.0)}, "an approach from `home` on straight lines of all joints does not support"),
-    "wrench": ({"model": "base-wrench"}, "a design for the base-wrench model does not support closed loops"),
-    "drives": ({"drives": ("q1",)}, "`drives` cannot be chosen"),
-    "joints": ({"joints": ("q1",)}, "cannot be locked one by one"),
-    "no limits": ({"velocity": None, "acceleration": None}, "no velocity or acceleration limit bounds joint q1"),
-}
+REFUSED: tuple[tuple[dict[str, object], str], ...] = (
+    ({"home": (0.0, 0.0, 0.0)}, "an approach from `home` on straight lines of all joints does not support"),
+    ({"model": "base-wrench"}, "a design for the base-wrench model does not support closed loops"),
+    ({"drives": ("q1",)}, "`drives` cannot be chosen"),
+    ({"joints": ("q1",)}, "cannot be locked one by one"),
+    ({"velocity": None, "acceleration": None}, "no velocity or acceleration limit bounds joint q1"),
+)
 
 
-@pytest.mark.parametrize(("options", "message"), REFUSED.values(), ids=REFUSED)
-def test_what_cannot_be_designed_is_refused_in_a_sentence(options: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        excite.design_trajectory(robot_of("four-bar"), **{**OPTIONS, **options})
-
-
-def test_a_joint_that_neither_a_drive_nor_the_loops_move_is_refused() -> None:
-    loose = robot_of("four-bar").replace(passive=("q1", "q2", "q3"))
+def test_what_cannot_be_designed_is_refused_in_a_sentence() -> None:
+    robot = robot_of("four-bar")
+    for options, message in REFUSED:
+        with pytest.raises(InputError, match=message):
+            excite.design_trajectory(robot, **{**OPTIONS, **options})
     with pytest.raises(InputError, match=r"no drive moves q[12], nor do the loops"):
-        excite.design_trajectory(loose, **OPTIONS)
+        excite.design_trajectory(robot.replace(passive=("q1", "q2", "q3")), **OPTIONS)
 
 
 def test_a_search_counts_what_it_takes_to_solve_loops() -> None:

@@ -55,9 +55,8 @@ def test_what_does_not_pay_is_not_taken(monkeypatch: pytest.MonkeyPatch, tmp_pat
     assert [trial.harmonics for trial in design.harmonics_trials] == [5, 6]
     assert design.task.trajectory.harmonics == 5
     assert design.notes[-1].startswith("5 harmonics: 6 brought ")
-    assert design.provenance["cpu_seconds"] == pytest.approx(
-        sum(trial.cpu_seconds for trial in design.harmonics_trials)
-    )
+    spent = sum(trial.cpu_seconds for trial in design.harmonics_trials)
+    assert design.provenance["cpu_seconds"] == pytest.approx(spent)
     (start,) = read_starts(tmp_path)
     np.testing.assert_array_equal(start.coefficients, design.trajectory.x)
     again = excite.design_trajectory(design.task, folder=tmp_path)  # finds it, and computes nothing

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import Here
+from designed import NO_DISTANCES
 from friction_curves import without_friction
 from pinocchio_chains import drive_torques, whole_motion
 from played import EXACT, irp6, played, three_joints
@@ -44,9 +45,8 @@ KNOWN = FrictionCurves(
         "z4": CoulombViscous(10.0, 5.0),
     }
 )
-MARGIN = 0.6
-FREE_SPACE = {"self_collision": False, "floor": "none"}
-TASK = Task("irp6", harmonics=3, starts=1, executor="serial", friction_curves=KNOWN, torque_margin=MARGIN, **FREE_SPACE)
+MARGIN, QUICK = 0.6, {"harmonics": 3, "starts": 1, "executor": "serial"}
+TASK = Task("irp6", friction_curves=KNOWN, torque_margin=MARGIN, **QUICK, **NO_DISTANCES)
 FILE = """\
 schema: excite.friction/1
 drives:
@@ -68,8 +68,7 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("saved")
     save_design(designed(), folder / "known")
     for name, friction in (("identified", True), ("left-out", False)):
-        task = Task("irp6", harmonics=3, starts=1, executor="serial", friction=friction)
-        save_design(design_trajectory(task.changed(robot=irp6())), folder / name)
+        save_design(design_trajectory(Task(irp6(), friction=friction, **QUICK)), folder / name)
     (folder / "friction.yaml").write_text(FILE, encoding="utf-8")
     return folder
 
@@ -219,7 +218,7 @@ def test_curves_of_joints_that_rest_do_no_harm() -> None:
     robot = built_in("ur10e")
     curves = FrictionCurves({name: CoulombViscous(3.0, 2.0) for name in robot.joint_names})
     limits = dataclasses.replace(robot.limits, acceleration=np.full(6, 3.0))
-    task = Task("ur10e", joints=("1", "2"), harmonics=3, friction_curves=curves, torque_margin=0.1, **FREE_SPACE)
+    task = Task("ur10e", joints=("1", "2"), harmonics=3, friction_curves=curves, torque_margin=0.1, **NO_DISTANCES)
     made = formulate(robot.replace(limits=limits), task)
     assert made.notes == ()
     np.testing.assert_allclose(made.nonlinear[0].upper[:3], 0.9 * robot.limits.torque[:3] - [3.0, 3.0, 0.0])
@@ -231,14 +230,11 @@ def test_curves_of_joints_that_rest_do_no_harm() -> None:
 @pytest.mark.slow
 def test_identification_takes_the_curves_of_the_design(here: Here) -> None:
     """As if they had been named, unless friction is asked for."""
-    log = simulated(here)
+    write_friction(KNOWN, here.cwd / "known.yaml")
+    here.run("simulate", "known", "--friction", "known.yaml", "--rate", "100", "--out", "log.csv", status=0)
     results = {}
-    for out, *more in (
-        ("from-design",),
-        ("named", "--friction-curves", "known.yaml"),
-        ("asked", "--friction"),
-    ):
-        ended = here.run("identify", "irp6", log, "--design", "known", "--out", out, "--force", *more, status=0)
+    for out, *more in (("from-design",), ("named", "--friction-curves", "known.yaml"), ("asked", "--friction")):
+        ended = here.run("identify", "irp6", "log.csv", "--design", "known", "--out", out, "--force", *more, status=0)
         results[out] = load_result(here.cwd / out)
         assert ("its curves are subtracted" in ended.stderr) == (out == "from-design")
     same, named = results["from-design"], results["named"]
@@ -248,13 +244,6 @@ def test_identification_takes_the_curves_of_the_design(here: Here) -> None:
     assert result_content(same)["friction"]["file"] == "known/design.json"
     assert results["asked"].friction is None
     assert "F1c" in results["asked"].names
-
-
-def simulated(here: Here) -> str:
-    write_friction(KNOWN, here.cwd / "known.yaml")
-    if not (here.cwd / "log.csv").exists():
-        here.run("simulate", "known", "--friction", "known.yaml", "--rate", "100", "--out", "log.csv", status=0)
-    return "log.csv"
 
 
 def test_identification_takes_the_curves_of_a_task_and_results_keep_them(tmp_path: Path) -> None:
@@ -305,22 +294,19 @@ def test_what_differs_is_said(here: Here) -> None:
 
 TABLE = "schema: excite.friction/1\ndrives:\n  z1: {model: table, speed: [1.0]}\n"
 BAD = {
-    "nothing.yaml": (None, "cannot read friction file nothing.yaml: No such file or directory"),
-    "schema.yaml": ("schema: excite.friction/2\ndrives: {}\n", "schema.yaml: schema (line 1): should be 'excite.fric"),
-    "fields.yaml": (TABLE, "fields.yaml: drives.z1.torque (line 3): is missing; model table needs it"),
-    "unknown.yaml": (FILE.replace("z3", "q3"), "no drive named 'q3'; available: z1, z2, z3, z4, z5"),
-    "much.yaml": (
-        FILE.replace("28,", "280,"),
-        "drive z1 torque: friction of 280 Nm exceeds the limit of 331.8 Nm less",
-    ),
+    "nothing": ("", "cannot read friction file nothing.yaml: No such file or directory"),
+    "schema": ("schema: excite.friction/2\ndrives: {}\n", "schema.yaml: schema (line 1): should be 'excite.fric"),
+    "fields": (TABLE, "fields.yaml: drives.z1.torque (line 3): is missing; model table needs it"),
+    "unknown": (FILE.replace("z3", "q3"), "no drive named 'q3'; available: z1, z2, z3, z4, z5"),
+    "much": (FILE.replace("28,", "280,"), "drive z1 torque: friction of 280 Nm exceeds the limit of 331.8 Nm less"),
 }
 
 
 def test_bad_curves(here: Here) -> None:
     for name, (text, message) in BAD.items():
-        if text is not None:
-            (here.cwd / name).write_text(text, encoding="utf-8")
-        options = ("--friction-curves", name, "--torque-margin", "0.2", "--out", "none")
+        if text:
+            (here.cwd / f"{name}.yaml").write_text(text, encoding="utf-8")
+        options = ("--friction-curves", f"{name}.yaml", "--torque-margin", "0.2", "--out", "none")
         assert message in here.refused("design", "irp6", *options)
     assert "no drive named 'q3'" in here.refused("plan", "irp6", "--friction-curves", "unknown.yaml")
 

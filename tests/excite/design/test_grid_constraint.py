@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from motion_families import LINEAR, NONLINEAR
 from slow_dynamics import random_chain
 
 from constraints.linear import LinearConstraint
@@ -24,28 +24,19 @@ from excite.design.problem import Problem
 from excite.design.solvers.limit_rows import NearRows
 from excite.design.stated_limits import nonlinear_limits
 from excite.tasks.task import Task
-from excite.trajectories.bspline import BSpline
 from excite.trajectories.family import Family
 from excite.trajectories.fourier import Fourier
-from excite.trajectories.sines import Sines
-from excite.trajectories.waypoints import Waypoints
 from regressors.models.nominal import standard_values
 from regressors.models.partial import of_joints
 from regressors.readers.library import built_in
 from regressors.samples import Array
 
-FAMILIES: dict[str, Callable[[], Family]] = {
-    "fourier": lambda: Fourier(7.0, 3),
-    "bspline": lambda: BSpline(7.0, 8, 5),
-    "waypoints": lambda: Waypoints(7.0, 4),
-    "sines": lambda: Sines(7.0, 3),
-}
 POSE = np.array([0.3, -0.4])
 
 
-@pytest.fixture(params=FAMILIES)
+@pytest.fixture(params=["fourier", "quartic", "waypoints", "sines"])
 def family(request: pytest.FixtureRequest) -> Family:
-    return FAMILIES[request.param]()
+    return (LINEAR | NONLINEAR)[request.param]()
 
 
 def motion(family: Family, seed: int) -> Array:
@@ -61,10 +52,8 @@ def constraints(family: Family) -> list[GridConstraint]:
     matrix, one = np.array([[1.0, 0.5], [0.0, -2.0], [1.0, 1.0]]), np.ones(3)
     linear = LinearConstraint(1, matrix, 0 * one, -one, 2 * one, ("a", "b", "c"), 3 * ("rad/s",))
     speed = tool_speed(robot, np.zeros(3), 1.0)
-    return [
-        GridConstraint.on_coordinates(linear, grid),
-        GridConstraint.on_joints(speed, GridJoints(grid, of_joints(robot, [0, 1]))),
-    ]
+    joints = GridJoints(grid, of_joints(robot, [0, 1]))
+    return [GridConstraint.on_coordinates(linear, grid), GridConstraint.on_joints(speed, joints)]
 
 
 # --- constraints
@@ -109,7 +98,7 @@ def test_the_largest_part_of_a_step_ends_where_a_bound_begins(family: Family) ->
 
 
 def test_families_move_draw_and_step_their_coefficients_alone(family: Family) -> None:
-    x, t = motion(family, 7), np.linspace(0.0, 7.0, 40)
+    x, t = motion(family, 7), np.linspace(0.0, family.duration, 40)
     before, y = x.copy(), family.motion(x, t, 0)
     np.testing.assert_allclose(family.motion(family.moved(x, POSE), t, 0), y + POSE, atol=1e-12)
     np.testing.assert_allclose(family.motion(family.drawn(x, POSE, 0.4), t, 0), POSE + 0.4 * (y - POSE), atol=1e-12)

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import ENVIRONMENT, files_below
+from written_files import text_file
 
 from excite.design.formulation import Formulation, formulate
 from excite.design.multistart import ready_workers, run_in_pool, serial
@@ -86,31 +87,26 @@ class Slow(Solver):
 def test_the_best_point_of_an_unfinished_start_is_on_disk(
     made: Formulation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    (seldom, always) = (Slow(tmp_path), Slow(tmp_path / "always"))
+    optimise_starts(made.problem, seldom, 0, [0], seldom.folder)
+    assert seldom.seen == [[], [], []]  # less than a second went by
     monkeypatch.setattr("excite.design.starts._SAVE_EVERY", -1.0)
-    method = Slow(tmp_path)
-    (result,) = optimise_starts(made.problem, method, 0, [5], tmp_path)
-    first, second, third = (seen[0] for seen in method.seen)
+    always.folder.mkdir()
+    (result,) = optimise_starts(made.problem, always, 0, [5], always.folder)
+    first, second, third = (seen[0] for seen in always.seen)
     assert (first.index, first.status, first.value, first.history) == (5, RUNNING, 3.0, [3.0])
     assert (second.value, second.history) == (1.0, [3.0, 1.0])
     assert third == second  # a worse point does not replace it
     assert np.array_equal(3.0 * second.coefficients, first.coefficients)
-    assert read_starts(tmp_path) == [result]
+    assert read_starts(always.folder) == [result]
     assert result.status == Status.CONVERGED.value
-
-
-def test_points_are_not_written_at_every_iterate(made: Formulation, tmp_path: Path) -> None:
-    method = Slow(tmp_path)
-    optimise_starts(made.problem, method, 0, [0], tmp_path)[0]
-    assert method.seen == [[], [], []]  # less than a second went by
 
 
 # Many starts
 
 
 @pytest.mark.slow
-def test_every_start_is_on_disk_when_it_is_reported_and_the_executor_does_not_matter(
-    made: Formulation, tmp_path: Path
-) -> None:
+def test_every_start_is_on_disk_when_it_is_reported_whatever_runs_it(made: Formulation, tmp_path: Path) -> None:
     results = {}
     for executor in EXECUTORS:
         folder, reported = tmp_path / executor, list[tuple[int, bool]]()
@@ -126,9 +122,7 @@ def test_every_start_is_on_disk_when_it_is_reported_and_the_executor_does_not_ma
     assert without_cpu(results["process"]) == without_cpu(results["serial"])
 
 
-def test_an_error_in_a_process_or_in_progress_is_raised_here_and_ends_the_pool(
-    alone: Formulation, tmp_path: Path
-) -> None:
+def test_an_error_is_raised_here_and_ends_the_pool(alone: Formulation, tmp_path: Path) -> None:
     with pytest.raises(Exception, match="gone"):
         run_in_pool(alone, [[0, 1, 2]], tmp_path / "gone", lambda _: None)
     with pytest.raises(ZeroDivisionError):
@@ -233,19 +227,10 @@ def test_whole_turns_stay_where_limits_or_home_need_them(
     np.testing.assert_allclose(trajectory.sampled(50.0).q[:, 0], 0.4 + 2 * np.pi * turns, atol=1e-12)
 
 
-PLAIN_SCRIPT = """\
-from excite.design.optimisation import design_trajectory
-from excite.tasks.task import Task
-from regressors.readers.library import load_robot
-
-design = design_trajectory(Task("irp6", harmonics=3, starts=2, workers=2))
-print(design.condition_number)
-"""
-
-
 @pytest.mark.slow
 def test_a_script_without_a_guard_still_gets_its_design(tmp_path: Path) -> None:
     # The pool's processes import the script again, fail to start a pool of their own and end; this one takes over.
-    (tmp_path / "script.py").write_text(PLAIN_SCRIPT)
-    command = [sys.executable, "script.py"]
+    search = "harmonics=3, starts=2, workers=2"
+    text = f'import excite\nprint(excite.design_trajectory("irp6", {search}).condition_number)\n'
+    command = [sys.executable, str(text_file(tmp_path / "script.py", text))]
     assert float(subprocess.check_output(command, cwd=tmp_path, env=ENVIRONMENT, text=True, timeout=120)) > 1.0

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from functools import cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
 from commands import Here, content_of
+from designed import NO_DISTANCES
 from pinocchio_chains import drive_torques, joint_torques, tool_motion, whole_motion
 
 from constraints.certificate import ENCLOSED, EXACT
@@ -28,81 +30,59 @@ from excite.registry import instance
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.models.nominal import standard_values
 from regressors.models.partial import of_joints
 from regressors.readers.library import built_in
-from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
-DENSE = 5_000
-
-
-FREE_SPACE = {"self_collision": False, "floor": "none"}
-
-
+Z2, SPEED = "drive z2 torque", "tool speed"
+PANDA: dict[str, Any] = {
+    "robot": "panda", "harmonics": 4, "joints": ("1", "2", "4"), "friction": False, "torque_margin": 0.5,
+    "tool_point": (0.0, 0.0, 0.1), "tool_box": ((-0.6, 0.6), (-0.35, 0.6), (0.1, None)), "tool_speed": 1.0,
+}  # fmt: skip
 ABOVE = ((None,) * 2, (None,) * 2, (1.1, None))
-BOX = ((-0.6, 0.6), (-0.35, 0.6), (0.1, None))
-IN_BOX = {"tool_point": (0.0, 0.0, 0.1), "tool_box": BOX, "tool_speed": 1.0}
-CASES = {
-    "drives, joints 4 and 5 held": (
-        Task("irp6", **FREE_SPACE, harmonics=3, torque_margin=0.6, tool_point=(0.1, 0.0, 0.1), tool_speed=0.5),
-        ("drive z2 torque", "tool speed"),
-    ),
-    "tool on held joints": (
-        Task("irp6", **FREE_SPACE, harmonics=3, joints=("1", "2"), tool_box=ABOVE, tool_speed=0.5),
-        ("tool z", "tool speed"),
-    ),
-    "one drive": (
-        Task("irp6", **FREE_SPACE, harmonics=3, drives=("2",), torque_margin=0.6, tool_speed=0.3),
-        ("tool speed",),
-    ),
-    "splines": (
-        Task("irp6", **FREE_SPACE, trajectory="bspline", intervals=7, torque_margin=0.6, tool_speed=0.5),
-        ("drive z2 torque", "tool speed"),
-    ),
-    "a box": (
-        Task("panda", **FREE_SPACE, harmonics=4, joints=("1", "2", "4"), friction=False, torque_margin=0.5, **IN_BOX),
-        ("joint panda_joint2 torque", "tool z", "tool speed"),
-    ),
+# options of a task, and the limits that bind
+CASES: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
+    "drives, two joints held": ({"torque_margin": 0.6, "tool_point": (0.1, 0.0, 0.1), "tool_speed": 0.5}, (Z2, SPEED)),
+    "tool on held joints": ({"joints": ("1", "2"), "tool_box": ABOVE, "tool_speed": 0.5}, ("tool z", SPEED)),
+    "one drive": ({"drives": ("2",), "torque_margin": 0.6, "tool_speed": 0.3}, (SPEED,)),
+    "splines": ({"trajectory": "bspline", "intervals": 7, "torque_margin": 0.6, "tool_speed": 0.5}, (Z2, SPEED)),
+    "a box": (PANDA, ("joint panda_joint2 torque", "tool z", SPEED)),
 }
-NAMES = list(CASES)
+
+
+def task_of(name: str) -> Task:
+    search = {"starts": 1, "executor": "serial"}
+    return Task(**{"robot": "irp6", "harmonics": 3, **search, **NO_DISTANCES, **CASES[name][0]})
 
 
 @cache
 def formulated(name: str) -> Formulation:
-    task = CASES[name][0]
-    return formulate(built_in(task.robot), task.changed(starts=1, executor="serial"))
+    task = task_of(name)
+    return formulate(built_in(task.robot), task)
 
 
 @cache
 def designed(name: str) -> Design:
-    made = formulated(name)
-    return design_trajectory(made.task)
-
-
-def limited_torques(robot: Robot, whole: Samples) -> tuple[Array, Array]:
-    """Magnitudes of the limited torques with friction at its worst, shape (N, k), and their limits."""
-    if robot.transmission is None:
-        return np.abs(joint_torques(robot, whole)), robot.limits.torque
-    values = standard_values(robot)
-    coulomb = np.array([values[f"F{k}c"] for k in range(1, 6)])
-    turning = np.any(whole.dq @ robot.transmission.coupling.T != 0, axis=0)
-    return np.abs(drive_torques(robot, whole)) + coulomb * turning, robot.transmission.limits.torque
+    return design_trajectory(formulated(name).task)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", CASES)
 def test_a_design_keeps_every_limit_as_pinocchio_sees_it(name: str) -> None:
     """Densely sampled, for the whole robot: torques of the joints or drives with all friction, place and speed."""
-    design, task = designed(name), CASES[name][0]
+    design, task = designed(name), task_of(name)
     robot = built_in(task.robot)
-    samples = design.trajectory.samples(np.linspace(0, 10, DENSE + 1))
+    samples = design.trajectory.samples(np.linspace(0, 10, 5001))
     whole = whole_motion(robot, design.moving.joint_names, samples)
     place, velocity = tool_motion(robot, np.array(task.limits.tool_point), whole)
     assert design.feasible
     if isinstance(task.limits.torque_margin, float):
-        torque, limit = limited_torques(robot, whole)
-        assert np.all(torque.max(axis=0) <= (1 - task.limits.torque_margin) * limit)
+        drives = robot.transmission
+        torque = np.abs(joint_torques(robot, whole) if drives is None else drive_torques(robot, whole))
+        if drives is not None:  # with friction at its worst
+            torque += [drive.coulomb for drive in drives.drives] * np.any(whole.dq @ drives.coupling.T != 0, axis=0)
+        limit = (robot if drives is None else drives).limits
+        assert np.all(torque.max(axis=0) <= (1 - task.limits.torque_margin) * limit.torque)
     assert np.linalg.norm(velocity, axis=1).max() <= task.limits.tool_speed
     for axis, (lower, upper) in enumerate(task.limits.tool_box or ()):
         assert lower is None or place[:, axis].min() >= lower
@@ -110,10 +90,10 @@ def test_a_design_keeps_every_limit_as_pinocchio_sees_it(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", CASES)
 def test_certificates_of_a_design(name: str) -> None:
     """Which limits are exact and which enclosed; the ones that bind are nearly reached, so that nothing is wasted."""
-    design, (task, binding) = designed(name), CASES[name]
+    design, task, binding = designed(name), task_of(name), CASES[name][1]
     uses = {use.label: use for use in design.limits}
     assert all(use.holds for use in design.limits)
     for label, use in uses.items():
@@ -125,7 +105,7 @@ def test_certificates_of_a_design(name: str) -> None:
     expected |= {"tool speed"} | ({"tool z"} if task.limits.tool_box else set())
     found = {"torque" if label.endswith("torque") else label for label, use in uses.items() if use.method == ENCLOSED}
     assert found - {"tool x", "tool y"} == expected
-    dense = design.trajectory.samples(np.linspace(0, 10, DENSE + 1))
+    dense = design.trajectory.samples(np.linspace(0, 10, 5001))
     for limit in formulated(name).nonlinear:
         values = limit.shown(limit.values(dense))
         for k, label in enumerate(limit.labels):
@@ -134,10 +114,10 @@ def test_certificates_of_a_design(name: str) -> None:
             assert abs(use.extreme - reached) <= 0.0101 * limit.scale[k]
 
 
-@pytest.mark.parametrize("name", [*NAMES, "shaped"])
+@pytest.mark.parametrize("name", [*CASES, "shaped"])
 def test_starts_keep_all_limits(name: str) -> None:
     """Those that a search chooses from, one from a motion of a given shape, between samples too; they move."""
-    task = CASES["tool on held joints"][0].changed(start=("quintic",))
+    task = task_of("tool on held joints").changed(start=("quintic",))
     made = formulate(built_in("irp6"), task) if name == "shaped" else formulated(name)
     problem = made.problem
     for index in range(2):
@@ -213,23 +193,17 @@ def test_poses_are_looked_for_where_the_limits_are(place: tuple[float, float]) -
     assert box.values(still)[0, 0] > 0.3
 
 
-def test_a_box_that_the_tool_cannot_reach_is_named() -> None:
-    everywhere = (None, None)
-    for box, message in (
-        (((3.0, 4.0), everywhere, everywhere), r"tool x beyond 3 m by 2\.\d+ m"),
-        ((everywhere, everywhere, (1.6, None)), r"tool z beyond 1\.6 m by 0\.\d+ m"),
+def test_what_no_pose_bears_or_reaches_is_named() -> None:
+    """Of a box of the tool, and of gravity: with all joints held but the first, what the second must hold stays."""
+    panda, everywhere = built_in("panda"), (None, None)
+    weak = panda.replace(limits=dataclasses.replace(panda.limits, torque=np.array([87, 1, 87, 87, 12, 12, 12.0])))
+    for robot, options, message in (
+        (panda, {"tool_box": ((3.0, 4.0), everywhere, everywhere)}, r"tool x beyond 3 m by 2\.\d+ m"),
+        (panda, {"tool_box": (everywhere, everywhere, (1.6, None))}, r"tool z beyond 1\.6 m by 0\.\d+ m"),
+        (weak, {"joints": ("1",), "torque_margin": 0.0}, r"joint panda_joint2 torque beyond -?1 Nm by \d"),
     ):
         with pytest.raises(ContradictionError, match=message):
-            formulate(built_in("panda"), Task("panda", friction=False, tool_box=box))
-
-
-def test_gravity_that_no_pose_bears_is_named() -> None:
-    """All joints held but the first: nothing that moves changes what the second must hold."""
-    panda = built_in("panda")
-    weak = dataclasses.replace(panda.limits, torque=np.array([87.0, 1.0, 87.0, 87.0, 12.0, 12.0, 12.0]))
-    task = Task("panda", joints=("1",), friction=False, torque_margin=0.0)
-    with pytest.raises(ContradictionError, match=r"joint panda_joint2 torque beyond -?1 Nm by \d"):
-        formulate(panda.replace(limits=weak), task)
+            formulate(robot, Task("panda", friction=False, **options))
 
 
 # --- what the files and the command line say -------------------------------------------------------------------------

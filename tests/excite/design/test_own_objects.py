@@ -28,10 +28,6 @@ from regressors.readers.library import built_in
 from regressors.robot.shapes import Capsule
 
 
-class Right(Trace):
-    """A built-in criterion under another name."""
-
-
 class Negative(ConditionNumber):
     """Leads away from the minimum."""
 
@@ -40,7 +36,7 @@ class Negative(ConditionNumber):
         return value, -G
 
 
-class Halved(Right):
+class Halved(Trace):
     """A factor forgotten."""
 
     def smooth(self, M: Any, sharpness: float) -> tuple[float, Any]:
@@ -48,7 +44,7 @@ class Halved(Right):
         return value, G / 2
 
 
-class Flat(Right):
+class Flat(Trace):
     """A gradient of another shape."""
 
     def smooth(self, M: Any, sharpness: float) -> tuple[float, Any]:
@@ -73,20 +69,11 @@ def test_a_gradient_that_is_none_is_refused_before_the_search(criterion: excite.
         excite.design_trajectory("irp6", period=4, criterion=criterion, search=SEARCH)
 
 
-def test_a_right_gradient_is_searched_with() -> None:
-    assert excite.design_trajectory("irp6", period=4, criterion=Right(), search=SEARCH).feasible
-
-
+design = excite.design_trajectory
 WRONG: dict[str, tuple[Callable[[], object], str]] = {
-    "lambda as criterion": (lambda: excite.design_trajectory("irp6", criterion=lambda M: 1.0), "criterion: expected"),
-    "lambda as constraint": (
-        lambda: excite.design_trajectory("irp6", constraints=[lambda q: q]),
-        "constraints: expected a list, each a Limit or text",
-    ),
-    "limit not in a list": (
-        lambda: excite.design_trajectory("irp6", constraints=excite.TorqueLimit(0.1)),
-        "constraints: expected a list",
-    ),
+    "lambda as criterion": (lambda: design("irp6", criterion=lambda M: 1.0), "criterion: expected"),
+    "lambda as limit": (lambda: design("irp6", constraints=[lambda q: q]), "constraints: expected a list, each a Lim"),
+    "no list": (lambda: design("irp6", constraints=excite.TorqueLimit(0.1)), "constraints: expected a list"),
     "lambda as model": (lambda: excite.Task("irp6", model=lambda robot: robot), "model: expected a RegressorModel"),
     "a design to verify": (lambda: excite.verify(short(), "x.csv"), "result: expected a result of `identify`"),
     "no friction curves": (lambda: excite.Task("irp6", friction_curves=object()), "friction_curves: expected curves"),
@@ -173,17 +160,14 @@ def test_a_built_in_limit_that_needs_numbers_says_so(here: Here) -> None:
 IRP6 = built_in("irp6")
 
 
-def test_fewest_motions_of_two_drives_show_all_thirteen() -> None:
-    found = plan_campaign(Task("irp6", model="energy").changed(robot=IRP6), at_once=2)
+def test_as_many_drives_at_once_as_there_are_or_need_be() -> None:
+    task = Task("irp6", model="energy").changed(robot=IRP6)
+    found = plan_campaign(task, at_once=2)
     assert (found.rank, len(found.steps)) == (13, 2)
     shown = [name for step in found.steps for name in step.parameters]
     assert sorted(shown) == sorted([*(f"X{k}" for k in range(1, 8)), "F1c", "F2c", "F3c", "F1v", "F2v", "F3v"])
     ranks = dict(found.subsets)
     assert [ranks[drives] for drives in (("z2",), ("z3",), ("z1", "z3"), ("z2", "z3"))] == [4, 4, 8, 8]
-
-
-def test_as_many_drives_at_once_as_there_are_or_need_be() -> None:
-    task = Task("irp6", model="energy").changed(robot=IRP6)
     assert len(plan_campaign(task, at_once=3).steps) == 1
     with pytest.raises(InputError, match=r"at most 1 drive.* do not identify all 13 parameters; allow 2 at once"):
         plan_campaign(task, at_once=1)
@@ -192,10 +176,14 @@ def test_as_many_drives_at_once_as_there_are_or_need_be() -> None:
 
 
 def test_required_parameter_that_the_motion_does_not_show_is_named_with_a_cure() -> None:
-    with pytest.raises(InputError, match="X5 is not identifiable from motions of z2; move z1, z3, which identifies it"):
-        formulate(IRP6, Task("irp6", model="energy", drives=("2",), require=("X5",)))
-    with pytest.raises(UnknownName, match="no parameter named 'X9'"):
-        formulate(IRP6, Task("irp6", require=("X9",)))
+    for options, message in (
+        ({"drives": ("2",), "require": ("X5",)}, "X5 is not identifiable from motions of z2; move z1, z3, which ident"),
+        ({"require": ("X9",)}, "no parameter named 'X9'"),
+        ({"start": ("cosine", "sines")}, "start: expected one initial guess, or 3 for q1, q2, q3"),
+        ({"window_length": 20.0}, "a window of 20 s is longer than the motion of 10 s"),
+    ):
+        with pytest.raises((InputError, UnknownName), match=message):
+            formulate(IRP6, Task("irp6", model="energy", **options))
     formulate(IRP6, Task("irp6", model="energy", drives=("1", "3"), require=("X5", "F3c")))
 
 
@@ -210,8 +198,3 @@ def test_shaped_motion_is_inside_the_limits_and_uses_them(kinds: tuple[str, ...]
     assert len(first) == 1
     assert len(later) == 3
     assert all(problem.violation(motion) <= 0.0 for motion in later)
-
-
-def test_number_of_shapes_must_fit() -> None:
-    with pytest.raises(InputError, match="start: expected one initial guess, or 3 for q1, q2, q3"):
-        formulate(IRP6, Task("irp6", start=("cosine", "sines")))

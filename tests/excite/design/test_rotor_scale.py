@@ -147,19 +147,14 @@ def test_criteria_of_scaled_columns_do_not_know_the_form() -> None:
     np.testing.assert_allclose(matrices[0], matrices[1], rtol=1e-6, atol=1e-7 * np.abs(matrices[1]).max())
 
 
-def test_prior_knowledge_is_given_by_either_name() -> None:
-    target = designed(True).target
-    factor = 76.8**2
+def test_a_parameter_is_known_beforehand_and_required_by_either_name() -> None:
+    target, factor = designed(True).target, 76.8**2
     own = prior_of(target.model, target.base, (Belief("Ia5", 4e-5, 1e-5),))
     reflected = prior_of(target.model, target.base, (Belief("Iar5", 4e-5 * factor, 1e-5 * factor),))
     k = target.base.names.index("Iar5")
     np.testing.assert_allclose(reflected.precision, own.precision, rtol=1e-9)
     assert own.precision[k, k] == pytest.approx((1e-5 * factor) ** -2)
-
-
-def test_a_parameter_can_be_required_by_either_name() -> None:
     whole = DifferentialModel(irp6_full())
-    target = designed(True).target
     for name in ("Iar5", "Ia5"):
         check_required(target, whole, Task(irp6_full(), require=(name,)))
     with pytest.raises(InputError, match="no parameter named 'Ia9'"):

@@ -47,11 +47,7 @@ LINK = """<link name="{}"><inertial><origin xyz="0 0 0.2"/><mass value="2"/>
 <joint name="j{}" type="revolute"><parent link="{}"/><child link="{}"/><origin xyz="0 0 0.5"/><axis xyz="0 1 0"/>
   <limit lower="-1" upper="1" velocity="1" effort="50"/></joint>
 """
-URDF = (
-    '<robot name="arm"><link name="o"/>\n'
-    + "".join(LINK.format(c, "MESH", c, p, c) for p, c in ("ob", "bc", "cd"))
-    + "</robot>\n"
-)
+LINKS = "".join(LINK.format(c, "MESH", c, p, c) for p, c in ("ob", "bc", "cd"))
 
 
 def weak(torque: float) -> Robot:
@@ -97,10 +93,10 @@ def test_what_cannot_be_checked_is_said() -> None:
         made = formulate(bare, excite.Task(bare, **{**UR, "joints": ("1", "2")}))
         reasons = {each.limit: each.reason for each in made.unchecked}
         assert reason in reasons["torque"]
+        assert reasons["obstacles"] == "no world file is given"
         assert made.stated == ()
         text = "limits kept; collisions NOT checked (floor, self-collision); not checked:"
         assert kept_text(made.unchecked).startswith(text)
-        assert reasons["obstacles"] == "no world file is given"
         with pytest.raises(InputError):
             formulate(bare.replace(limits=Limits.none(bare.n)), excite.Task(bare, torque_margin=0.1, **UR))
 
@@ -167,28 +163,21 @@ def test_torques_that_no_pose_allows_are_named_with_what_is_missing() -> None:
         formulate(heavy, task)
 
 
-def test_the_choice_round_trips_through_a_task_file() -> None:
+def test_the_choice_round_trips_through_a_task_file_and_older_files_leave_them_out() -> None:
     for margin in ("auto", "none", None, 0.2):
         task = excite.Task("ur10e", torque_margin=margin)
         content = json.loads(json.dumps(task_content(task)))
         assert content["torque_margin"] == ("none" if margin is None else margin)
         assert task_from_options(content).limits == task.limits
-
-
-def test_stored_tasks_of_older_files_keep_leaving_them_out() -> None:
-    content = task_content(excite.Task("ur10e"))
-    content["torque_margin"] = None
+    for margin in ("often", True, -0.1, 1.0):
+        with pytest.raises(InputError, match="margin"):
+            formulate(built_in("ur10e"), excite.Task("ur10e", torque_margin=margin, **UR))
+    content = {**task_content(excite.Task("ur10e")), "torque_margin": None}
     assert task_from_options(content, stored=True).limits.torque_margin is None
     del content["torque_margin"]
     assert task_from_options(content, stored=True).limits.torque_margin is None
     assert task_from_options({**content, "solver": "ipopt"}, stored=True).search.solver == "sqp"  # of an older file
     assert task_from_options(content).limits.torque_margin == "auto"
-
-
-def test_margins_that_cannot_be_are_refused() -> None:
-    for margin in ("often", True, -0.1, 1.0):
-        with pytest.raises(InputError, match="margin"):
-            formulate(built_in("ur10e"), excite.Task("ur10e", torque_margin=margin, **UR))
 
 
 @pytest.mark.slow
@@ -229,7 +218,7 @@ def test_every_view_of_a_design_without_a_check_of_collisions_says_so(tmp_path: 
 
 
 def test_meshes_that_cannot_be_read_are_capsules_and_the_others_stay(tmp_path: Path) -> None:
-    text = URDF.replace("MESH", "there.obj")
+    text = f'<robot name="arm"><link name="o"/>\n{LINKS}</robot>\n'.replace("MESH", "there.obj")
     corners = np.array([[x, y, z] for x in (-0.1, 0.1) for y in (-0.05, 0.05) for z in (0.0, 0.5)])
     (tmp_path / "there.obj").write_text("".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "f 1 2 3 4\nf 5 6 7 8\n")
     whole, part = tmp_path / "whole.urdf", tmp_path / "part.urdf"
@@ -250,11 +239,10 @@ def test_meshes_that_cannot_be_read_are_capsules_and_the_others_stay(tmp_path: P
     assert any(re.match(r"shape of b assumed: a capsule of radius .*gone\.dae", note) for note in made["part"].notes)
 
 
-def use(part: float) -> LimitUse:
-    return LimitUse("joint j2 velocity", "rad/s", 2 * part, 1.0, 2.0, 2 - 2 * part, part)
-
-
 def test_no_limit_is_to_be_widened_that_is_used_at_90_percent_or_less() -> None:
+    def use(part: float) -> LimitUse:
+        return LimitUse("joint j2 velocity", "rad/s", 2 * part, 1.0, 2.0, 2 - 2 * part, part)
+
     for part in (0.0, 0.5, 0.9):
         message = unidentifiable((use(part), use(part / 2)))
         assert "widen" not in message
@@ -287,20 +275,16 @@ def test_what_is_suspicious_comes_first(kind: type[Exception], message: str, fir
     assert str(caught.value) == f"look at the description first: {first}"
 
 
-def test_an_angle_as_if_rounded_is_suspicious() -> None:
+def test_an_angle_as_if_rounded_is_suspicious_and_other_errors_stay_as_they_are() -> None:
     robot = built_in("ur10e")
-    first, second = robot.joints[:2]
-    rounded = Joint.from_mdh(second.name, "revolute", alpha=1.57, a=0.0)
-    robot = robot.replace(joints=(first, rounded, *robot.joints[2:]))
-    with pytest.raises(NoFeasibleMotionError) as caught, suspecting(robot):
+    rounded = Joint.from_mdh(robot.joints[1].name, "revolute", alpha=1.57, a=0.0)
+    leaning = robot.replace(joints=(robot.joints[0], rounded, *robot.joints[2:]))
+    with pytest.raises(NoFeasibleMotionError) as caught, suspecting(leaning):
         raise NoFeasibleMotionError("no motion")
     assert "0.0008 rad from a right angle to that of joint" in str(caught.value)
     assert str(caught.value).endswith("; state angles exactly; no motion")
-
-
-def test_a_description_without_doubts_and_other_errors_stay_as_they_are() -> None:
     for error in (NoFeasibleMotionError("no motion"), InputError("bad")):
-        with pytest.raises(type(error)) as caught, suspecting(built_in("ur10e")):
+        with pytest.raises(type(error)) as caught, suspecting(robot):
             raise error
         assert caught.value is error
 

@@ -66,22 +66,16 @@ def test_positions_are_the_integral_of_velocities() -> None:
     assert np.abs(samples.q[0] + time[1] * np.cumsum(middle, axis=0) - samples.q[1:]).max() < 1e-7
 
 
-def sampled_at(design: Design, rate: float) -> Design:
-    """A design without approach and return whose file has another rate."""
+def sampled_at(rate: float) -> Design:
+    """A design that uses its acceleration limits in full, without approach and return, whose file has another rate."""
+    design = planar("fourier", rate=10.0)
+    motion = next(piece.motion for piece in design.sequence.pieces if piece.segment == EXCITE)
+    largest = np.abs(motion.samples(np.linspace(0.0, motion.duration, 20_001)).ddq).max(axis=0)
+    limits = replace(design.task.limits, acceleration=tuple(np.maximum(largest, 1e-3)), jerk=None)
     output = replace(design.task.output, rate=rate, home=None)
-    piece = next(piece for piece in design.sequence.pieces if piece.segment == "excite")
-    changed = replace(design, task=replace(design.task, output=output))
-    steps = round(piece.motion.duration * rate)
-    changed.__dict__["sequence"] = MotionSequence((Piece("excite", piece.motion, steps),))
+    changed = replace(design, task=replace(design.task, limits=limits, output=output))
+    changed.__dict__["sequence"] = MotionSequence((Piece(EXCITE, motion, round(motion.duration * rate)),))
     return changed
-
-
-def within(design: Design, share: float) -> Design:
-    """A design whose acceleration limits its exciting motion uses to a share."""
-    piece = next(piece for piece in design.sequence.pieces if piece.segment == "excite")
-    largest = np.abs(piece.motion.samples(np.linspace(0.0, piece.motion.duration, 20_001)).ddq).max(axis=0)
-    limits = replace(design.task.limits, acceleration=tuple(np.maximum(largest, 1e-3) / share), jerk=None)
-    return replace(design, task=replace(design.task, limits=limits))
 
 
 def test_a_design_of_today_keeps_them() -> None:
@@ -94,19 +88,18 @@ def test_a_design_of_today_keeps_them() -> None:
 
 
 def test_a_rate_that_is_enough_is_named_and_is() -> None:
-    design = sampled_at(within(planar("fourier", rate=10.0), 1.0), 10.0)
+    design = sampled_at(10.0)
     text = between_samples_text(design, design.between_samples)
     passed = re.search(r"quintics pass joint j\d acceleration by ([\d.e-]+) %; `rate` (\d+) keeps quintics", text)
     assert passed is not None, text
     assert 1e-4 < float(passed[1]) < 1.0
     for rate, broken in ((10.0, True), (float(passed[2]), False)):
-        faster = sampled_at(within(planar("fourier", rate=10.0), 1.0), rate)
-        (quintics,) = (each for each in faster.between_samples if each.curve is Curve.QUINTICS)
+        (quintics,) = (each for each in sampled_at(rate).between_samples if each.curve is Curve.QUINTICS)
         assert bool(quintics.broken) == broken
 
 
 def test_where_cubics_pass_a_limit_quintics_are_advised() -> None:
-    design = sampled_at(within(planar("fourier", rate=10.0), 1.0), 100.0)
+    design = sampled_at(100.0)
     text = between_samples_text(design, design.between_samples)
     assert re.search(r"kept by lines and quintics; cubics pass joint j\d acceleration by 0\.\d+ %; inter", text), text
 

@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from criterion_laws import check_design_pays, check_gradient, information_matrix, regressor as regressor_of
+from criterion_laws import check_design_pays, check_gradient, information_matrix, regressor
 from hypothesis import given, settings, strategies as st
 from pinocchio_chains import chain_model, inertia
+from refused import refusal
+from written_files import text_file
 
 import excite
 from excite.design.comparison import compare
@@ -34,21 +36,19 @@ NAMES = ("condition", "frobenius", "sigma-min", "logdet", "trace", "max-deviatio
 CHOSEN = (4, 1, 2)
 
 
-def regressor(seed: int) -> Array:
-    return regressor_of(seed, 6, 40)
-
-
 def of_chosen(name: str = "trace", chosen: tuple[int, ...] = CHOSEN) -> ChosenParameters:
     return ChosenParameters(instance("criterion", name), chosen)
 
 
 @given(SEED, st.sampled_from(NAMES))
 def test_criterion_is_that_of_what_the_other_columns_do_not_explain(seed: int, name: str) -> None:
-    W = regressor(seed)
-    others = np.delete(W, CHOSEN, axis=1)
+    """What is minimised has a part of the volume of all."""
+    W, criterion = regressor(seed, 6, 40), instance("criterion", name)
+    M, others = W.T @ W / 40, np.delete(W, CHOSEN, axis=1)
     rest = W[:, CHOSEN] - others @ np.linalg.lstsq(others, W[:, CHOSEN])[0]
-    expected = instance("criterion", name).value(rest.T @ rest / 40)
-    assert of_chosen(name).value(W.T @ W / 40) == pytest.approx(expected, rel=1e-8)
+    assert of_chosen(name).value(M) == pytest.approx(criterion.value(rest.T @ rest / 40), rel=1e-8)
+    own, volume = criterion.smooth(rest.T @ rest / 40, 4.0)[0], np.log(instance("criterion", "logdet").value(M))
+    assert of_chosen(name).smooth(M, 4.0)[0] == pytest.approx(own + 0.05 * volume, rel=1e-8, abs=1e-8)
 
 
 @given(SEED, st.sampled_from(NAMES), st.sampled_from([1.0, 4.0, 16.0]))
@@ -63,7 +63,7 @@ def test_gradient_of_chosen_parameters_is_that_of_finite_differences(seed: int, 
 def test_singular_information(name: str) -> None:
     """Of a chosen parameter, or of another one."""
     for hidden in (1, 3):
-        W = regressor(2)
+        W = regressor(2, 6, 40)
         W[:, hidden] = W[:, 0] - W[:, 5]
         M = W.T @ W / 40
         M[hidden] = M[:, hidden] = 0.0
@@ -101,34 +101,7 @@ def test_names_of_another_base() -> None:
         np.testing.assert_allclose(target.transforms["pivoted"][:, chosen], column, atol=1e-12)
 
 
-REFUSED = {
-    "no such name": ({"interest": ("X99",)}, "X99"),
-    "a part of a base parameter": ({"robot": "panda", "interest": ("m4",)}, "m4 is not identifiable on its own"),
-    "an empty group": ({"interest": ("rotor",)}, "no base parameter is one of the group rotor"),
-    "one condition number": ({"interest": ("X5",)}, "is always 1"),
-    "no single parameters": ({"interest": ("X5",), "base": "orthonormal"}, "choose another `base`"),
-}
-
-
-def test_refused() -> None:
-    for options, message in REFUSED.values():
-        options = {"robot": "irp6", **options}
-        with pytest.raises(InputError, match=message):
-            formulate(load_robot(options["robot"]), Task(**options))
-
-
 # --- the whole chain -------------------------------------------------------------------------------------------------
-
-
-@given(SEED, st.sampled_from(NAMES))
-def test_what_is_minimised_has_a_part_of_the_volume_of_all(seed: int, name: str) -> None:
-    W = regressor(seed)
-    M = W.T @ W / 40
-    others = np.delete(W, CHOSEN, axis=1)
-    rest = W[:, CHOSEN] - others @ np.linalg.lstsq(others, W[:, CHOSEN])[0]
-    own = instance("criterion", name).smooth(rest.T @ rest / 40, 4.0)[0]
-    volume = np.log(instance("criterion", "logdet").value(M))
-    assert of_chosen(name).smooth(M, 4.0)[0] == pytest.approx(own + 0.05 * volume, rel=1e-8, abs=1e-8)
 
 
 def test_designs_for_chosen_parameters(tmp_path: Path) -> None:
@@ -262,43 +235,13 @@ def test_same_motion_as_an_object_and_as_a_file(tmp_path: Path) -> None:
     np.testing.assert_array_equal([read.q, read.dq, read.ddq], states)
     again = TaskMotion.from_dict(read.to_dict())
     np.testing.assert_array_equal(again.ddq, read.ddq)
-
-
-WRONG_FILES = {
-    "no columns": ("time\n0\n", "columns NAME.position of joints missing"),
-    "no rates": ("time,q1.position\n0,1\n", "q1.velocity, q1.acceleration missing"),
-    "no rows": ("time,q1.position,q1.velocity,q1.acceleration\n", "rows missing"),
-    "no number": ("time,q1.position,q1.velocity,q1.acceleration\n0,1,x,2\n", "'x' is not a number"),
-}
-
-
-def test_wrong_files(tmp_path: Path) -> None:
-    for text, message in WRONG_FILES.values():
-        (tmp_path / "work.csv").write_text(text)
-        with pytest.raises(InputError, match=message):
-            read_task_motion(tmp_path / "work.csv")
-
-
-ZERO = np.zeros((2, 1))
-REFUSED_TORQUES = {
-    "another criterion": ({"criterion": "trace", "task_motion": TaskMotion("a", ("q1",), ZERO, ZERO, ZERO)}, "not for"),
-    "another robot": ({"task_motion": TaskMotion("a", ("q1",), ZERO, ZERO, ZERO)}, "needs also q2, q3"),
-    "interest too": ({"interest": ("X5",)}, "every parameter counts"),
-    "no such folder": ({"task_motion": "nowhere"}, "holds no design"),
-}
-
-
-def test_refused_torques() -> None:
-    for options, message in REFUSED_TORQUES.values():
-        with pytest.raises(InputError, match=message):
-            formulate(load_robot("irp6"), Task("irp6", **{"criterion": "torque-deviation", **options}))
-
-
-def test_wrong_content() -> None:
-    for wrong in ({"q": [[1.0, 2.0]]}, {"q": "text"}, {"joints": None}, {"q": [[float("nan")]]}):
-        content = {"name": "a", "joints": ["q1"], "q": [[0.0]], "dq": [[0.0]], "ddq": [[0.0]], **wrong}
-        with pytest.raises(InputError, match="task_motion"):
-            TaskMotion.from_dict(content)
+    for text, message in (
+        ("time\n0", "columns NAME.position of joints missing"),
+        ("time,q1.position\n0,1", "q1.velocity, q1.acceleration missing"),
+        ("time,q1.position,q1.velocity,q1.acceleration", "rows missing"),
+        ("time,q1.position,q1.velocity,q1.acceleration\n0,1,x,2", "'x' is not a number"),
+    ):
+        assert message in refusal(read_task_motion, text_file(tmp_path / "work.csv", f"{text}\n"))
 
 
 WORST_OF = ("condition", "trace", "max-deviation", "sigma-min")
@@ -347,21 +290,42 @@ def test_robots_are_drawn_from_the_prior() -> None:
     np.testing.assert_array_equal(again, ratios)
 
 
-@pytest.mark.parametrize("options", [{"prior": 0.2}, {"scale": "value"}, {"prior": 0.2, "scale": "prior"}], ids=str)
-def test_needs_values_that_are_not_certain(options: dict[str, object]) -> None:
-    with pytest.raises(InputError, match="`plausible_robots` are drawn from prior knowledge"):
-        Task("irp6", plausible_robots=5, **options)
-
-
-def test_not_for_torques() -> None:
-    task = Task("irp6", prior=0.2, plausible_robots=5, **{**RELATIVE, "criterion": "torque-deviation"})
-    with pytest.raises(InputError, match="leave `plausible_robots` out"):
-        goal_of(target_of(load_robot("irp6"), task), task)
-
-
 @pytest.mark.slow
 def test_designs_for_the_worst_of_plausible_robots(tmp_path: Path) -> None:
     options = {**RELATIVE, "harmonics": 3, "starts": 1, "executor": "serial", "prior": 0.2}
     plain = excite.design_trajectory(Task("irp6", **options))
     worst = excite.design_trajectory(Task("irp6", plausible_robots=8, begin=plain, **options))
     check_design_pays(worst, plain, tmp_path / "design")
+
+
+# --- what is refused -------------------------------------------------------------------------------------------------
+
+ONE_JOINT = TaskMotion("a", ("q1",), *np.zeros((3, 2, 1)))
+UNCERTAIN = "`plausible_robots` are drawn from prior knowledge"
+TORQUES = {"criterion": "torque-deviation"}
+REFUSED: tuple[tuple[dict[str, object], str], ...] = (
+    ({"interest": ("X99",)}, "X99"),
+    ({"robot": "panda", "interest": ("m4",)}, "m4 is not identifiable on its own"),
+    ({"interest": ("rotor",)}, "no base parameter is one of the group rotor"),
+    ({"interest": ("X5",)}, "is always 1"),
+    ({"interest": ("X5",), "base": "orthonormal"}, "choose another `base`"),
+    ({"criterion": "trace", "task_motion": ONE_JOINT}, "not for"),
+    ({**TORQUES, "task_motion": ONE_JOINT}, "needs also q2, q3"),
+    ({**TORQUES, "interest": ("X5",)}, "every parameter counts"),
+    ({**TORQUES, "task_motion": "nowhere"}, "holds no design"),
+    ({"plausible_robots": 5, "prior": 0.2}, UNCERTAIN),
+    ({"plausible_robots": 5, "scale": "value"}, UNCERTAIN),
+    ({"plausible_robots": 5, "prior": 0.2, "scale": "prior"}, UNCERTAIN),
+    ({"plausible_robots": 5, "prior": 0.2, **RELATIVE, **TORQUES}, "leave `plausible_robots` out"),
+)
+
+
+def test_refused() -> None:
+    for options, message in REFUSED:
+        options = {"robot": "irp6", **options}
+        with pytest.raises(InputError, match=message):
+            formulate(load_robot(options["robot"]), Task(**options))
+    for wrong in ({"q": [[1.0, 2.0]]}, {"q": "text"}, {"joints": None}, {"q": [[float("nan")]]}):
+        content = {"name": "a", "joints": ["q1"], "q": [[0.0]], "dq": [[0.0]], "ddq": [[0.0]], **wrong}
+        with pytest.raises(InputError, match="task_motion"):
+            TaskMotion.from_dict(content)

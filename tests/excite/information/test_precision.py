@@ -49,10 +49,7 @@ def test_names_go_before_kinds_and_kinds_before_groups(irp6: IdentificationTarge
         dict.fromkeys(irp6.base.names, 0.1) | {"F1c": 0.01, "F2c": 0.05, "F3c": 0.05}
         | {f"F{k}v": 0.2 for k in (1, 2, 3)}
     )  # fmt: skip
-
-
-def test_nothing_is_asked_of_the_others(irp6: IdentificationTarget) -> None:
-    allowed = allowed_half_widths(PrecisionTarget(None, groups={"gravity": 0.1}), irp6)
+    allowed = allowed_half_widths(PrecisionTarget(None, groups={"gravity": 0.1}), irp6)  # nothing of the others
     assert {name for name, a in zip(irp6.base.names, allowed, strict=True) if np.isfinite(a)} == {"X6", "X7"}
 
 
@@ -71,7 +68,7 @@ def test_friction_that_is_not_described_is_not_asked_for_unless_scaled(ur10e: Id
     assert scaled[names.index("F2c")] == pytest.approx(1.0)
 
 
-def test_targets_that_mean_nothing() -> None:
+def test_targets_that_mean_nothing(irp6: IdentificationTarget, ur10e: IdentificationTarget) -> None:
     for given, message in (
         ({"share": 0.0}, "above zero"),
         ({"share": None}, "nothing is asked"),
@@ -81,15 +78,19 @@ def test_targets_that_mean_nothing() -> None:
     ):
         with pytest.raises(InputError, match=message):
             PrecisionTarget(**given)
-
-
-def test_unknown_parameters_and_values(irp6: IdentificationTarget, ur10e: IdentificationTarget) -> None:
     with pytest.raises(UnknownName, match="X1"):
         allowed_half_widths(PrecisionTarget(parameters={"X99": 0.1}), irp6)
     with pytest.raises(InputError, match="scales"):
         allowed_half_widths(PrecisionTarget(parameters={"F2c": 0.1}), ur10e)
     with pytest.raises(InputError, match="asks nothing"):
         allowed_half_widths(PrecisionTarget(None, groups={"friction": 0.1}), ur10e)
+    two = excite.TaskMotion("two", ("q1", "q2"), *(np.zeros((2, 2)),) * 3)
+    with pytest.raises(InputError, match="above zero"):
+        excite.TaskTorques(0.0, two)
+    with pytest.raises(InputError, match="TaskMotion"):
+        excite.TaskTorques(0.1, "two.csv")
+    with pytest.raises(InputError, match="q3"):
+        torque_precision(excite.TaskTorques(0.1, two), irp6)
 
 
 ROWS, COLUMNS, REPEATS = 40, 3, 4000
@@ -137,9 +138,8 @@ def torques() -> excite.TaskTorques:
 @pytest.fixture(scope="module")
 def design(torques: excite.TaskTorques) -> excite.Design:
     target = excite.PrecisionTarget(None, parameters={"X2": 0.3}, torques=torques)
-    return excite.design_trajectory(
-        "irp6", precision=target, noise=(1.0, 2.0, 3.0), criterion="trace", scale="precision", search=ONE
-    )
+    criterion = {"criterion": "trace", "scale": "precision", "noise": (1.0, 2.0, 3.0)}
+    return excite.design_trajectory("irp6", precision=target, search=ONE, **criterion)
 
 
 def test_the_error_of_torques_is_that_of_sampled_parameters(design: excite.Design) -> None:
@@ -213,14 +213,13 @@ def test_a_motion_whose_coupled_drives_take_turns_promises_no_precision(irp6: Id
         RunInformation.of(PrecisionTarget(0.05), irp6, samples, np.ones(3), 8.0)
 
 
-def test_a_share_is_of_the_torque_along_the_motion(torques: excite.TaskTorques) -> None:
-    target, motion = target_of(*robot_and_task("irp6")), torques.motion
-    double = replace(torques, share=0.02)
+def test_a_share_is_of_the_torque_along_the_motion(torques: excite.TaskTorques, irp6: IdentificationTarget) -> None:
+    motion = torques.motion
     states = (part[:, ::-1] for part in (motion.q, motion.dq, motion.ddq))
     reordered = replace(torques, motion=excite.TaskMotion("waves", motion.joints[::-1], *states))
-    allowed = torque_precision(torques, target).allowed
-    assert torque_precision(double, target).allowed == pytest.approx(2.0 * allowed)
-    assert torque_precision(reordered, target).allowed == pytest.approx(allowed)
+    allowed = torque_precision(torques, irp6).allowed
+    assert torque_precision(replace(torques, share=0.02), irp6).allowed == pytest.approx(2.0 * allowed)
+    assert torque_precision(reordered, irp6).allowed == pytest.approx(allowed)
     assert np.all(allowed > 0.01)
 
 
@@ -236,13 +235,3 @@ def test_a_file_names_a_motion(design: excite.Design, tmp_path: Path) -> None:
     (tmp_path / "p.yaml").write_text("torques: {motion: bad.csv, share: 0.1}\n")
     with pytest.raises(InputError, match=r"NAME\.position"):
         read_precision_target(tmp_path / "p.yaml")
-
-
-def test_motions_that_do_not_fit() -> None:
-    two = excite.TaskMotion("two", ("q1", "q2"), *(np.zeros((2, 2)),) * 3)
-    with pytest.raises(InputError, match="above zero"):
-        excite.TaskTorques(0.0, two)
-    with pytest.raises(InputError, match="TaskMotion"):
-        excite.TaskTorques(0.1, "two.csv")
-    with pytest.raises(InputError, match="q3"):
-        torque_precision(excite.TaskTorques(0.1, two), target_of(*robot_and_task("irp6")))

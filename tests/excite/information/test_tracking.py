@@ -83,36 +83,30 @@ def test_stiff_servos_are_designed_for_as_if_there_were_none() -> None:
 
 def test_a_design_counts_the_tracked_motion_and_its_files_hold_the_servos(tmp_path: Path) -> None:
     slow = servos(D=3.0)
-    slow.save(tmp_path / "servos")
+    folder = saved(tmp_path / "servos", slow)
     plain = excite.design_trajectory(small_arm(), model="servo", **QUICK)
-    aware = excite.design_trajectory(small_arm(), model="servo", servos=str(tmp_path / "servos"), **QUICK)
+    aware = excite.design_trajectory(small_arm(), model="servo", servos=str(folder), **QUICK)
     problem = formulate(*robot_and_task(aware.task)).problem
     assert problem.exact_value(aware.trajectory.x) == pytest.approx(aware.minimised_value, rel=1e-9)
     assert aware.minimised_value < problem.exact_value(plain.trajectory.x) - 0.01
     loaded = excite.load_design(saved(tmp_path / "design", aware))
-    assert (
-        loaded.task.objective.servos == task_servos(slow)
-        or loaded.task.objective.servos.values == task_servos(slow).values
-    )
+    assert loaded.task.objective.servos.values == task_servos(slow).values
     assert loaded.feasible
 
 
-BAD: dict[str, tuple[dict[str, Any], str]] = {
-    "windows": ({"model": "energy", "servos": servos()}, "single instants"),
-    "another arm": ({"servos": TaskServos("a", ("x",), ((1.0,) * len(SYMBOLS),), (1e-3,))}, "lift, elbow, roll"),
-    "a name in a file of results": ({"servos": UnopenedFile("servos", "elsewhere")}, "only named"),
-    "something else": ({"servos": object()}, "expected identified servos"),
-    "a number": ({"servos": 3}, "servos: expected the name of a file, or its content, given 3"),
-    "no folder": ({"servos": "nowhere"}, "nowhere"),
-}
+BAD: tuple[tuple[dict[str, Any], str], ...] = (
+    ({"model": "energy", "servos": servos()}, "single instants"),
+    ({"servos": TaskServos("a", ("x",), ((1.0,) * len(SYMBOLS),), (1e-3,))}, "lift, elbow, roll"),
+    ({"servos": UnopenedFile("servos", "elsewhere")}, "only named"),
+    ({"servos": object()}, "expected identified servos"),
+    ({"servos": 3}, "servos: expected the name of a file, or its content, given 3"),
+    ({"servos": "nowhere"}, "nowhere"),
+)
 
 
-@pytest.mark.parametrize(("options", "message"), BAD.values(), ids=BAD)
-def test_what_is_refused(options: dict[str, Any], message: str) -> None:
-    with pytest.raises((InputError, OSError), match=message):
-        formulate(small_arm(), task(**options)).problem  # noqa: B018
-
-
-def test_servos_need_a_value_of_every_joint() -> None:
+def test_what_is_refused() -> None:
+    for options, message in BAD:
+        with pytest.raises((InputError, OSError), match=message):
+            formulate(small_arm(), task(**options)).problem  # noqa: B018
     with pytest.raises(InputError, match="each of 2 joints"):
         TaskServos("a", ("x", "y"), ((1.0,),), (0.0,))

@@ -39,18 +39,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return saved(tmp_path_factory.mktemp("designs") / "one", design(("q3",)))
 
 
-def known(name: str, problem: str | None) -> DesignBound:
+def known(design: excite.Design, folder: Path) -> DesignBound:
+    """A bound of a design, as if computed, with the gain of one change."""
     criterion = CriterionBound("condition", "condition number", 10.0, True, 11.0, 1000, 20.0, 1.0)
-    return DesignBound(name, problem, (criterion,), ("assumed",))
-
-
-@pytest.mark.slow
-def test_bound_of_one_joint_is_proven_and_below_every_motion(folder: Path) -> None:
-    (found,) = excite.bound(load_design(folder), rounds=4).criteria
-    assert found.proven
-    assert 1.0 < found.value <= found.estimate * (1 + 1e-3)
-    assert found.estimate <= found.reached == pytest.approx(load_design(folder).condition_number)
-    assert 0.2 < found.efficiency <= 1.0
+    changes = Sensitivity("condition", 20.0, (SensitivityRow("6 harmonics instead of 3", 18.0, 0.1),), 1.5)
+    hashes = bounded_problem_sha256(design), design.coefficients_sha256
+    return DesignBound(str(folder), hashes[0], (criterion,), ("assumed",), hashes[1], changes)
 
 
 def test_interrupted_changes_leave_the_bound(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -137,48 +131,55 @@ def test_a_bound_of_seven_axes_is_proven_of_the_first_ones() -> None:
     assert 2.0 < condition.proven(certificate, factor) < made.condition_number
 
 
-def test_a_bound_is_read_again_for_the_same_problem_only(folder: Path) -> None:
-    one = load_design(folder)
-    bound = replace(known(str(folder), bounded_problem_sha256(one)), coefficients=one.coefficients_sha256)
-    assert bound.save(folder) == [folder / NAME]
-    # What the design reaches is computed, whatever the file says.
-    bound = replace(bound, criteria=(replace(bound.criteria[0], reached=pytest.approx(one.condition_number)),))
-    assert stored_bound(one) == bound
+def test_a_bound_is_read_again_for_the_same_problem_only(one: excite.Design, tmp_path: Path) -> None:
+    one.save(tmp_path)
+    design, bound = load_design(tmp_path), known(one, tmp_path)
+    assert bound.save(tmp_path) == [tmp_path / NAME]
+    read = stored_bound(design)
+    (reached,) = (each.reached for each in read.criteria)
+    assert reached == pytest.approx(design.condition_number, rel=1e-12)  # of the motion, whatever the file says
+    assert read == replace(bound, criteria=read.criteria)
+    assert "from scratch may find more" in json.loads((tmp_path / NAME).read_text())["sensitivity"]["meaning"]
     for change in ({"velocity": 0.5}, {"harmonics": 4}, {"friction": False}, {"base": "pivoted"}):
-        other = replace(one, task=one.task.changed(**change))
-        assert stored_bound(other) is None
-    searched = replace(one, task=one.task.changed(starts=7, seed=3, criterion="logdet"))
-    assert stored_bound(searched) == bound
+        assert stored_bound(replace(design, task=design.task.changed(**change))) is None
+    searched = replace(design, task=design.task.changed(starts=7, seed=3, criterion="logdet"))
+    assert stored_bound(searched) == replace(read, sensitivity=None)  # which is of the other criterion
+    for other in (
+        replace(bound, coefficients="of another motion"),
+        replace(bound, sensitivity=replace(bound.sensitivity, criterion="logdet")),
+    ):
+        other.save(tmp_path)
+        assert stored_bound(design).sensitivity is None
 
 
-def test_a_file_of_the_user_is_not_replaced(tmp_path: Path) -> None:
+def test_a_file_of_the_user_is_not_replaced(one: excite.Design, tmp_path: Path) -> None:
     (tmp_path / NAME).write_text(json.dumps({"schema": "mine"}))
     with pytest.raises(InputError, match="is not a bound"):
-        known("design", None).save(tmp_path)
+        known(one, tmp_path).save(tmp_path)
 
 
-def test_the_verdict_says_whether_it_is_proven() -> None:
-    (proven,) = known("design", None).criteria
+def test_the_verdict_says_whether_it_is_proven(one: excite.Design, tmp_path: Path) -> None:
+    (proven,) = known(one, tmp_path).criteria
     assert "at most 2 times the best possible" in verdict_of(proven)
     assert "is proven" in verdict_of(proven)
     assert "estimated from 1,000 states" in verdict_of(replace(proven, proven=False))
 
 
-def test_models_over_time_windows_are_refused(folder: Path) -> None:
-    one = load_design(folder)
-    energy = replace(one, task=one.task.changed(model="energy"))
+def test_models_over_time_windows_are_refused(one: excite.Design) -> None:
     with pytest.raises(InputError, match="time windows"):
-        excite.bound(energy)
+        excite.bound(replace(one, task=one.task.changed(model="energy")))
     with pytest.raises(UnknownName, match="criterion"):
         excite.bound(one, ["volume"])
 
 
 @pytest.mark.slow
-def test_bound_of_the_irp6_is_proven() -> None:
+def test_bound_of_the_irp6_is_proven_and_below_every_motion() -> None:
     one = design(("q1", "q2", "q3"))
     (found,) = excite.bound(one).criteria
     assert found.proven
-    assert 0.3 * one.condition_number < found.value <= found.estimate < one.condition_number
+    assert 0.3 * one.condition_number < found.value <= found.estimate < found.reached
+    assert found.reached == pytest.approx(one.condition_number)
+    assert found.efficiency == pytest.approx(found.value / found.reached)
 
 
 FAMILIES: dict[str, dict[str, Any]] = {
@@ -213,25 +214,20 @@ def value_of(change: ProblemChanges, label: str, factor: float = 1.2) -> float:
     return change.best(*change.looser(label, factor))[1]
 
 
-def test_looser_limits_are_never_worse_and_used_ones_can_be_better(change: ProblemChanges) -> None:
-    gains = {use.label: change.gain(value_of(change, use.label)) for use in change.uses(change.x) if use.use > 0.99}
+def test_looser_limits_are_never_worse_and_only_used_ones_can_be_better(change: ProblemChanges) -> None:
+    used = {use.label: use.use for use in change.uses(change.x)}
+    gains = {label: change.gain(value_of(change, label)) for label, use in used.items() if use > 0.99}
     assert min(gains.values()) >= -1e-9
     assert max(gains.values()) > 0.01
-
-
-def test_the_better_motion_goes_beyond_the_looser_limit_alone(change: ProblemChanges) -> None:
-    used = [use.label for use in change.uses(change.x) if use.use > 0.99]
-    label = max(used, key=lambda label: change.gain(value_of(change, label)))
-    x, _ = change.best(*change.looser(label))
+    unused = min(used, key=lambda label: used[label])
+    assert used[unused] < 0.6
+    assert value_of(change, unused) == pytest.approx(change.reference, rel=1e-3)
+    # the better motion goes beyond the looser limit alone
+    best = max(gains, key=lambda label: gains[label])
+    x, _ = change.best(*change.looser(best))
     uses = {use.label: use.use for use in change.uses(x)}
-    assert 1.0 < uses.pop(label) <= 1.2
+    assert 1.0 < uses.pop(best) <= 1.2
     assert max(uses.values()) <= 1.0
-
-
-def test_a_limit_that_is_not_used_brings_nothing(change: ProblemChanges) -> None:
-    unused = min(change.uses(change.x), key=lambda use: use.use)
-    assert unused.use < 0.6
-    assert value_of(change, unused.label) == pytest.approx(change.reference, rel=1e-3)
 
 
 def test_a_factor_of_one_and_an_unknown_label_change_nothing(change: ProblemChanges) -> None:
@@ -242,18 +238,15 @@ def test_a_factor_of_one_and_an_unknown_label_change_nothing(change: ProblemChan
 
 
 def test_richer_and_longer_motions_keep_the_limits_at_every_instant(change: ProblemChanges) -> None:
-    for changed in (change.richer(), change.longer(), change.longer(5)):
+    richer = change.richer()
+    for changed in (richer, change.longer(), change.longer(5)):
         x, value = change.best(*changed)
         trajectory = changed[0].information.trajectory(x)
         uses = [use for limit in change.formulation.limits for use in limit_uses(limit, trajectory.extrema(limit))]
         assert all(use.holds for use in uses)
         assert value == pytest.approx(changed[0].exact_value(x), rel=1e-12)
-
-
-def test_richer_motions_have_limits_as_tight_on_their_grid(change: ProblemChanges) -> None:
-    richer = change.richer()
     for limit, same in zip(change.formulation.problem.limits.linear, richer[0].limits.linear, strict=True):
-        np.testing.assert_allclose(limit.upper, same.upper, rtol=1e-12)
+        np.testing.assert_allclose(limit.upper, same.upper, rtol=1e-12)  # as tight on the grid of richer motions
 
 
 @pytest.mark.parametrize("options", [{"harmonics": 6}, {"period": 7.5}, {"period": 7.5, "harmonics": 5}], ids=str)
@@ -267,10 +260,7 @@ def test_the_motion_is_embedded_exactly(change: ProblemChanges, options: dict[st
     if "period" not in options:
         assert other.exact_value(x) == pytest.approx(problem.exact_value(change.x), rel=1e-9)
         assert change.reference <= problem.exact_value(change.x)
-
-
-def test_a_poorer_family_does_not_have_the_motion(change: ProblemChanges) -> None:
-    assert same_motion(change.formulation.problem, change.x, of_other_options(change, harmonics=2)) is None
+    assert same_motion(problem, change.x, of_other_options(change, harmonics=2)) is None  # a poorer family
 
 
 def test_harmonics_that_the_samples_cannot_tell_apart_are_left_out(change: ProblemChanges) -> None:
@@ -293,35 +283,10 @@ def test_rows_of_every_linear_family_are_sorted_and_richer_motions_are_no_worse(
         assert row.gain == pytest.approx(1 - row.value / found.reference, abs=1e-12)
 
 
-def stored(one: excite.Design, folder: Path) -> DesignBound:
-    criterion = CriterionBound("condition", "condition number", 10.0, True, 11.0, 1000, 20.0, 1.0)
-    changes = Sensitivity("condition", 20.0, (SensitivityRow("6 harmonics instead of 3", 18.0, 0.1),), 1.5)
-    problem, hashed = bounded_problem_sha256(one), one.coefficients_sha256
-    bound = DesignBound(str(folder), problem, (criterion,), ("assumed",), hashed, changes)
-    bound.save(folder)
-    return bound
-
-
-def test_it_is_stored_and_read_back_for_the_same_motion_only(one: excite.Design, tmp_path: Path) -> None:
-    folder = tmp_path / "one"
-    one.save(folder)
-    bound, design = stored(one, folder), load_design(folder)
-    read = stored_bound(design)
-    reached = [each.reached for each in read.criteria]
-    assert reached == pytest.approx([design.condition_number], rel=1e-12)  # of the motion, whatever the file says
-    assert read == replace(bound, criteria=read.criteria)
-    assert "from scratch may find more" in json.loads((folder / NAME).read_text())["sensitivity"]["meaning"]
-    replace(bound, coefficients="of another motion").save(folder)
-    assert stored_bound(design).sensitivity is None
-    replace(bound, sensitivity=replace(bound.sensitivity, criterion="logdet")).save(folder)
-    assert stored_bound(design).sensitivity is None
-
-
 @pytest.mark.slow
 def test_the_command_adds_it_to_a_file_without_it_and_shows_it(one: excite.Design, tmp_path: Path) -> None:
-    folder = tmp_path / "one"
-    one.save(folder)
-    replace(stored(one, folder), sensitivity=None).save(folder)
+    folder = saved(tmp_path / "one", one)
+    replace(known(one, folder), sensitivity=None).save(folder)
     shown = CliRunner().invoke(cli, ["bound", str(folder)])
     assert shown.exit_code == 0, shown.output
     assert "6 harmonics instead of 3" in shown.output
@@ -333,15 +298,13 @@ def test_the_command_adds_it_to_a_file_without_it_and_shows_it(one: excite.Desig
 
 
 def test_a_file_without_it_is_read_and_a_damaged_one_named(one: excite.Design, tmp_path: Path) -> None:
-    folder = tmp_path / "one"
-    one.save(folder)
-    stored(one, folder)
+    folder = saved(tmp_path / "one", one)
+    known(one, folder).save(folder)
     content = json.loads((folder / NAME).read_text())
     del content["sensitivity"]
     (folder / "manifest.json").unlink()
     (folder / NAME).write_text(json.dumps(content))
-    read = stored_bound(load_design(folder))
-    assert read.sensitivity is None
+    assert stored_bound(load_design(folder)).sensitivity is None
     (folder / NAME).write_text(json.dumps({**content, "sensitivity": {"rows": [{}]}}))
     with pytest.raises(InputError, match="run `excite bound` again"):
         stored_bound(load_design(folder))

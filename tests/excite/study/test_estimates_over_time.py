@@ -67,20 +67,16 @@ def test_every_estimate_is_least_squares_on_the_rows_so_far(estimator: str) -> N
 
 @pytest.mark.parametrize("covariance", ["white", "robust"])
 def test_the_last_instant_has_the_estimate_and_the_intervals_of_the_whole_log(covariance: str) -> None:
+    """And the first ones, whose rows do not show all parameters, have none."""
     found = result(covariance=covariance)
-    course = estimates_over_time(found, "run", 7)
+    course = estimates_over_time(found, "run", 400)
     np.testing.assert_allclose(course.values[-1], found.estimate.values, rtol=1e-8)
     np.testing.assert_allclose(course.half_width[-1], found.estimate.half_width, rtol=1e-8)
     assert course.condition_number[-1] == pytest.approx(found.condition_number, rel=1e-8)
     assert course.reference_kind == "truth"
-
-
-def test_parameters_that_the_rows_do_not_show_yet_have_no_value() -> None:
-    course = estimates_over_time(result(), "run", 400)
     assert np.all(np.isnan(course.values[0]))
-    assert np.all(np.isinf(course.deviation[0]))
-    assert np.isinf(course.condition_number[0])
-    assert np.all(np.isinf(course.relative_deviation[0]))
+    for without_bound in (course.deviation, course.condition_number, course.relative_deviation):
+        assert np.all(np.isinf(without_bound[0]))
 
 
 def course_of(deviation: np.ndarray) -> TimeCourse:
@@ -152,6 +148,11 @@ def test_what_cannot_be_studied() -> None:
     both = found(TASK, log(0), log(1), recipe=Recipe())
     with pytest.raises(InputError, match="of one log each"):
         estimates_over_time(both, "both", 10)
+    for executor, how, error in (("proces", {}, UnknownName), ("process", {"workers": 0}, InputError)):
+        with pytest.raises(error):
+            repeated(executor, **how)
+    with pytest.raises(LostWorkersError, match="nothing of the study is kept: repeat it with fewer `workers`, or with"):
+        repeated(OneByOne(ends_after=1), repeats=2)
 
 
 def test_a_study_is_not_replaced_unasked(tmp_path: Path) -> None:
@@ -200,18 +201,3 @@ def test_numbers_are_the_same_in_processes_and_on_dask(tmp_path: Path, monkeypat
         monkeypatch.setattr("excite.design.executors.dask_cluster._AHEAD", 1)
         with pytest.raises(LostWorkersError, match=rf"^the Dask scheduler at {dask.address} went away; nothing of the"):
             repeated(dask.address, progress=end)
-
-
-def test_workers_that_are_lost_keep_nothing() -> None:
-    with pytest.raises(LostWorkersError) as lost:
-        repeated(OneByOne(ends_after=1), repeats=2)
-    assert str(lost.value) == (
-        "the scheduler went away; nothing of the study is kept: repeat it with fewer `workers`, or with another "
-        "`executor`"
-    )
-
-
-def test_where_they_cannot_run() -> None:
-    for executor, how, error in (("proces", {}, UnknownName), ("process", {"workers": 0}, InputError)):
-        with pytest.raises(error):
-            repeated(executor, **how)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import tracemalloc
 from functools import cache
@@ -20,7 +19,7 @@ from excite.identification.estimator import Estimate
 from excite.identification.estimators.least_squares import least_squares, weighted
 from excite.identification.estimators.robust import instrumental
 from excite.identification.observations import Observations
-from excite.logs.signals.filters import Differences, SavitzkyGolay, kept_rows, low_passed
+from excite.logs.signals.filters import Differences, kept_rows, low_passed
 from excite.logs.signals.series import FourierFit, SmoothingSpline
 from excite.study import experiment as chain_file, moments
 from excite.study.experiment import Experiment, Noise, drawn
@@ -29,7 +28,7 @@ from regressors.errors import InputError, TooLargeError
 from regressors.models.base import base_parameters
 from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
-from regressors.models.load import LoadIntegralModel, LoadModel, Sensor
+from regressors.models.load import LoadIntegralModel, LoadModel
 from regressors.models.model import RegressorModel
 from regressors.models.windows import Window, WindowModel
 from regressors.robot.columns import Terms
@@ -40,19 +39,17 @@ RATE = 100.0
 
 # --- one repetition by hand ------------------------------------------------------------------------------------------
 
-SENSOR = Sensor(equations=("fx", "fy", "nx", "ny", "nz"))
-
 
 @cache
 def chains() -> dict[str, Experiment]:
-    load, robot = random_chain("rrrr", np.random.default_rng(8)), arm()
+    shared = repeated_experiments.chains()
     return {
-        "differential": experiment(DifferentialModel(robot), NOISE, method=Differences(), estimator="least-squares"),
-        "filtered": repeated_experiments.chains()["differential"],
-        "energy": experiment(EnergyModel(robot, Terms(), Window("long")), NOISE, method=SavitzkyGolay(window=0.15)),
-        "load": experiment(LoadModel(load, SENSOR), Noise(0.1), method=Differences(), every=2),
-        "spline": experiment(DifferentialModel(robot), NOISE, method=SmoothingSpline(knots=(0.1, 0.2))),
-        "fourier": experiment(DifferentialModel(robot), NOISE, method=FourierFit(3.01, 8)),
+        "differential": experiment(DifferentialModel(arm()), NOISE, method=Differences(), estimator="least-squares"),
+        "filtered": shared["differential"],
+        "energy": shared["energy"],
+        "load": shared["load"],
+        "spline": experiment(DifferentialModel(arm()), NOISE, method=SmoothingSpline(knots=(0.1, 0.2))),
+        "fourier": experiment(DifferentialModel(arm()), NOISE, method=FourierFit(3.01, 8)),
     }
 
 
@@ -169,9 +166,8 @@ def test_intervals_of_the_weighted_estimate_hold_as_often_as_they_say() -> None:
     found = torque_noise("weighted")
     hits = scipy.stats.binom.ppf([RARE, 1 - RARE], found.count, 0.99) / found.count
     assert np.all((found.coverage >= hits[0]) & (found.coverage <= hits[1]))
-    np.testing.assert_allclose(
-        found.predicted_deviation, np.sqrt(np.diag(covariance(np.array([2.0, 20.0])))), rtol=0.02
-    )
+    expected = np.sqrt(np.diag(covariance(np.array([2.0, 20.0]))))
+    np.testing.assert_allclose(found.predicted_deviation, expected, rtol=0.02)
     np.testing.assert_allclose(found.noise.mean(axis=0), [0.5, 0.05], rtol=0.01)
 
 
@@ -274,33 +270,27 @@ def test_experiments_that_cannot_be() -> None:
             Noise(count=[0.0, value])
 
 
-@pytest.mark.parametrize(
-    ("instants", "choices", "refused"),
-    [
-        (3_000_000, {}, False),  # in blocks
-        (4_000_000, {"low_pass": 10.0}, True),
-    ],
-)
-def test_memory_is_planned_before_anything_is_computed(
-    instants: int, choices: dict[str, Any], refused: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def of_length(instants: int, **choices: Any) -> Experiment:
+    """Of so many instants, without the checks of a motion."""
     e = experiment(DifferentialModel(arm()), Noise(0.1, 1e-5), method=Differences(), **choices)
     still = np.broadcast_to(0.0, (instants, 2))
-    long = copy.copy(e)  # without the checks of a motion
-    object.__setattr__(long, "samples", Samples(np.broadcast_to(0.0, instants), still, still, still, still))
-    if not refused:
-        executor_of_repetitions("serial", None, long, 1000)
-        monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.3")  # little more than the programs themselves
-        with pytest.raises(TooLargeError):
-            executor_of_repetitions("serial", None, long, 1000)
-        return
+    object.__setattr__(e, "samples", Samples(np.broadcast_to(0.0, instants), still, still, still, still))
+    return e
+
+
+def test_memory_is_planned_before_anything_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole, in_blocks = of_length(4_000_000, low_pass=10.0), of_length(3_000_000)
     tracemalloc.start()
     with pytest.raises(
         TooLargeError, match=r"^the repetition of the experiment would take about .* the cap of 4 GB: .*`rows`"
     ):
-        repeat_experiment(long, 1000, seed=0)
+        repeat_experiment(whole, 1000, seed=0)
     assert tracemalloc.get_traced_memory()[1] < 1e6
     tracemalloc.stop()
+    executor_of_repetitions("serial", None, in_blocks, 1000)
+    monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.3")  # little more than the programs themselves
+    with pytest.raises(TooLargeError):
+        executor_of_repetitions("serial", None, in_blocks, 1000)
 
 
 def test_repetitions_that_cannot_be() -> None:

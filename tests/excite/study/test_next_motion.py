@@ -60,17 +60,10 @@ def test_a_result_states_the_information_of_its_covariance(result: excite.Identi
     R = earlier_root(after.target, task)
     assert np.allclose(np.linalg.inv(R.T @ R), result.estimate.covariance, rtol=1e-6)
     assert np.allclose(deviations_of(R), result.estimate.deviation)
-
-
-def test_measured_noise_is_that_of_new_rows(after: excite.Design) -> None:
-    """4 Nm at 2000 Hz has the density of 4 / sqrt(20) Nm at 100 Hz."""
+    # measured noise is that of new rows: 4 Nm at 2000 Hz have the density of 4 / sqrt(20) Nm at 100 Hz
     assert after.task.objective.noise == pytest.approx(3 * (4.0 / np.sqrt(20.0),), rel=0.1)
-
-
-def test_what_is_in_hand_is_stated_beside_what_follows(after: excite.Design) -> None:
     alone = np.array([each.standard_deviation for each in after.predicted])
-    before = np.array([each.deviation for each in after.prior])
-    together = np.array([each.after for each in after.prior])
+    before, together = np.array([(each.deviation, each.after) for each in after.prior]).T
     assert np.all(together < np.minimum(alone, before))
     assert [each.value for each in after.prior] == 13 * [None]
 
@@ -104,13 +97,15 @@ def test_a_result_after_others_names_them_without_opening(after: excite.Design, 
         excite.design_trajectory(stored.task)
 
 
-def test_enough_is_enough(result: excite.Identification) -> None:
+def test_enough_is_enough(result: excite.Identification, short_design: excite.Design) -> None:
     step = excite.next_motion("irp6", "100%", after=result)
     assert step.enough
     assert (step.design, step.runs, step.missing, step.planned) == (None, 0, (), ())
     widths = np.array([each.half_width for each in step.parameters])
     assert np.allclose(widths, result.estimate.half_width)
     assert [each.value for each in step.parameters] == pytest.approx(result.estimate.values.tolist())
+    planned = excite.next_motion("irp6", "100%", after=4 * (short_design,))
+    assert (planned.enough, planned.planned) == (True, (short_design.name,))
 
 
 def test_the_runs_are_the_fewest_that_are_expected_to_be_enough(result: excite.Identification) -> None:
@@ -132,12 +127,6 @@ def test_a_sequence_ends_where_it_is_expected_to(result: excite.Identification) 
     log = excite.simulate(step.design, noise=4.0, seed=3, periods=step.runs)
     second = excite.identify("irp6", log, design=step.design, estimator="weighted", choose=False)
     assert excite.next_motion("irp6", 0.2, after=(result, second)).enough
-
-
-def test_planned_designs_are_named(short_design: excite.Design) -> None:
-    step = excite.next_motion("irp6", "100%", after=4 * (short_design,))
-    assert step.enough
-    assert step.planned == (short_design.name,)
 
 
 def test_shares_are_of_what_was_measured(result: excite.Identification) -> None:
@@ -163,6 +152,7 @@ def test_nothing_is_asked_of_what_may_be_zero_and_has_no_size() -> None:
     assert step.enough
 
 
+ONE = excite.Search(starts=1, rounds=0, executor="serial")
 BAD = [
     ({"after": "nowhere"}, "nowhere holds neither result.json nor design.json"),
     ({"after": 3}, "after: expected results or designs, or their folders, given 3"),
@@ -194,9 +184,6 @@ def test_bad_inputs_are_named(folders: Path, monkeypatch: pytest.MonkeyPatch) ->
     ):
         with pytest.raises(InputError, match=message):
             excite.next_motion("irp6", precision, **options)
-
-
-ONE = excite.Search(starts=1, rounds=0, executor="serial")
 
 
 @dataclass(frozen=True)
@@ -259,9 +246,7 @@ def test_a_period_between_two_needs_one_run_less() -> None:
     assert period is not None
     assert trial(period).robot_seconds < 0.99 * min(each.robot_seconds for each in trials)
     assert trial(period).run.use(trial(period).runs) == pytest.approx(1.0, abs=0.02)
-
-
-def test_nothing_between_promises_more_when_information_only_adds() -> None:
+    # nothing between promises more when information only adds
     assert promising_period([trial(period, slope=0.5) for period in (8.0, 16.0, 32.0)], 600.0, 100.0) is None
 
 
@@ -345,7 +330,6 @@ def test_out_of_reach_says_what_moves_together_and_what_helps() -> None:
     assert [each.name for each in found.parameters] == [p.name for p in design.precision.too_wide]
     assert found.robot_seconds > 100.0
     factors = {each.change: each.narrower for each in found.trials}
-    assert factors["a known load of 2 kg in every other run"] == pytest.approx(
-        1.0, abs=1e-6
-    )  # the columns are the same
+    same_columns = factors["a known load of 2 kg in every other run"]
+    assert same_columns == pytest.approx(1.0, abs=1e-6)
     assert found.best.narrower == max(factors.values()) > 1.05

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -95,8 +94,11 @@ def test_every_sample_is_a_possible_robot(result: Identification, samples: Poste
 
 
 def test_a_sample_is_the_same_however_many_are_drawn(result: Identification, samples: PosteriorSamples) -> None:
-    few = excite.sample_posterior(result, 40, seed=1, prior=PRIOR)
+    steps: list[tuple[int, int]] = []
+    few = excite.sample_posterior(result, 40, seed=1, prior=PRIOR, progress=lambda *step: steps.append(step))
     np.testing.assert_array_equal(few.values, samples.values[:40])
+    assert steps == [(k + 1, len(steps)) for k in range(len(steps))]
+    assert "40 possible robots" in repr(few)
     other = excite.sample_posterior(result, 40, seed=2, prior=PRIOR)
     assert not np.any(other.values[:, 0] == few.values[:, 0])
 
@@ -182,13 +184,6 @@ def test_bad_input_is_refused(result: Identification, samples: PosteriorSamples)
             samples.ranges(level)
 
 
-def test_progress_reaches_its_end(result: Identification) -> None:
-    steps: list[tuple[int, int]] = []
-    excite.sample_posterior(result, 1, progress=lambda done, total: steps.append((done, total)))
-    assert steps == [(k + 1, len(steps)) for k in range(len(steps))]
-    assert "1 possible robots" in repr(excite.sample_posterior(result, 1))
-
-
 SIZE, CHAINS = 6, 400
 
 
@@ -246,6 +241,13 @@ SAMPLES = Path(__file__).resolve().parents[2] / "samples" / "posterior-1"
 FIELDS = ("robot", "result_sha256", "seed", "prior", "names", "units", "base_names", "base_units", "distance", "notes")
 
 
+def same(read: PosteriorSamples, known: PosteriorSamples) -> None:
+    np.testing.assert_array_equal(read.values, known.values)
+    np.testing.assert_array_equal(read.base_matrix, known.base_matrix)
+    assert [getattr(read, name) for name in FIELDS] == [getattr(known, name) for name in FIELDS]
+    assert np.isnan(read.split_deviation)
+
+
 def drawn(count: int = 1200) -> PosteriorSamples:
     rng = np.random.default_rng(0)
     values = np.column_stack([rng.normal(5, 1e-9, count), rng.lognormal(0, 3, count) * 1e-7, np.zeros(count)])
@@ -268,68 +270,37 @@ def drawn(count: int = 1200) -> PosteriorSamples:
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".csv"])
-def test_samples_read_back_to_the_same_bits(suffix: str, tmp_path: Path) -> None:
+def test_samples_read_back_to_the_same_bits_and_as_by_the_first_schema(suffix: str, tmp_path: Path) -> None:
     written = drawn()
     path = written.save(tmp_path / f"samples{suffix}")
-    read = load_posterior(path)
-    np.testing.assert_array_equal(read.values, written.values)
-    np.testing.assert_array_equal(read.base_matrix, written.base_matrix)
-    assert [getattr(read, name) for name in FIELDS] == [getattr(written, name) for name in FIELDS]
-    assert np.isnan(read.split_deviation)
+    same(load_posterior(path), written)
+    same(load_posterior(SAMPLES / f"samples{suffix}"), drawn(12))
     first = path.read_bytes()
+    with pytest.raises(excite.InputError, match="already there; `replace`"):
+        written.save(path)
     written.save(path, replace=True)
     assert path.read_bytes() == first
 
 
-@pytest.mark.parametrize("suffix", [".npz", ".csv"])
-def test_files_of_schema_1_are_the_same_samples(suffix: str) -> None:
-    read, known = load_posterior(SAMPLES / f"samples{suffix}"), drawn(12)
-    np.testing.assert_array_equal(read.values, known.values)
-    np.testing.assert_array_equal(read.base_matrix, known.base_matrix)
-    assert [getattr(read, name) for name in FIELDS] == [getattr(known, name) for name in FIELDS]
-    assert np.isnan(read.split_deviation)
-
-
-def test_what_is_there_is_not_replaced(tmp_path: Path) -> None:
-    path = drawn().save(tmp_path / "samples.npz")
-    with pytest.raises(excite.InputError, match="already there; `replace`"):
-        drawn().save(path)
-
-
-def _array(change: Callable[[dict[str, np.ndarray]], None]) -> Callable[[Path], Path]:
-    def write(folder: Path) -> Path:
-        with np.load(drawn().save(folder / "samples.npz")) as file:
-            arrays = dict(file)
-        change(arrays)
-        np.savez(folder / "samples.npz", **arrays)
-        return folder / "samples.npz"
-
-    return write
-
-
-def _text(content: str) -> Callable[[Path], Path]:
-    def write(folder: Path) -> Path:
-        (folder / "samples.csv").write_text(content)
-        return folder / "samples.csv"
-
-    return write
-
-
-@pytest.mark.parametrize(
-    ("write", "message"),
-    [
-        (lambda folder: folder / "nowhere.npz", "cannot read .*nowhere.npz"),
-        (lambda folder: folder / "samples.txt", "read from .npz or .csv, given .*samples.txt"),
-        (_text(""), "holds no samples"),
-        (_text("m1,m2\n1,2\n"), "no facts in its first line"),
-        (_array(lambda a: a.pop("values")), "holds no samples"),
-        (_array(lambda a: a.update(values=a["values"][:, :2])), "arrays of other sizes"),
-        (_array(lambda a: a.update(facts=np.array(json.dumps({"schema": "excite.other/1"})))), "holds no samples"),
-    ],
-)
-def test_other_files_are_refused(write: Callable[[Path], Path], message: str, tmp_path: Path) -> None:
-    with pytest.raises(excite.InputError, match=message):
-        load_posterior(write(tmp_path))
+def test_other_files_are_refused(tmp_path: Path) -> None:
+    with np.load(drawn().save(tmp_path / "whole.npz")) as file:
+        arrays = dict(file)
+    other_schema = {"facts": np.array(json.dumps({"schema": "excite.other/1"}))}
+    for name, content, message in (
+        ("nowhere.npz", None, "cannot read .*nowhere.npz"),
+        ("samples.txt", None, "read from .npz or .csv, given .*samples.txt"),
+        ("samples.csv", "", "holds no samples"),
+        ("samples.csv", "m1,m2\n1,2\n", "no facts in its first line"),
+        ("none.npz", {key: value for key, value in arrays.items() if key != "values"}, "holds no samples"),
+        ("few.npz", {**arrays, "values": arrays["values"][:, :2]}, "arrays of other sizes"),
+        ("other.npz", {**arrays, **other_schema}, "holds no samples"),
+    ):
+        if isinstance(content, str):
+            (tmp_path / name).write_text(content)
+        elif content is not None:
+            np.savez(tmp_path / name, **content)
+        with pytest.raises(excite.InputError, match=message):
+            load_posterior(tmp_path / name)
 
 
 def test_a_range_leaves_as_many_samples_below_as_above() -> None:

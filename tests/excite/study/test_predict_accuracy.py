@@ -108,9 +108,8 @@ def test_a_measured_motion_gives_the_estimate_of_its_own_equations(design: Desig
     for rows, values in ((rehearsal.equations(log).rows, weighted), (rehearsal.exact.rows, exact)):
         scale = divisors(rehearsal.result.estimate)[rows.group]
         values.append(np.linalg.lstsq(rows.matrix / scale[:, None], rows.y / scale, rcond=None)[0])
-    np.testing.assert_allclose(
-        rehearsal.equations(log).error(rehearsal.exact.solution.values), weighted[0] - exact[0], atol=1e-8
-    )
+    error = rehearsal.equations(log).error(rehearsal.exact.solution.values)
+    np.testing.assert_allclose(error, weighted[0] - exact[0], atol=1e-8)
     assert np.abs(weighted[0] - exact[0]).max() > 1e-4
 
 
@@ -125,9 +124,8 @@ def test_a_measured_motion_reaches_the_parameters_as_in_repeats(design: Design) 
         rng = np.random.default_rng(seed)
         phase = rng.uniform(0, 0.02, 3)
         step = 2e-4 * np.array([1.0, 0.6, 0.4])
-        q = step * np.round(
-            (simulation.run.samples.q + 3e-4 * rng.normal(size=(len(simulation.log.time), 3)) + phase) / step
-        )
+        noise = 3e-4 * rng.normal(size=(len(simulation.log.time), 3))
+        q = step * np.round((simulation.run.samples.q + noise + phase) / step)
         effort = simulation.run.effort + 0.05 * rng.normal(size=q.shape)
         log = replace(simulation.log, q=q - phase, effort=effort, sha256=str(seed))
         values.append(excite.identify(design.robot, log, design=design, **how).estimate.values)
@@ -189,8 +187,6 @@ def test_an_estimator_with_bounds_keeps_them(design: Design) -> None:
     kept = bounded_estimates(rehearsal.result, exact, np.array([inside, low]))
     np.testing.assert_allclose(kept[0], inside, rtol=1e-6, atol=1e-6)
     assert kept[1][rehearsal.result.names.index("F1c")] >= 0.0
-    with pytest.raises(AssertionError):
-        np.testing.assert_allclose(kept[1], low, rtol=1e-3)
 
 
 def test_the_same_seed_gives_the_same_prediction(design: Design) -> None:

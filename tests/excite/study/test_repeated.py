@@ -42,10 +42,6 @@ def noise() -> Log:
     return noisy(played(three_joints(), 3, seconds=4.005), 0.5, 1e-5, 1)
 
 
-def test_the_estimators_that_can_be_repeated_are_those_in_batches() -> None:
-    assert set(REPEATABLE) == set(ESTIMATORS)
-
-
 def test_repetitions_have_the_noise_of_the_torques_whatever_the_equations_are(noise: Log) -> None:
     for task, recipe in (
         (TASK, Recipe(rows="all")),
@@ -57,7 +53,7 @@ def test_repetitions_have_the_noise_of_the_torques_whatever_the_equations_are(no
     np.testing.assert_allclose(position_noise(result), 1e-5, rtol=0.25)
 
 
-TEN = 10
+COUNT = 12
 
 
 @pytest.fixture
@@ -81,13 +77,10 @@ def test_an_experiment_is_repeated_as_well_after_it_was_sent(name: str) -> None:
 
 @pytest.mark.usefixtures("in_pairs")
 def test_repetitions_are_in_the_order_of_their_numbers_whatever_ends_first() -> None:
-    seen: list[tuple[int, int]] = []
-    backwards = OneByOne(backwards=True)
-    there = repeat_experiment(
-        plain(), TEN, 0, progress=lambda done, count: seen.append((done, count)), executor=backwards
-    )
-    same(there, repeat_experiment(plain(), TEN, 0, executor="serial"))
-    assert seen == [(k, TEN) for k in range(2, TEN + 1, 2)]
+    seen, backwards = list[tuple[int, int]](), OneByOne(backwards=True)
+    there = repeat_experiment(plain(), COUNT, 0, progress=lambda *done: seen.append(done), executor=backwards)
+    same(there, repeat_experiment(plain(), COUNT, 0, executor="serial"))
+    assert seen == [(k, COUNT) for k in range(2, COUNT + 1, 2)]
     assert backwards.closed
 
 
@@ -113,16 +106,11 @@ def test_ctrl_c_keeps_what_has_come_back_and_ends_the_workers() -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):  # there is no scatter of none
-        repeat_experiment(plain(), TEN, 0, progress=lambda *_: stop(4, 0), executor="serial")
+        repeat_experiment(plain(), COUNT, 0, progress=lambda *_: stop(4, 0), executor="serial")
     backwards = OneByOne(backwards=True)
-    rest = repeat_experiment(plain(), TEN, 0, progress=stop, executor=backwards)
+    rest = repeat_experiment(plain(), COUNT, 0, progress=stop, executor=backwards)
     assert (rest.count, rest.interrupted, backwards.closed) == (4, True, True)
-    np.testing.assert_array_equal(rest.estimates, repeat_experiment(plain(), TEN, 0).estimates[6:])
-
-
-def test_a_scheduler_that_goes_away_promises_nothing_that_is_not_kept() -> None:
-    with pytest.raises(LostWorkersError, match=r"^the scheduler went away; repeat with fewer `workers`, or with"):
-        repeat_experiment(plain(), TEN, 0, executor=OneByOne(ends_after=0))
+    np.testing.assert_array_equal(rest.estimates, repeat_experiment(plain(), COUNT, 0).estimates[COUNT - 4 :])
 
 
 # --- where they run ---------------------------------------------------------------------------------------------------
@@ -137,7 +125,7 @@ def cores(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("cores")
 def test_short_repetitions_stay_in_this_process_and_long_ones_take_all_cores(monkeypatch: pytest.MonkeyPatch) -> None:
-    for workers, count in ((None, TEN), (2, TEN), (1, LONG)):
+    for workers, count in ((None, COUNT), (2, COUNT), (1, LONG)):
         assert isinstance(executor_of_repetitions("process", workers, plain(), count), InThisProcess)
     assert isinstance(executor_of_repetitions("serial", 2, plain(), LONG), InThisProcess)
     for workers, processes in ((None, 8), (3, 3)):
@@ -150,12 +138,15 @@ def test_short_repetitions_stay_in_this_process_and_long_ones_take_all_cores(mon
 
 def test_what_is_asked_for_by_address_or_as_an_object_is_used() -> None:
     pool = InProcesses(2)
-    assert executor_of_repetitions(pool, None, plain(), TEN) is pool
-    assert isinstance(executor_of_repetitions("dask://127.0.0.1:9", None, plain(), TEN), DaskCluster)
+    assert executor_of_repetitions(pool, None, plain(), COUNT) is pool
+    assert isinstance(executor_of_repetitions("dask://127.0.0.1:9", None, plain(), COUNT), DaskCluster)
     with pytest.raises(UnknownName, match="executor of units"):
-        executor_of_repetitions("proces", None, plain(), TEN)
+        executor_of_repetitions("proces", None, plain(), COUNT)
     with pytest.raises(InputError, match="workers"):
-        repeat_experiment(plain(), TEN, 0, workers=0)
+        repeat_experiment(plain(), COUNT, 0, workers=0)
+    with pytest.raises(LostWorkersError, match=r"^the scheduler went away; repeat with fewer `workers`, or with"):
+        repeat_experiment(plain(), COUNT, 0, executor=OneByOne(ends_after=0))  # nothing that is not kept is promised
+    assert set(REPEATABLE) == set(ESTIMATORS)
 
 
 @pytest.mark.usefixtures("cores")
@@ -170,9 +161,6 @@ def test_workers_that_would_not_fit_into_memory(monkeypatch: pytest.MonkeyPatch)
     assert isinstance(executor_of_repetitions("dask://127.0.0.1:9", 8, plain(), LONG), DaskCluster)
     monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.3")
     assert isinstance(executor_of_repetitions("process", None, plain(), LONG), InThisProcess)
-
-
-COUNT = 12
 
 
 @pytest.fixture
@@ -206,13 +194,12 @@ def test_the_same_call_computes_the_rest(name: str, file: Path, caplog: pytest.L
 
 def test_other_numbers_of_repetitions(file: Path) -> None:
     lose(file)
-    content, fewer = file.read_bytes(), OneByOne()
-    same(repeat_experiment(plain(), 4, 0, executor=fewer, kept=file), repeat_experiment(plain(), 4, 0))
-    assert fewer.numbers == []
-    file.write_bytes(content)
-    more = OneByOne()
-    same(repeat_experiment(plain(), 15, 0, executor=more, kept=file), repeat_experiment(plain(), 15, 0))
-    assert more.numbers == list(range(6, 15))
+    content = file.read_bytes()
+    for count, numbers in ((4, []), (15, list(range(6, 15)))):
+        file.write_bytes(content)
+        executor = OneByOne()
+        same(repeat_experiment(plain(), count, 0, executor=executor, kept=file), repeat_experiment(plain(), count, 0))
+        assert executor.numbers == numbers
 
 
 def test_gaps_are_filled(file: Path) -> None:
@@ -283,8 +270,3 @@ def test_what_cannot_be_compared_is_not_kept(file: Path, monkeypatch: pytest.Mon
     with pytest.raises(LostWorkersError, match=r"^the scheduler went away; repeat with fewer `workers`"):
         repeat_experiment(plain(), COUNT, 0, executor=OneByOne(ends_after=3), kept=file)
     assert not file.exists()
-
-
-def test_a_folder_that_is_not_there(tmp_path: Path, in_pairs: None) -> None:
-    with pytest.raises(InputError, match=r"cannot write .*: No such file or directory"):
-        repeat_experiment(plain(), COUNT, 0, executor=OneByOne(), kept=tmp_path / "none" / "so-far.npz")

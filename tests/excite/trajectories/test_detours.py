@@ -60,11 +60,8 @@ def test_a_narrow_gap_above_a_wall_is_found() -> None:
     assert np.maximum(np.abs(q[:, 0]) - 0.1, q[:, 1] - 0.7).min() >= 0.0
 
 
-def test_a_free_line_needs_no_poses() -> None:
+def test_a_free_line_needs_no_poses_and_the_same_seed_takes_the_same_way() -> None:
     assert detour(np.array([-0.9, 0.8]), np.array([0.9, 0.8]), [BOX], [pillar(0.4)], LOW, HIGH, 0) == []
-
-
-def test_the_same_seed_takes_the_same_way() -> None:
     ends = np.array([-0.9, 0.0]), np.array([0.9, 0.05])
     one, again, other = (detour(*ends, [BOX], [pillar(0.4)], LOW, HIGH, seed) for seed in (3, 3, 4))
     np.testing.assert_array_equal(one, again)

@@ -18,18 +18,13 @@ SIZES = st.one_of(st.just(0.0), st.floats(-1.0, 1.0), st.sampled_from([1.0, -0.5
 
 
 def series(coefficients: np.ndarray, omega: float, t: np.ndarray, derivative: int) -> np.ndarray:
-    """Derivative of one series (c, a_1 ... a_K, b_1 ... b_K), term by term from the textbook's cycle of four."""
+    """Derivative of one series (c, a_1 ... a_K, b_1 ... b_K), term by term: each one advances by a quarter turn."""
     K = (len(coefficients) - 1) // 2
     value = np.full(t.shape, coefficients[0] if derivative == 0 else 0.0)
     for k in range(1, K + 1):
-        a, b, w = coefficients[k], coefficients[K + k], k * omega
-        cycle = [
-            a * np.cos(w * t) + b * np.sin(w * t),
-            -a * np.sin(w * t) + b * np.cos(w * t),
-            -a * np.cos(w * t) - b * np.sin(w * t),
-            a * np.sin(w * t) - b * np.cos(w * t),
-        ]
-        value = value + w**derivative * cycle[derivative % 4]
+        w = k * omega
+        angle = w * t + derivative * np.pi / 2
+        value = value + w**derivative * (coefficients[k] * np.cos(angle) + coefficients[K + k] * np.sin(angle))
     return value
 
 
@@ -54,16 +49,12 @@ def test_motion_is_its_series_and_its_derivatives(harmonics: int, duration: floa
 def test_family_is_all_series_at_rest(harmonics: int, seed: int) -> None:
     """Two conditions on 2K+1 coefficients leave 2K-1; whatever meets them is a motion of the family."""
     family, K = Fourier(7.0, harmonics), harmonics
-    assert family.size == 2 * K - 1
-    assert np.linalg.matrix_rank(family.coefficients(np.eye(family.size))) == family.size
-    rng = np.random.default_rng(seed)
-    c = rng.normal(size=(3, 2 * K + 1))
+    assert np.linalg.matrix_rank(family.coefficients(np.eye(family.size))) == family.size == 2 * K - 1
+    c = np.random.default_rng(seed).normal(size=(3, 2 * K + 1))
     k = np.arange(1, K + 1)
     c[:, 1] -= c[:, 1 : K + 1] @ k**2
     c[:, K + 1] -= c[:, K + 1 :] @ k
     np.testing.assert_allclose(family.coefficients(family.from_coefficients(c)), c, atol=1e-10)
-    x = rng.normal(size=(3, family.size))
-    np.testing.assert_allclose(family.from_coefficients(family.coefficients(x)), x, atol=1e-11)
 
 
 def test_samples_at_the_ends_are_exactly_at_rest() -> None:
@@ -87,12 +78,11 @@ def polynomial(constant: float, cosine: np.ndarray, sine: np.ndarray, angle: np.
 
 def searched_maximum(constant: float, cosine: np.ndarray, sine: np.ndarray, count: int = 720) -> float:
     """Largest value by dense sampling, and a bounded search about every sampled peak that could be the highest."""
-    angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
-    value, step = polynomial(constant, cosine, sine, angle), 2 * np.pi / count
+    angle, step = np.linspace(0, 2 * np.pi, count, endpoint=False), 2 * np.pi / count
+    value = polynomial(constant, cosine, sine, angle)
     spread = float(np.abs(cosine).sum() + np.abs(sine).sum())
-    K = len(cosine)
     peaks = (value >= np.roll(value, 1)) & (value >= np.roll(value, -1))
-    peaks &= value >= value.max() - spread * (K * step) ** 2
+    peaks &= value >= value.max() - spread * (len(cosine) * step) ** 2
     best = value.max()
     for peak in angle[peaks][:12]:
         bounds = {"bounds": (peak - step, peak + step), "method": "bounded", "options": {"xatol": 1e-9}}

@@ -12,7 +12,7 @@ import pytest
 from commands import Here, files_below
 from pinocchio_chains import gravity_along
 
-from excite.design.friction_runs.friction_plan import CoordinatePlan, FrictionPlan
+from excite.design.friction_runs.friction_plan import FrictionPlan
 from excite.design.friction_runs.plan_friction import plan_friction
 from excite.design.friction_runs.schedule import Schedule, torque_ramps
 from excite.simulation.simulation_files import read_motion
@@ -32,14 +32,9 @@ def plan() -> FrictionPlan:
 
 def limited(robot: Robot, torque: float) -> Robot:
     """The same with other torque limits of its drives."""
-    limits = robot.transmission.limits
-    return robot.replace(
-        transmission=replace(robot.transmission, limits=replace(limits, torque=np.full_like(limits.torque, torque)))
-    )
-
-
-def coordinate(robot: Robot, *drives: str, **options: object) -> CoordinatePlan:
-    return planned(robot, SHORT, drives=drives, **options).coordinates[0]  # type: ignore[arg-type]
+    drives = robot.transmission
+    limits = replace(drives.limits, torque=np.full_like(drives.limits.torque, torque))
+    return robot.replace(transmission=replace(drives, limits=limits))
 
 
 def test_torque_rises_in_proportion_to_time_to_the_largest_one_and_is_zero_elsewhere() -> None:
@@ -100,16 +95,17 @@ def test_torques_that_are_given() -> None:
 
 
 def test_there_are_none_where_friction_is_not_known_or_several_drives_turn() -> None:
-    unknown = coordinate(built_in("ur10e"), "1")
-    assert unknown.ramps is None
-    assert "states no friction; give `torque_ramp`" in unknown.no_ramps
-    (several,) = planned(built_in("irp6"), SHORT, joints=("q3",), torque_ramp=(10.0,)).coordinates
-    assert several.ramps is None
-    assert "z3, z4 move together" in several.no_ramps
-    (alone,) = planned(built_in("irp6"), SHORT, joints=("q1",)).coordinates
+    irp6, never = built_in("irp6"), replace(SHORT, breakaways=0)
+    for robot, schedule, options, why in (
+        (built_in("ur10e"), SHORT, {"drives": ("1",)}, "states no friction; give `torque_ramp`"),
+        (irp6, SHORT, {"joints": ("q3",), "torque_ramp": (10.0,)}, "z3, z4 move together"),
+        (irp6, never, {"drives": ("1",)}, ""),
+    ):
+        (c,) = planned(robot, schedule, **options).coordinates
+        assert c.ramps is None
+        assert why in c.no_ramps
+    (alone,) = planned(irp6, SHORT, joints=("q1",)).coordinates
     assert alone.ramps.drive == "z1"
-    (never,) = planned(built_in("irp6"), replace(SHORT, breakaways=0), drives=("1",)).coordinates
-    assert never.ramps is None
 
 
 def test_files_hold_the_ramps(tmp_path: Path) -> None:

@@ -40,9 +40,11 @@ def updated(H: Array, s: Array, y: Array) -> Array:
     return np.asarray(H - np.outer(Hs, Hs) / curvature + np.outer(r, r) / (s @ r))
 
 
-def test_it_begins_as_a_multiple_of_the_identity() -> None:
-    g = np.array([3.0, 0.0, -4.0])
-    np.testing.assert_allclose(hessian(BfgsFactor(g)), 5.0 * np.eye(3), rtol=1e-14)
+def test_it_begins_as_a_multiple_of_the_identity_and_a_step_of_no_length_changes_nothing() -> None:
+    factor = BfgsFactor(np.array([3.0, 0.0, -4.0]))
+    for _ in range(2):
+        np.testing.assert_allclose(hessian(factor), 5.0 * np.eye(3), rtol=1e-14)
+        factor.update(np.zeros(3), np.ones(3), np.zeros(3))
     assert np.all(np.isfinite(BfgsFactor(np.zeros(3)).J))
 
 
@@ -66,13 +68,6 @@ def test_an_update_is_that_of_the_full_matrix(seed: int, bend: float) -> None:
             assert s @ new @ s == pytest.approx(0.2 * (s @ H @ s), rel=1e-6)
 
 
-def test_a_step_of_no_length_changes_nothing() -> None:
-    factor = BfgsFactor(np.ones(4))
-    before = factor.J.copy()
-    factor.update(np.zeros(4), np.ones(4), np.zeros(4))
-    np.testing.assert_array_equal(factor.J, before)
-
-
 def some_rows(rng: np.random.Generator, m: int, n: int) -> Rows:
     """Rows around zero, some pairs of them nearly parallel, as neighbours in time are."""
     A = rng.normal(size=(m, n))
@@ -93,7 +88,7 @@ def check_optimal(c: Array, rows: Rows, w: Array, sides: np.ndarray) -> None:
     assert np.all(np.where(sides[active] == AT_UPPER, multipliers, -multipliers) >= -1e-6)
 
 
-@given(SEED, st.integers(1, 12), st.integers(1, 20))
+@given(SEED, st.integers(1, 12), st.integers(0, 20))
 def test_the_solution_is_optimal_whatever_was_expected(seed: int, n: int, m: int) -> None:
     rng = np.random.default_rng(seed)
     c, rows = 3.0 * rng.normal(size=n), some_rows(rng, m, n)
@@ -124,12 +119,6 @@ def test_rows_can_be_added_later_or_hold_without_being_added(seed: int) -> None:
     assert other.sides.size == 6
 
 
-def test_without_rows_it_ends_at_its_minimum() -> None:
-    c = np.array([1.0, -2.0])
-    programme = LeastDistance(c)
-    assert programme.solve() == pytest.approx(-c)
-
-
 @pytest.fixture(scope="module")
 def problem() -> Problem:
     """Drive 3 of the IRp-6 couples joints 2 and 3, so that rows depend on two coordinates."""
@@ -141,15 +130,6 @@ def rows(problem: Problem) -> LinearRows:
     return LinearRows(problem.limits.linear_in_x, problem.shape)
 
 
-def test_values_are_those_of_each_limit(problem: Problem, rows: LinearRows) -> None:
-    x = problem.rest + 0.3 * np.random.default_rng(0).normal(size=problem.shape)
-    expected = [
-        (limit.values(x) - 0.5 * (limit.upper + limit.lower)[:, None]) / (0.5 * (limit.upper - limit.lower)[:, None])
-        for limit in problem.limits.linear_in_x
-    ]
-    np.testing.assert_allclose(rows.values(x), np.concatenate(expected), rtol=1e-12, atol=1e-12)
-
-
 def test_rows_times_a_step_are_its_changes(problem: Problem, rows: LinearRows) -> None:
     step = np.random.default_rng(1).normal(size=problem.rest.size)
     changes = rows.changes(step)
@@ -157,6 +137,14 @@ def test_rows_times_a_step_are_its_changes(problem: Problem, rows: LinearRows) -
     np.testing.assert_allclose(rows.rows(flat) @ step, changes.ravel()[flat], rtol=1e-12, atol=1e-12)
     x = problem.rest + step.reshape(problem.shape)
     np.testing.assert_allclose(rows.values(x) - rows.values(problem.rest), changes, rtol=1e-9, atol=1e-9)
+
+
+def test_values_are_those_of_each_limit(problem: Problem, rows: LinearRows) -> None:
+    x, expected = problem.rest + 0.3 * np.random.default_rng(0).normal(size=problem.shape), []
+    for limit in problem.limits.linear_in_x:
+        middle, half = 0.5 * (limit.upper + limit.lower), 0.5 * (limit.upper - limit.lower)
+        expected.append((limit.values(x) - middle[:, None]) / half[:, None])
+    np.testing.assert_allclose(rows.values(x), np.concatenate(expected), rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("small", [0, 100**2])

@@ -119,25 +119,28 @@ def test_promising_start_is_the_best_of_its_trials(problem: Problem) -> None:
 # --- solvers ---------------------------------------------------------------------------------------------------------
 
 
-def watched(method: Solver, problem: Problem, x: Array) -> tuple[SolverResult, list[tuple[Array, float]]]:
-    seen: list[tuple[Array, float]] = []
-    found = QUICK.solve(problem, [x], lambda point, value: seen.append((point.copy(), value)))
-    return found, seen
+def watched(method: Solver, problem: Problem, *starts: Array) -> tuple[SolverResult, list[Array], list[float]]:
+    """What a method ends with, and the points and values that it told; none of the points is outside a limit."""
+    points, values = list[Array](), list[float]()
+
+    def watch(x: Array, value: float) -> None:
+        points.append(x.copy())
+        values.append(value)
+
+    found = method.solve(problem, starts, watch)
+    assert max(excess(problem, x) for x in (*points, found.x)) <= 1e-12
+    return found, points, values
 
 
 def test_every_iterate_is_inside_all_limits_and_the_best_is_returned(problem: Problem) -> None:
     x = start(problem, 1)
     before = x.copy()
-    found, seen = watched(QUICK, problem, x)
-    assert len(seen) > 4
-    for point, value in seen:
-        assert excess(problem, point) <= 1e-12
-        assert value == value_of(problem, point)
-    assert excess(problem, found.x) <= 1e-12
-    assert found.history == [value for _, value in seen]
-    assert found.value == min(found.history) == value_of(problem, found.x)
-    assert found.history[0] == value_of(problem, x)
-    assert found.value < 0.9 * found.history[0]
+    found, points, values = watched(QUICK, problem, x)
+    assert len(points) > 4
+    assert values == [value_of(problem, point) for point in points] == found.history
+    assert found.value == min(values) == value_of(problem, found.x)
+    assert values[0] == value_of(problem, x)
+    assert found.value < 0.9 * values[0]
     assert found.evaluations > 0
     assert isinstance(found.status, Status)
     np.testing.assert_array_equal(x, before)
@@ -145,25 +148,18 @@ def test_every_iterate_is_inside_all_limits_and_the_best_is_returned(problem: Pr
 
 @pytest.mark.slow
 def test_of_several_starts_nothing_better_is_thrown_away(problem: Problem) -> None:
-    seen: list[tuple[float, bool]] = []
     starts = [start(problem, seed) for seed in (20, 21, 22)]
-    found = QUICK.solve(problem, starts, lambda x, value: seen.append((value, excess(problem, x) <= 1e-12)))
-    assert all(inside for _, inside in seen)
-    assert found.value == value_of(problem, found.x) == min(found.history)
+    found, _, values = watched(QUICK, problem, *starts)
+    assert found.value == value_of(problem, found.x) == min(found.history) == min(values)
     assert found.value <= min(value_of(problem, x) for x in starts)
-    assert found.value == min(value for value, _ in seen)
 
 
 @pytest.mark.slow
 def test_a_start_on_the_border_is_left(problem: Problem) -> None:
     """Pushed to a limit, so that the first step has no room in some directions."""
-    for seed in (7,):
-        inside = start(problem, seed)
-        direction = np.random.default_rng(seed).normal(size=problem.shape)
-        x = inside + problem.longest_step(inside, direction) * direction
-        found, seen = watched(QUICK, problem, x)
-        assert found.value < 0.9 * value_of(problem, x)
-        assert max(excess(problem, point) for point, _ in seen) <= 1e-12
+    inside, direction = start(problem, 7), np.random.default_rng(7).normal(size=problem.shape)
+    x = inside + problem.longest_step(inside, direction) * direction
+    assert watched(QUICK, problem, x)[0].value < 0.9 * value_of(problem, x)
 
 
 def with_one_stage(problem: Problem, sharpness: float) -> Problem:
@@ -178,8 +174,7 @@ def with_one_stage(problem: Problem, sharpness: float) -> Problem:
 def test_sqp_descends_with_every_step_of_a_stage(problem: Problem) -> None:
     changed = with_one_stage(problem, 8.0)
     for seed in range(3):
-        method = SequentialQuadratic(SqpOptions(iterations=30))
-        points = [x for x, _ in watched(method, changed, start(problem, seed))[1]]
+        _, points, _ = watched(SequentialQuadratic(SqpOptions(iterations=30)), changed, start(problem, seed))
         objective = [changed.point(x, 8.0).value for x in points]
         assert len(objective) > 5
         assert np.all(np.diff(objective) <= 0)
@@ -192,8 +187,7 @@ def test_sqp_stays_inside_even_if_its_programme_misses_limits(
     monkeypatch.setattr("excite.design.solvers.descent._NEAR", 10.0)
     monkeypatch.setattr("excite.design.solvers.descent._ROUNDS", 1)
     x = start(problem, 1)
-    found, seen = watched(SequentialQuadratic(SqpOptions(iterations=10)), problem, x)
-    assert max(excess(problem, point) for point, _ in seen) <= 1e-12
+    found, _, _ = watched(SequentialQuadratic(SqpOptions(iterations=10)), problem, x)
     assert found.value < value_of(problem, x)
 
 
@@ -219,17 +213,12 @@ def linear_descent(problem: Problem, x: Array, sharpness: float, radius: float) 
 
 def test_sqp_ends_where_no_step_within_the_limits_descends(problem: Problem) -> None:
     """First-order optimality by a linear programme, which knows nothing of the solver's working set or Hessian."""
-    x = start(problem, 11)
-    sharpness = problem.criterion.stages[-1]
+    x, last = start(problem, 11), problem.criterion.stages[-1]
     found = instance("solver", "sqp").solve(problem, [x])
     assert found.status in (Status.CONVERGED, Status.NO_DESCENT)
-    radius = 0.01
-    assert linear_descent(problem, found.x, sharpness, radius) < 0.1 * linear_descent(problem, x, sharpness, radius)
-
-
-def test_iteration_limit_is_told(problem: Problem) -> None:
+    assert linear_descent(problem, found.x, last, 0.01) < 0.1 * linear_descent(problem, x, last, 0.01)
     once = SequentialQuadratic(SqpOptions(iterations=1))
-    assert once.solve(problem, [start(problem, 1)]).status is Status.ITERATION_LIMIT
+    assert once.solve(problem, [x]).status is Status.ITERATION_LIMIT
 
 
 def slsqp(problem: Problem, x: Array, sharpness: float) -> Array:
@@ -268,13 +257,12 @@ OPTIONS: dict[str, dict[str, object]] = {
 LONG = {"nonlinear family", "other criterion"}
 
 
-def attempts(problem: Problem, watch: object = None) -> list[Attempt]:
-    rng = np.random.default_rng(0)
+def attempts(problem: Problem) -> list[Attempt]:
     guesses = [candidates(problem, k, np.random.default_rng(k)) for k in range(2)]
     known = [guesses[0][0], guesses[1][0]]
     return [
         Attempt("solve", guesses[0][:3]),
-        Attempt("combine", combinations(problem, known, rng, 3), known),
+        Attempt("combine", combinations(problem, known, np.random.default_rng(0), 3), known),
         Attempt("solve", guesses[1][:1]),
         Attempt("refine", [guesses[1][0]]),
     ]
@@ -297,16 +285,13 @@ def test_what_runs_beside_a_descent_changes_no_bit(case: str) -> None:
         assert beside.evaluations == alone.evaluations
 
 
-def test_points_and_gradients_together_are_those_one_by_one() -> None:
-    problem = formulate(built_in("irp6"), Task("irp6")).problem
+def test_points_and_gradients_together_are_those_one_by_one(problem: Problem) -> None:
     rng = np.random.default_rng(1)
     xs = [problem.rest + 0.1 * rng.normal(size=problem.shape) for _ in range(40)]
     sharpness = [1.0, 4.0, 16.0, 64.0] * 10
     points = problem.points(xs, sharpness)
-    gradients = problem.gradients(points[::3])
-    for x, p, point in zip(xs, sharpness, points, strict=True):
-        assert point.value == problem.point(x, p).value
-    for point, g in zip(points[::3], gradients, strict=True):
+    assert [point.value for point in points] == [problem.point(x, p).value for x, p in zip(xs, sharpness, strict=True)]
+    for point, g in zip(points[::3], problem.gradients(points[::3]), strict=True):
         np.testing.assert_array_equal(g, problem.gradient(point))
 
 

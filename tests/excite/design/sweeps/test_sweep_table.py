@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from designed import copies
 from hypothesis import given, settings, strategies as st
+from refused import refusal
 from written_files import text_file
 
 from excite.cli.design_run import show_sweep
@@ -62,14 +63,11 @@ def test_cells_are_the_product_less_exclude_and_include(tmp_path: Path) -> None:
     assert cells[-2].task.limits.acceleration == (3.0,)
 
 
-def test_names_do_not_depend_on_other_cells(tmp_path: Path) -> None:
+def test_names_do_not_depend_on_other_cells_and_files_are_relative_to_the_sweep_file(tmp_path: Path) -> None:
     text = "common: {robot: irp6}\ngrid: {seed: [%s], period: [10, 9.5]}"
     few = {cell.name for cell in read_sweep_file(written(tmp_path, text % "1"))}
     assert few == {"seed=1,period=10", "seed=1,period=9.5"}
     assert few < {cell.name for cell in read_sweep_file(written(tmp_path, text % "0, 1, 2"))}
-
-
-def test_files_are_relative_to_the_sweep_file(tmp_path: Path) -> None:
     (cell,) = read_sweep_file(written(tmp_path, "grid: {robot: [arms/arm.urdf]}"))
     assert cell.task.robot == str(tmp_path / "arms" / "arm.urdf")
     assert cell.name.startswith("robot=arms-arm.urdf-")
@@ -102,11 +100,7 @@ BAD = {
 def test_what_is_wrong_is_one_line(tmp_path: Path) -> None:
     for text, message in BAD.items():
         path = written(tmp_path, text)
-        with pytest.raises(InputError) as raised:
-            read_sweep_file(path)
-        assert message in str(raised.value)
-        assert str(raised.value).startswith(str(path))
-        assert "\n" not in str(raised.value)
+        assert message in refusal(read_sweep_file, path, begins=str(path))
     with pytest.raises(InputError, match=r"cannot read sweep file .*none\.yaml: No such file"):
         read_sweep_file(tmp_path / "none.yaml")
 
@@ -165,12 +159,9 @@ def table(cells: list[Cell], root: Path) -> Iterator[SweepTable]:
     return sweep_table(cells, root)
 
 
-def test_finished_cells_are_not_left(cells: list[Cell], root: Path) -> None:
+def test_finished_cells_are_not_left_and_those_with_other_options_are_refused(cells: list[Cell], root: Path) -> None:
     left = cells_left(cells, root)
     assert (len(left.done), len(left.work)) == (COUNT, 0)
-
-
-def test_cells_with_other_options_are_refused_or_run_again(cells: list[Cell], root: Path) -> None:
     for changed in ({"starts": 3}, {"harmonics": 4}, {"noise": 2.0}, {"rate": 50.0}):
         other = [replace(cells[0], task=cells[0].task.changed(**changed)), *cells[1:3]]
         with pytest.raises(InputError, match="1 cell of the same name has other options or versions: one-0; `replace`"):
@@ -194,10 +185,8 @@ def test_failed_cells_run_again_and_infeasible_ones_do_not(cells: list[Cell], ro
 def test_groups_have_the_best_first(table: SweepTable) -> None:
     assert table.counts == {"designed": COUNT - 2, "exceeds limits": 1, "infeasible": 1}
     assert not table.holds
-    assert {group: (rows[0].cell, len(rows)) for group, rows in table.groups.items()} == {
-        1: ("one-29", COUNT // 2 - 1),
-        2: ("two-29", COUNT // 2),
-    }
+    best = [(group, rows[0].cell, len(rows)) for group, rows in table.groups.items()]
+    assert best == [(1, "one-29", COUNT // 2 - 1), (2, "two-29", COUNT // 2)]
     conditions = [row.condition for row in table.groups[2]]
     assert conditions == sorted(conditions)
 
