@@ -25,10 +25,10 @@ from regressors.samples import Array
 
 _STEPS = 360  # of a turn, or of the range of a prismatic joint
 _COARSE, _SWEPT = 10, 11.25  # of them: in a first search, and between places of the swept link
-_LEAST_SHARE = 0.5  # of a range, or of a turn: a joint that is narrowed further has too little room
+_LEAST_SHARE, _WHOLE = 0.5, 0.999  # of a range, or of a turn: a joint that is narrowed further has too little room
 _HALVINGS, _TRIES = 8, 24
 _FASTEST = 4.0  # turns of a joint for one of the coordinate that it follows, so that no step is half a turn
-_POSES, _FEW, _ABOUT = 128, 0.25, 0.05  # random ones; a share of them that is left to capsules; how well it is known
+_POSES, _FEW = 128, 0.25  # random ones; a share of them that is left to capsules
 _ZERO = np.array([0.0, 0.0, 0.0, 1.0])
 NEARLY = 0.003  # m: a pair that is hardly farther apart than its clearance leaves a motion no room
 
@@ -85,22 +85,22 @@ def ranges_apart(
 ) -> tuple[RangesApart, ...]:
     """Ranges of the two joints between the links of each pair in which they keep the clearance, where there are any.
 
-    One range is the joint's own; the other is narrowed as far as needed, but not below half of it, or half a turn, nor
-    to less than what their capsules leave, which touch in some part of all poses.
+    One range is the joint's own; the other is narrowed as far as needed, but not below half of it, or half a turn, and
+    not at all where their capsules leave them apart in half of all poses.
     """
     low, high = finite_ranges(robot)
     found = []
     for pair in (pair for pair in touching if all(link in solids for link in pair)):
         first, last = _joints_between(robot, *pair)
         hulls = [[Hull(facets, radius) for facets, radius in solids[link]] for link in pair]
-        best, most = RangesApart(pair, ()), 1.0 - touching[pair] - _ABOUT
+        best, most = RangesApart(pair, ()), _LEAST_SHARE if touching[pair] > 0.5 else _WHOLE
         for scan, sweep, still, moved in ((first, last, *pair), (last, first, *pair[::-1])):
             if most < 1.0 and low[scan] < high[scan]:
                 own = (hulls[pair.index(moved)], hulls[pair.index(still)])
                 lower, upper = _longest(robot, (scan, sweep), (moved, still), own, clearance)
                 turn = np.inf if robot.joints[scan].kind == "prismatic" else 2 * np.pi
                 share = (upper - lower) / min(float(high[scan] - low[scan]), turn)
-                if share > max(most, _LEAST_SHARE):
+                if share > most:
                     ranges = {scan: (lower, upper), sweep: (float(low[sweep]), float(high[sweep]))}
                     within = tuple((robot.joint_names[joint], *ranges[joint]) for joint in sorted(ranges))
                     best, most = RangesApart(pair, within), share

@@ -70,7 +70,7 @@ def test_a_bar_that_rolls_may_dip_until_its_edges_touch(bar: str) -> None:
 
 
 @pytest.mark.parametrize(("share", "kept"), [(0.3, False), (0.6, True)])  # the range is 0.57 of the joint's
-def test_a_range_leaves_more_room_than_the_capsules(share: float, kept: bool, bar: str) -> None:
+def test_a_range_is_narrowed_where_capsules_touch_in_most_poses(share: float, kept: bool, bar: str) -> None:
     robot = excite.load_robot(bar)
     solids = urdf_solids(Path(bar), carried_links(Path(bar), robot, None), {"base", "b"})
     assert bool(ranges_apart(robot, {("base", "b"): share}, solids, 0.02)) == kept
