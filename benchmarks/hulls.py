@@ -27,6 +27,7 @@ from constraints.world_file import UrdfShapes
 from excite.errors import InputError
 from regressors.robot.robot import Robot, finite_ranges
 
+CAPSULES = "their capsules"
 CLEARANCE, POSES, JOINTS = 0.001, 500, range(4, 10)
 HEAD = ("robot", "links", "kept within", "of its range", "least distance of the meshes [mm]", "CPU s")
 LIMITATIONS = (
@@ -91,7 +92,7 @@ def pairs_of(path: Path) -> list[list[object]]:
     for pair in touching:
         line, place = [path.stem, " to ".join(pair[::-1])], [f"{took / len(touching):.1f}"]
         if pair not in found:
-            lines.append([*line, "none", "-", "-", *place])
+            lines.append([*line, "none" if touching[pair] > 0.5 else CAPSULES, "-", "-", *place])
             continue
         name, lower, upper = min(found[pair], key=lambda each: (each[2] - each[1]) / np.ptp(_own(robot, each[0])))
         share = (upper - lower) / (high - low)[robot.joint_names.index(name)]
@@ -118,11 +119,11 @@ def main() -> None:
         lines += fresh
         for line in fresh:
             print(*line, sep="; ", flush=True)
-    kept = [line for line in lines if line[2] != "none"]
-    whole = sum(line[2] == "all" for line in kept)
+    whole, capsules, none = (sum(line[2] == how for line in lines) for how in ("all", CAPSULES, "none"))
     text = (
-        f"Of {len(lines)} pairs of links whose capsules touch in most poses {len(kept)} are kept apart by ranges of "
-        f"joints, {whole} of them by the joints' own.\n\n{record.table(HEAD, lines)}"
+        f"Of {len(lines)} pairs of links whose capsules touch in more than a quarter of all poses {whole} are apart in "
+        f"every pose, {len(lines) - whole - capsules - none} in a narrower range of a joint, {capsules} are left to "
+        f"their capsules, which touch in fewer than half, and {none} are not kept apart.\n\n{record.table(HEAD, lines)}"
     )
     record.save("hulls", before, {"pairs": lines}, text, LIMITATIONS)
 
