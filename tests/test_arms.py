@@ -156,7 +156,6 @@ def test_an_arm_goes_from_its_description_to_its_parameters(arm: PublicArm) -> N
 
 def assert_within_intervals(result: excite.Identification, *, widened: bool) -> None:
     """All but a few parameters in their 99 % intervals; without friction where the simulation had to smooth it."""
-    assert result.reference is not None
     columns = {column.name: column for column in result.target.model.columns}
     judged = np.array([not (widened and columns[name].group == "friction") for name in result.names])
     error = np.abs(result.estimate.values - result.reference.values)[judged]

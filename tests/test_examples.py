@@ -151,7 +151,6 @@ def test_notebooks_run_again_to_the_same_outputs(by: str, file: Path, tmp_path: 
 def command_of(name: str) -> list[str]:
     """Arguments of the command in an example's docstring."""
     text = ast.get_docstring(ast.parse((EXAMPLES / name).read_text(encoding="utf-8")))
-    assert text is not None
     (command,) = re.findall(r"``excite (\w[^`]+)``", text)
     return str(command).split()
 

@@ -31,8 +31,6 @@ def test_package_is_owned_by_this_distribution_alone_and_typed(package: str) -> 
     # An editable install lists no files below its packages, so it may be missing from the owners.
     assert set(metadata.packages_distributions().get(package, [])) <= {DISTRIBUTION}
     spec = importlib.util.find_spec(package)
-    assert spec is not None
-    assert spec.origin is not None
     origin = Path(spec.origin).resolve()
     installed = {Path(str(file.locate())).resolve() for file in metadata.files(DISTRIBUTION) or []}
     assert origin == ROOT / package / "__init__.py" or origin in installed

@@ -115,7 +115,6 @@ def test_a_quadruped_that_falls_shows_its_base_by_equations_without_a_measured_s
     inside = off(result)[[not name.startswith("F") for name in result.names]] < 1.0
     assert np.mean(inside) > 0.97
     assert abs(result.coefficients[result.names.index("m13")] / 16.085 - 1) < 0.02
-    assert result.training_error is not None
     assert result.training_error < 0.03  # over the equations of the joints, which have another side
     assert "the equations of the base are used, since nothing touches the robot" in result.estimate.notes
     assert any(note.startswith("both sides of the equations are low-passed at") for note in result.estimate.notes)
@@ -213,7 +212,6 @@ def test_the_power_of_the_wrench_is_that_of_its_joints() -> None:
     F, N, omega = (of(log, head) for head in "fng")
     v = R.inv().apply(dq[:, :3]) + np.cross(omega, [0.05, 0.02, 0.1])
     power = np.sum(F * v + N * omega, axis=1)
-    assert found.effort is not None
     np.testing.assert_allclose(np.sum(found.effort[:, :6] * dq, axis=1)[5:-5], power[5:-5], atol=5e-3)
 
 

@@ -53,9 +53,7 @@ def comparing(saved: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.Captur
 
 
 def compared(comparing: Here, *arguments: str) -> list[dict[str, object]]:
-    ended = comparing.run("compare", *arguments, "--json", status=0, stderr="")
-    found = json.loads(ended.stdout)
-    return found
+    return json.loads(comparing.run("compare", *arguments, "--json", status=0, stderr="").stdout)
 
 
 def cells(shown: str) -> dict[str, list[str]]:
@@ -69,13 +67,9 @@ def test_a_design_is_judged_as_it_judged_itself(designs: dict[str, Design], comp
     for name in ("plain", "bare", "energy", "ur10e", "two"):
         (found,) = compared(comparing, name)
         design = designs[name]
-        assert found["name"] == name
-        assert found["robot"] == design.robot.name
         assert found["criteria"] == pytest.approx(design.criteria, rel=1e-6)
-        assert found["parameters"] == design.base.rank
-        assert found["duration"] == 10.0
-        assert found["feasible"] is True
-        assert found["cpu_seconds"] == design.provenance["cpu_seconds"]
+        stated = [found[what] for what in ("name", "robot", "parameters", "duration", "feasible", "cpu_seconds")]
+        assert stated == [name, design.robot.name, design.base.rank, 10.0, True, design.provenance["cpu_seconds"]]
 
 
 @pytest.mark.slow
@@ -130,11 +124,10 @@ def test_all_are_judged_under_the_terms_of_the_first(designs: dict[str, Design],
 
 @pytest.mark.parametrize("other", ["ur10e", "two", "energy"])
 def test_what_is_not_comparable_is_said(other: str, comparing: Here) -> None:
-    ended = comparing.run("compare", "-v", "plain", other, status=0, stderr="")
-    assert ended.stdout.startswith(
-        "the designs are for different robots, models or moving joints; their numbers are not comparable"
-    )
-    assert "*" not in ended.stdout
+    shown = comparing.run("compare", "-v", "plain", other, status=0, stderr="").stdout
+    different = "the designs are for different robots, models or moving joints"
+    assert shown.startswith(f"{different}; their numbers are not comparable")
+    assert "*" not in shown
 
 
 def test_another_model_may_judge(designs: dict[str, Design], comparing: Here) -> None:
@@ -152,12 +145,8 @@ def test_motions_side_by_side(recorded: Here) -> None:
     ended = recorded.run("study", *given, "--below", "10", "-v", "--out", "study", status=0)
     for text in ("all below 10 % [s]", "run.csv", "2 repetitions scatter by", "written to study:"):
         assert text in ended.stdout
-    assert files_below(recorded.cwd / "study") == {
-        "study.json",
-        "study_curves.npz",
-        "manifest.json",
-        "estimates_over_time.png",
-    }
+    files = {"study.json", "study_curves.npz", "manifest.json", "estimates_over_time.png"}
+    assert files_below(recorded.cwd / "study") == files
     study = json.loads((recorded.cwd / "study" / "study.json").read_text(encoding="utf-8"))
     assert study["schema"] == "excite.study/2"
     assert [course["name"] for course in study["courses"]] == ["design", "run.csv"]

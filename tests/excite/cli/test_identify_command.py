@@ -120,11 +120,7 @@ def test_a_load(here: Here) -> None:
 def test_friction_curves_are_kept_word_by_word(here: Here) -> None:
     content = done(here, "run.csv", "--friction-curves", "friction.yaml", "--no-scale-friction")
     text = (here.cwd / "friction.yaml").read_bytes()
-    assert content["friction"] == {
-        "file": "friction.yaml",
-        "sha256": sha256(text).hexdigest(),
-        "text": text.decode(),
-    }
+    assert content["friction"] == {"file": "friction.yaml", "sha256": sha256(text).hexdigest(), "text": text.decode()}
     assert set(values(content)) == {f"X{k}" for k in range(1, 8)}
     assert content["prediction_error"] < 0.1
     assert load_result(here.cwd / "out").friction is not None
@@ -143,6 +139,7 @@ BAD = (
     ("run.csv --sign-width wide", "Invalid value for '--sign-width': expected auto or a number; expected numbers"),
     ("run.csv --mapping friction.yaml", "friction.yaml: time (line 1): is missing"),
     ("run.csv --friction-curves run.csv", "run.csv"),
+    ("run.csv --friction-curves bad.yaml", "bad.yaml: no drive named 'zz'; available: z1, "),
     ("run.csv --executor serial", "--executor is for repetitions: give their number, --repeat N"),
     ("", "Missing argument 'LOG...'"),
     ("run.csv --out run.csv", "cannot write to run.csv: it is a file, not a folder"),
@@ -154,6 +151,8 @@ def refused(here: Here, message: str, *arguments: str, out: str = "out") -> None
 
 
 def test_bad_input_is_refused_in_one_line(here: Here) -> None:
+    other = "{zz: {model: coulomb-viscous, coulomb: 1, viscous: 2}}"
+    (here.cwd / "bad.yaml").write_text(f"schema: excite.friction/1\ndrives: {other}")
     for arguments, message in BAD:
         refused(here, message, "irp6", *arguments.split())
 
@@ -188,23 +187,7 @@ def test_rows_are_chosen_before_a_log_is_refused_and_events_are_written(here: He
     assert log["left_out_share"] < 0.01
 
 
-def test_a_friction_file_of_other_drives_is_named(here: Here) -> None:
-    (here.cwd / "bad.yaml").write_text(
-        "schema: excite.friction/1\ndrives: {zz: {model: coulomb-viscous, coulomb: 1, viscous: 2}}"
-    )
-    refused(here, "bad.yaml: no drive named 'zz'; available: z1, ", "irp6", "run.csv", "--friction-curves", "bad.yaml")
-
-
 # ---------------------------------------------------------------- Ctrl-C, and repetitions
-
-
-def test_an_interrupt_leaves_nothing(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("excite.identification.identify.identify", lambda *_, **__: signal.raise_signal(signal.SIGINT))
-    before = files_below(here.cwd)
-    ended = here.run("identify", "irp6", "run.csv", "--out", "new/folder")
-    assert (ended.returncode, ended.stderr.strip()) == (130, "excite: interrupted before any result")
-    assert files_below(here.cwd) == before
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 @pytest.mark.slow

@@ -186,6 +186,23 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
     assert not (tmp_path / "out" / "design.json").exists()
 
 
+@pytest.mark.parametrize(
+    ("command", "work"),
+    [
+        ("identify irp6 run.csv", "excite.identification.identify.identify"),
+        ("simulate design", "excite.simulation.simulate.simulate"),
+        ("verify any run.csv", "excite.verification.verify.verify"),
+    ],
+)
+def test_an_interrupt_leaves_nothing(command: str, work: str, recorded: Here) -> None:
+    recorded.monkeypatch.setattr("excite.load_result", lambda *_, **__: None)
+    recorded.monkeypatch.setattr(work, lambda *_, **__: signal.raise_signal(signal.SIGINT))
+    before = files_below(recorded.cwd)
+    recorded.run(*command.split(), "--out", "new/run.csv", status=130, stderr=f"\n{NOTHING}\n")
+    assert files_below(recorded.cwd) == before
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 def test_sigterm_ends_every_long_command(command: str, recorded: Here) -> None:

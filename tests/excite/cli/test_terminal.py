@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -93,23 +94,16 @@ def on_a_terminal(**environment: str) -> str:
     )
     os.close(child)
     read = b""
-    while True:
-        try:
-            more = os.read(parent, 10_000)
-        except OSError:  # closed by the process
-            break
-        if not more:
-            break
-        read += more
+    with suppress(OSError):  # closed by the process
+        while more := os.read(parent, 10_000):
+            read += more
     os.close(parent)
     assert process.wait(60) == 0
     return read.decode()
 
 
 def test_colours_on_a_terminal_unless_they_are_not_wanted() -> None:
-    text = on_a_terminal()
-    assert "\x1b[1;32mAll limits hold" in text
-    assert "2/2" in text
+    assert "\x1b[1;32mAll limits hold" in on_a_terminal()
     text = on_a_terminal(NO_COLOR="1")
     assert COLOUR.search(text) is None
     assert "2/2" in text  # the bar moves all the same
@@ -235,9 +229,7 @@ def test_a_pipe_that_is_closed_ends_nothing(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 @pytest.mark.parametrize("terminal", [False, True])
-def test_the_share_of_a_simulation(
-    terminal: bool, pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_the_share_of_a_simulation(terminal: bool, pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm")
     clock = iter([0.0, 1.0, 2.5, 3.0, 5.0])
     monkeypatch.setattr("excite.cli.progress.time.monotonic", lambda: next(clock, 5.0))

@@ -16,7 +16,7 @@ from value_fuzzer import BASE, DESIGN, ROBOT, command_lines, file_cases, memory,
 
 from excite.cli.option_types import Number, Numbers
 from excite.tasks.option import options_of
-from excite.tasks.task import PARTS
+from excite.tasks.task import PARTS, Task
 from regressors.quantities import QUANTITIES
 
 # Values that no quantity may be: one line with the option or key, what was read, and the range; exit status 2.
@@ -234,10 +234,6 @@ def test_every_case_begins_with_the_same_files(folder: Path) -> None:
 
 
 def test_the_fuzzer_sees_what_must_not_be(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    import numpy as np
-
-    from excite.tasks.task import Task
-
     def warns(*_: object, **__: object) -> None:
         with np.errstate(divide="warn"):
             np.ones(1) / np.zeros(1)

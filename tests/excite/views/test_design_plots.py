@@ -123,12 +123,9 @@ def torque_panels(figure: Figure) -> list[Axes]:
     return [ax for ax in figure.axes if ax.get_ylabel() == "torque [Nm]"]
 
 
-def test_torques_are_those_of_pinocchio_within_what_the_reserve_and_friction_leave(
-    design: Design, motion: Figure
-) -> None:
+def test_torques_are_those_of_pinocchio_within_reserve_and_friction(design: Design, motion: Figure) -> None:
     torques = drive_torques(design.robot, whole_motion(design.robot, design.moving.joint_names, design.samples))
     transmission = design.robot.transmission
-    assert transmission is not None
     for k, (ax, drive) in enumerate(zip(torque_panels(motion), transmission.drives, strict=True)):
         np.testing.assert_allclose(curve(ax)[:, 1], torques[:, k], rtol=0, atol=1e-9)
         moves = np.any(transmission.coupling[k, :3] != 0.0)
@@ -147,21 +144,14 @@ def test_torques_on_the_way_from_home_are_those_of_every_joint(design: Design) -
     home = design_trajectory(task.changed(harmonics=2, weighted=False))
     whole, _ = home.sequence.sampled()
     torques = drive_torques(home.robot, whole)
-    figure = motion_figure(home)
-    for k, ax in enumerate(torque_panels(figure)):
+    for k, ax in enumerate(torque_panels(motion_figure(home))):
         np.testing.assert_allclose(curve(ax)[:, 1], torques[:, k], rtol=0, atol=1e-9)
 
 
 def test_without_checked_torques_there_are_none_and_the_reason_is_said(design: Design) -> None:
     limits = tuple(use for use in design.limits if not use.label.endswith("torque"))
-    figure = motion_figure(
-        dataclasses.replace(
-            design,
-            certified=limits,
-            formulated=(design.target, ()),
-            unchecked=(Unchecked("torque", "no mass is stated"),),
-        )
-    )
+    unchecked = dataclasses.replace(design, unchecked=(Unchecked("torque", "no mass is stated"),))
+    figure = motion_figure(dataclasses.replace(unchecked, certified=limits, formulated=(design.target, ())))
     assert torque_panels(figure) == []
     assert "not checked: torque (no mass is stated)" in notes(figure)
 
@@ -246,9 +236,8 @@ def test_jerk_has_a_column_where_it_has_limits(design: Design) -> None:
     target = dataclasses.replace(design.target, robot=limited)
     uses = [dataclasses.replace(design.limits[0], label=f"joint q{k} jerk", unit="rad/s^3") for k in (1, 2, 3)]
     far = [dataclasses.replace(use, extreme=1.0, bound=7500.0, use=1.0 / 7500.0) for use in uses]
-    figure = motion_figure(
-        dataclasses.replace(design, formulated=(target, design.nonlinear), certified=(*design.limits, *far))
-    )
+    changed = {"formulated": (target, design.nonlinear), "certified": (*design.limits, *far)}
+    figure = motion_figure(dataclasses.replace(design, **changed))
     assert len(figure.axes) == 4 * len(ROWS) + len(TORQUES)
     ax = panel(figure, "q1", 3, columns=4)
     assert ax.get_ylabel() == "jerk [rad/s³]"
@@ -259,10 +248,9 @@ def test_jerk_has_a_column_where_it_has_limits(design: Design) -> None:
 
 def coupled_robot() -> Robot:
     """Two joints; drives on q1, on q1 - 0.5 q2 twice with different zeros, and on q2 without position limits."""
-    robot = load_robot("irp6")
-    limits = Limits.none(4)
-    position = np.array([3.0, 1.0, 1.5, np.inf])
-    limits = dataclasses.replace(limits, lower=-position, upper=position, velocity=np.array([np.inf, 2.0, 1.0, 5.0]))
+    robot, position = load_robot("irp6"), np.array([3.0, 1.0, 1.5, np.inf])
+    rates = {"velocity": np.array([np.inf, 2.0, 1.0, 5.0])}
+    limits = dataclasses.replace(Limits.none(4), lower=-position, upper=position, **rates)
     coupling = np.array([[1.0, 0.0], [1.0, -0.5], [1.0, -0.5], [0.0, 1.0]])
     drives = tuple(Drive(f"z{k}") for k in (1, 2, 3, 4))
     return robot.replace(
@@ -329,17 +317,10 @@ def test_bars_are_the_predicted_deviations_over_sizes(design: Design) -> None:
 
 def described_sizes(robot: Robot) -> dict[str, float]:
     """Of parameters with one or two terms: moments' lengths, largest principal moments, rotors, friction."""
-    theta, drives = robot.links[2].theta, robot.transmission.drives if robot.transmission is not None else ()
-    assert theta is not None
+    theta, drives = robot.links[2].theta, list(enumerate(robot.transmission.drives[:3], 1))
     largest = float(np.abs(np.linalg.eigvalsh(inertia_tensor(theta))).max())
-    friction = {f"F{k}{kind}": value for k in (1, 2, 3) for kind, value in friction_of(drives[k - 1])}
+    friction = {f"F{k}c": drive.coulomb for k, drive in drives} | {f"F{k}v": drive.viscous for k, drive in drives}
     return {"X5": np.sqrt(2) * largest, "X6": float(np.linalg.norm(theta[1:4])), **friction}
-
-
-def friction_of(drive: Drive) -> tuple[tuple[str, float], ...]:
-    assert drive.coulomb
-    assert drive.viscous
-    return ("c", drive.coulomb), ("v", drive.viscous)
 
 
 def test_a_parameter_without_a_size_has_its_deviation_written(design: Design) -> None:
@@ -412,14 +393,9 @@ def test_the_search_shows_every_start_and_what_is_minimised(searched: Design) ->
     ends = {line.get_xdata()[0]: line.get_markerfacecolor() for line in ax.lines if line.get_marker() == "o"}
     assert ends == {3: GREY, 4: BLUE, 1: "white"}
     assert [text.get_text() for text in ax.texts] == ["40.00"]
-    legend = ax.get_legend()
-    assert legend is not None
-    assert [text.get_text() for text in legend.get_texts()] == [
-        "best start (number 2): best so far",
-        "other starts: best so far",
-        "objective at each iterate",
-        "unfinished",
-    ]
+    of_starts = ["best start (number 2): best so far", "other starts: best so far"]
+    legend = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert legend == [*of_starts, "objective at each iterate", "unfinished"]
     assert figure.get_suptitle() == "irp6: search from 3 starts (1 unfinished)"
     title = ax.get_title(loc="left")
     assert "minimised: cond(W), columns of the left-to-right QR base (Gautier 1991), SI, unscaled" in title
@@ -452,13 +428,7 @@ def test_a_criterion_that_is_not_positive_stands_on_a_linear_scale(design: Desig
 
 def test_written_figures_open_and_are_not_blank(design: Design, tmp_path: Path) -> None:
     paths = write_figures(design, tmp_path)
-    assert [path.name for path in paths] == [
-        "motion.png",
-        "phase.png",
-        "spectrum.png",
-        "convergence.png",
-        "workspace.png",
-    ]
+    assert [path.stem for path in paths] == ["motion", "phase", "spectrum", "convergence", "workspace"]
     assert sorted(tmp_path.iterdir()) == sorted(paths)
     for path in paths:
         image = imread(path)
@@ -520,8 +490,6 @@ def test_phases_of_joints_and_drives_stay_within_the_tighter_bounds(design: Desi
         np.testing.assert_allclose(start, [[(samples.q @ row)[0], 0.0]], atol=1e-12)
         assert np.all(curve[:, 0] >= ax.get_xlim()[0])
         assert np.all(curve[:, 1] <= ax.get_ylim()[1])
-    lines = [
-        sorted({round(float(x), 5) for line in ax.lines[:-2] for x in line.get_xydata().ravel()}) for ax in figure.axes
-    ]
-    assert {-2.96706, 2.96706, -1.266, 1.266} <= set(lines[0])
-    assert {-0.69813, 0.43633, -1.137, 1.137} <= set(lines[3])
+    lines = [{round(float(x), 5) for line in ax.lines[:-2] for x in line.get_xydata().ravel()} for ax in figure.axes]
+    assert {-2.96706, 2.96706, -1.266, 1.266} <= lines[0]
+    assert {-0.69813, 0.43633, -1.137, 1.137} <= lines[3]

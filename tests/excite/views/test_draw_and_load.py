@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 from dataclasses import replace
@@ -160,9 +159,8 @@ def test_figures_of_stored_results_are_those_of_new_ones(folder: Path) -> None:
 
 @pytest.mark.slow
 def test_estimates_over_time_are_drawn_from_the_file(tmp_path: Path) -> None:
-    made = excite.identify(
-        "irp6", [excite.simulate(design("old"), rate=50.0, seed=0)], choose=False, estimator="recursive"
-    )
+    log = excite.simulate(design("old"), rate=50.0, seed=0)
+    made = excite.identify("irp6", log, choose=False, estimator="recursive")
     section = section_of(excite.load_result(saved(tmp_path / "r", made)), "s", LOOKS)
     assert "Estimates over time" in [figure.title for figure in section.figures]
 
@@ -171,14 +169,11 @@ def test_estimates_over_time_are_drawn_from_the_file(tmp_path: Path) -> None:
 def test_player_shows_the_measured_motion_and_torques() -> None:
     made = result("old")
     motion = section_of(made, "s", LOOKS).motion
-    assert motion is not None
     (part,) = made.prepared
     for time in (motion["time"][3], motion["time"][-1]):
         k, frame = int(np.argmin(np.abs(part.samples.time - part.samples.time[0] - time))), motion["time"].index(time)
         np.testing.assert_allclose(np.array(motion["q"])[frame, :3], part.samples.q[k], atol=1e-6)
-        column = next(
-            j for j, c in enumerate(motion["limits"]) if (c["owner"], c["quantity"]) == ("joint q2", "measured")
-        )
+        column = [(each["owner"], each["quantity"]) for each in motion["limits"]].index(("joint q2", "measured"))
         np.testing.assert_allclose(motion["values"][frame][column], part.measured[k, 1], rtol=1e-3)
 
 
@@ -186,9 +181,7 @@ def test_a_folder_without_curves_says_so(folder: Path, tmp_path: Path) -> None:
     for path in folder.iterdir():
         if path.suffix == ".json":
             (tmp_path / path.name).write_bytes(path.read_bytes())
-    manifest = json.loads((tmp_path / "manifest.json").read_text())
-    text = json.dumps(manifest)
-    assert CURVES in text
+    assert CURVES in (tmp_path / "manifest.json").read_text()
     parsed = ParsedPage(report_text(tmp_path))
     said = "".join(parsed.of("main")[0].text)
     assert f"holds no {CURVES}" in said

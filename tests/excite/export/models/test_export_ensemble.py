@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -142,10 +143,9 @@ def test_what_is_written_stays_after_an_interruption(result: Identification, tmp
     assert content["interrupted"] is True
     assert len(robots(tmp_path / "e")) == 3
     assert set(content["files"]) == {path.name for path in (tmp_path / "e").iterdir()} - {"ensemble.json"}
+    at_once = partial(interrupt, left=99)
     with pytest.raises(KeyboardInterrupt):
-        excite.export_ensemble(
-            result, "mjcf", tmp_path / "f", samples=5, level=LEVEL, progress=lambda *done: interrupt(*done, left=99)
-        )
+        excite.export_ensemble(result, "mjcf", tmp_path / "f", samples=5, level=LEVEL, progress=at_once)
     assert not (tmp_path / "f").exists()
 
 

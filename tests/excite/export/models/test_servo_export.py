@@ -176,8 +176,6 @@ def test_a_urdf_has_friction_damping_and_limits(copied: bool, tmp_path: Path) ->
     joints = {joint.get("name"): joint for joint in ET.fromstring(text).iter("joint")}
     for name, D, Fc in zip(JOINTS, truth().D, truth().Fc, strict=True):
         dynamics, limit = joints[name].find("dynamics"), joints[name].find("limit")
-        assert dynamics is not None
-        assert limit is not None
         assert [float(dynamics.get(key, "nan")) for key in ("damping", "friction")] == [D, Fc]
         assert [float(limit.get(key, "nan")) for key in ("effort", "velocity")] == [8.0, 5.0]
     assert "K 15 +- 0 Nm/rad" in text

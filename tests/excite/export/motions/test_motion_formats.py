@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import xml.etree.ElementTree as ET
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -32,9 +33,8 @@ SUFFIX = {
     "ros2-yaml": ".yaml", "mcap": ".mcap", "urscript": ".script", "krl": ".src", "rapid": ".mod", "npz": ".npz",
     "mujoco": ".npz", "mat": ".mat",
 }  # fmt: skip
-SLOW = dict.fromkeys(("urscript", "rtde", "rsi", "egm"), 125.0) | dict.fromkeys(
-    ("npz", "mujoco", "mat", "mcap", "ros2-yaml"), 50.0
-)
+SLOW = dict.fromkeys(("urscript", "rtde", "rsi", "egm"), 125.0)
+SLOW |= dict.fromkeys(("npz", "mujoco", "mat", "mcap", "ros2-yaml"), 50.0)
 
 
 def exported(folder: Path, design: Design, form: str, **options: object) -> tuple[Path, Exported]:
@@ -260,12 +260,10 @@ def test_arrays_are_set_in_a_model_of_mujoco_by_joint(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["a\nEND\nb", 'q"1 --> ---', "\u00e9\U0001f916 # b: c"])
 @pytest.mark.slow
 def test_names_of_folders_stay_in_comments(name: str, tmp_path: Path) -> None:
-    from dataclasses import replace as changed
-
     folder = tmp_path / name
     folder.mkdir()
     (folder / "design.json").write_bytes((ur10e().folder / "design.json").read_bytes())
-    design = changed(ur10e(), folder=folder)
+    design = replace(ur10e(), folder=folder)
     plain = exported(tmp_path / "plain", ur10e(), "krl")[0].read_text().splitlines()
     assert len(exported(tmp_path / "k", design, "krl")[0].read_text().splitlines()) == len(plain)
     for form in ("rtde", "rsi"):
