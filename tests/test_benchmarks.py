@@ -204,22 +204,15 @@ def test_an_interrupted_benchmark_goes_on_where_it_stopped(peers: Any, tmp_path:
     assert [each for each in made if each] == [(run["system"], run["seed"]) for run in WANTED]
 
 
-def test_a_run_that_failed_is_made_again(peers: Any) -> None:
-    failed = [{**WANTED[0], "failure": "exit status 1"}]
-    assert peers("runs").complete(WANTED[:1], failed, lambda run: {"value": 1}, lambda runs: None) == [
-        {**WANTED[0], "value": 1}
-    ]
+def test_a_run_that_failed_is_made_again_and_one_of_another_budget_is_another(peers: Any) -> None:
+    failed, other = {**WANTED[0], "failure": "exit status 1"}, {**WANTED[0], "budget": 2.0, "value": 0}
+    runs = peers("runs").complete(WANTED[:1], [failed, other], lambda run: {"value": 1}, lambda runs: None)
+    assert sorted(run["value"] for run in runs) == [0, 1]
 
 
 def test_no_module_of_the_peers_shadows_or_is_shadowed() -> None:
     names = [{path.name for path in folder.glob("*.py")} for folder in (BENCHMARKS, BENCHMARKS / "peers")]
     assert set.intersection(*names) == set()
-
-
-def test_runs_of_another_budget_are_other_runs(peers: Any) -> None:
-    other = [{**WANTED[0], "budget": 2.0, "value": 0}]
-    runs = peers("runs").complete(WANTED[:1], other, lambda run: {"value": 1}, lambda runs: None)
-    assert sorted(run["value"] for run in runs) == [0, 1]
 
 
 def test_a_system_that_fails_is_told_and_stops_nothing(peers: Any) -> None:

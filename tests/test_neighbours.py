@@ -94,10 +94,8 @@ def test_a_file_of_the_users_in_the_way_is_named(tmp_path: Path) -> None:
     mine = written(tmp_path / "mine", {"constraints.py": "LIMIT = 3\n"})
     folder = written(tmp_path / "site", NEEDED)
     error = error_of(sys.executable, "excite", mine, folder, cwd=tmp_path)
-    assert error == (
-        f"ImportError: Python finds {mine / 'constraints.py'} in place of the package `constraints` of "
-        f"`excite-trajectories` in {folder}. Rename it, or start Python in another folder."
-    )
+    finds = f"Python finds {mine / 'constraints.py'} in place of the package `constraints` of `excite-trajectories`"
+    assert error == f"ImportError: {finds} in {folder}. Rename it, or start Python in another folder."
 
 
 def test_another_distribution_elsewhere_needs_no_second_installation(tmp_path: Path) -> None:

@@ -62,9 +62,8 @@ def test_changelog_is_one() -> None:
         assert set(kinds) <= set(KINDS)
         assert len(kinds) == len(set(kinds))
     lines = changelog.splitlines()
-    assert not [
-        n for n, line in enumerate(lines) if line.startswith("- ") and not lines[n - 1] and "- " in lines[n - 2]
-    ]
+    after_gaps = [n for n, line in enumerate(lines) if line.startswith("- ") and not lines[n - 1]]
+    assert [n for n in after_gaps if "- " in lines[n - 2]] == []
 
 
 DEPRECATED = re.findall(

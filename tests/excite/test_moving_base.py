@@ -197,9 +197,8 @@ def test_frames_of_pose_imu_and_wrench_are_placed_in_that_of_the_base() -> None:
     content["base"]["position"]["xyz"] = place.tolist()
     for name in ("quaternion", "angular_velocity", "specific_force", "wrench"):
         content["base"][name]["rpy"] = rpy
-    found = Log.from_frame(
-        moved, LogMapping.model_validate(content), robot=Installation(moving_base=True).applied(robot())
-    )
+    moving = Installation(moving_base=True).applied(robot())
+    found = Log.from_frame(moved, LogMapping.model_validate(content), robot=moving)
     np.testing.assert_allclose(found.q, expected.q, atol=1e-9)
     np.testing.assert_allclose(found.effort, expected.effort, atol=1e-9)
 

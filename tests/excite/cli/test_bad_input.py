@@ -12,11 +12,10 @@ from pathlib import Path
 
 import pytest
 from commands import SCRIPT, Here, files_below, run, run_process
-from written_files import saved
+from designed import irp6
 
 from excite.cli.summary import LiteralConsole
 from excite.design.formulation import formulate
-from excite.design.optimisation import design_trajectory
 from excite.tasks.task import Task
 from regressors import input_files
 from regressors.errors import InputError, UnknownName
@@ -283,14 +282,8 @@ LARGE = {
 }
 
 
-@pytest.fixture(scope="module")
-def design(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    design = design_trajectory(Task("irp6", harmonics=3, starts=1, executor="serial"))
-    return saved(tmp_path_factory.mktemp("designs") / "irp6", design)
-
-
-def test_too_much_work_is_refused_at_once(here: Here, design: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (here.cwd / "irp6").symlink_to(design)
+def test_too_much_work_is_refused_at_once(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
+    (here.cwd / "irp6").symlink_to(irp6().folder)
     for command, option in LARGE.items():
         line = here.refused(*command.split())
         assert re.search(rf"{option}\b", line)

@@ -1,12 +1,12 @@
 """``excite design``: the files of one command, repeatability, joints, task files, limits, and folders in use."""
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from commands import QUICK, SCRIPT, Here, content_of, designed, files_below, run, table_of
+from designed import PLANAR
 from ruamel.yaml import YAML
 
 import excite
@@ -15,23 +15,6 @@ from regressors.errors import InputError
 
 CHANNELS = ("position", "velocity", "acceleration")
 FIGURES = {"motion.png", "phase.png", "spectrum.png", "workspace.png", "convergence.png"}
-ARM = """\
-<robot name="arm">
-  <link name="base"/>
-  <link name="upper">
-    <inertial><mass value="3"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.02"/></inertial>
-  </link>
-  <link name="lower"/>
-  <joint name="shoulder" type="revolute">
-    <parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
-    <limit lower="-1" upper="1" velocity="2" effort="50"/>
-  </joint>
-  <joint name="elbow" type="revolute">
-    <parent link="upper"/><child link="lower"/><origin xyz="0 0 0.4"/><axis xyz="0 1 0"/>
-    <limit lower="-2" upper="2" velocity="2" effort="50"/>
-  </joint>
-</robot>
-"""
 
 
 @pytest.fixture(scope="module")
@@ -146,30 +129,28 @@ def test_options_typed_win_over_the_task_file(here: Here) -> None:
     assert task["rotor"] is True  # a default that neither says
 
 
-ROUNDED = ARM.replace('<axis xyz="0 1 0"/>', '<origin rpy="1.5708 0 0"/><axis xyz="0 0 1"/>', 1)
+ROUNDED = PLANAR.replace("1.5707963267948966", "1.5708")
 
 
 @pytest.mark.slow
 def test_a_urdf_goes_from_its_design_to_its_result(here: Here) -> None:
     """Notes of what was assumed, brackets in names, and the ends of the chain are kept."""
-    gripper = '<joint name="gripper" type="revolute"><parent link="lower"/><child link="jaw"/></joint>'
-    (body,) = re.findall("<inertial>.*</inertial>", ARM)
-    text = ROUNDED.replace('name="lower"/>', f'name="lower">{body}</link>')
-    text = text.replace("</robot>", f'<link name="jaw"/>{gripper}</robot>')
-    (here.cwd / "arm.urdf").write_text(text.replace('"elbow"', '"[red]elbow[/red][/]"'))
+    gripper = '<joint name="gripper" type="revolute"><parent link="fore"/><child link="jaw"/></joint>'
+    text = ROUNDED.replace("</robot>", f'<link name="jaw"/>{gripper}</robot>')
+    (here.cwd / "arm.urdf").write_text(text.replace('"j2"', '"[red]elbow[/red][/]"'))
     ends = ("--base-link", "base")
     ended = here.run("design", "arm.urdf", *QUICK, *ends, "--base", "pivoted", "--out", "o[/b]", status=0)
     said = [line.removeprefix("excite: note: ") for line in ended.stderr.splitlines()]
     assert said[:2] == [
         "joint gripper: moves a gripper: held at zero and left out; --tip jaw includes it",
-        "joint 'shoulder': took 1.5708 for pi/2; --no-snap-angles keeps the printed digits",
+        "joint 'j1': took 1.5708 for pi/2; --no-snap-angles keeps the printed digits",
     ]
     none = "are not limited: none is stated; give one with --acceleration-limit"
-    assert f"accelerations of shoulder, [red]elbow[/red][/] {none}" in said
+    assert f"accelerations of j1, [red]elbow[/red][/] {none}" in said
     assert "[red]elbow[/red][/] position" in ended.stdout
     assert "written to o[/b]: " in ended.stdout
     content = content_of(here.cwd / "o[/b]")
-    assert "joint 'shoulder': took 1.5708 for pi/2; `snap_angles=False` keeps the printed digits" in content["notes"]
+    assert "joint 'j1': took 1.5708 for pi/2; `snap_angles=False` keeps the printed digits" in content["notes"]
     task = content["task"]
     assert (task["base"], task["base_link"], task["snap_angles"]) == ("pivoted", "base", True)
     assert here.run("simulate", "o[/b]", "--torque-noise", "0.1", "--out", "run.csv").returncode == 0
@@ -196,11 +177,11 @@ def test_a_design_of_printed_angles_is_identified_with_them(here: Here) -> None:
     assert design.task.snap_angles is False
     robot, task = robot_and_task(design.task)
     assert (robot.sha256(), task) == (design.robot.sha256(), design.task)
-    with pytest.raises(InputError, match=r"o is a design for arm .*, not for arm"):
+    with pytest.raises(InputError, match=r"o is a design for planar .*, not for planar"):
         excite.identify(str(here.cwd / "arm.urdf"), ["x.csv"], design=design, snap_angles=True)
     with pytest.raises(InputError, match=r"x\.csv"):
         excite.identify(str(here.cwd / "arm.urdf"), ["x.csv"], design=design)
     with pytest.raises(InputError, match="`snap_angles=False` says how to read the file of a robot"):
         excite.identify(robot, ["x.csv"], snap_angles=False)
-    with pytest.raises(InputError, match="its joints are shoulder, elbow, here they are shoulder: choose what moves"):
+    with pytest.raises(InputError, match="its joints are j1, j2, here they are j1: choose what moves"):
         excite.identify(str(here.cwd / "arm.urdf"), ["x.csv"], design=design, tip="upper")

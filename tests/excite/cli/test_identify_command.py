@@ -229,11 +229,8 @@ def test_lost_workers_of_the_repetitions_keep_the_result(here: Here, monkeypatch
     monkeypatch.setattr(identify_run, "repeat_experiment", lost)
     given = ("--repeat", "9", "--executor", "dask://10.0.0.1:8786", "--workers", "3")
     ended = here.run("identify", "irp6", "run.csv", *given, "--out", "out")
-    assert (ended.returncode, ended.stderr) == (
-        1,
-        "excite: the Dask scheduler went away; repeat with fewer --workers; the result in out is saved, without "
-        "repetitions\n",
-    )
+    said = "excite: the Dask scheduler went away; repeat with fewer --workers; the result in out is saved, without"
+    assert (ended.returncode, ended.stderr) == (1, f"{said} repetitions\n")
     assert (where["executor"], where["workers"]) == ("dask://10.0.0.1:8786", 3)
     assert json.loads((here.cwd / "out" / "result.json").read_text())["repetitions"] is None
 
@@ -257,10 +254,8 @@ def test_repetitions_that_an_interrupt_keeps_are_not_computed_again(drawing: Her
     with here.monkeypatch.context() as patch:
         patch.setattr(identify_run, "repeat_experiment", interrupted)
         ended = here.run(*run, "--out", "out")
-    assert (ended.returncode, ended.stderr.splitlines()[-1]) == (
-        130,
-        "excite: interrupted; the result is saved, with 4 of 9 repetitions; with --force, the same command goes on",
-    )
+    said = "excite: interrupted; the result is saved, with 4 of 9 repetitions; with --force, the same command goes on"
+    assert (ended.returncode, ended.stderr.splitlines()[-1]) == (130, said)
     assert repetitions("out")["count"] == 4
     assert {"repetitions.png", "repetitions-so-far.npz"} <= files_below(here.cwd / "out")
     again = here.run(*run, "--out", "out", "--force", status=0)

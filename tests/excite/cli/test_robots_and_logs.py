@@ -40,11 +40,11 @@ def rows(text: str) -> list[list[str]]:
 
 def test_list_names_every_robot_with_its_joints_and_source(here: Here) -> None:
     table = rows(shown(here))
-    assert table == [[name, str(built_in(name).n), built_in(name).source] for name in built_in_names()]
+    robots = {name: built_in(name) for name in built_in_names()}
+    assert table == [[name, str(robot.n), robot.source] for name, robot in robots.items()]
     listed = json.loads(shown(here, "--json"))
-    assert [(one["name"], one["joints"], one["source"]) for one in listed] == [
-        (name, list(built_in(name).joint_names), built_in(name).source) for name in built_in_names()
-    ]
+    stated = [[one["name"], one["joints"], one["source"]] for one in listed]
+    assert stated == [[name, list(robot.joint_names), robot.source] for name, robot in robots.items()]
 
 
 def test_irp6(here: Here) -> None:
@@ -134,12 +134,10 @@ def test_health_of_a_urdf(here: Here) -> None:
 def test_capsules_without_the_meshes_that_are_missing(here: Here) -> None:
     (here.cwd / "hand.urdf").write_text(HAND)
     ended = here.run("robots", "hand.urdf", "--capsules", status=0)
-    assert re.fullmatch(
-        r"excite: note: left out: hand.urdf: link 'b', <collision>: cannot read mesh .*b.stl: No such.*\n", ended.stderr
-    )
-    assert ended.stdout.splitlines()[2:] == [
-        '  - {link: "b", from: [0.000000, 0.000000, 0.000000], to: [0.000000, 0.000000, 0.000000], radius: 0.100001}'
-    ]
+    left_out = r"excite: note: left out: hand.urdf: link 'b', <collision>: cannot read mesh .*b.stl: No such.*\n"
+    assert re.fullmatch(left_out, ended.stderr)
+    zeros = "[0.000000, 0.000000, 0.000000]"
+    assert ended.stdout.splitlines()[2:] == [f'  - {{link: "b", from: {zeros}, to: {zeros}, radius: 0.100001}}']
     (here.cwd / "hand.urdf").write_text(HAND.replace('<sphere radius="0.1"/>', '<mesh filename="a.stl"/>'))
     ended = here.run("robots", "hand.urdf", "--capsules")
     assert (ended.returncode, ended.stdout) == (2, "")

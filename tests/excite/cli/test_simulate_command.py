@@ -145,9 +145,8 @@ def test_a_folder_without_servos_is_named(here: Here) -> None:
 
 
 def test_friction_from_a_file(here: Here) -> None:
-    (here.cwd / "friction.yaml").write_text(
-        "schema: excite.friction/1\ndrives:\n  z2: {model: table, speed: [0.05, 1], torque: [20, 40]}\n"
-    )
+    curve = "z2: {model: table, speed: [0.05, 1], torque: [20, 40]}"
+    (here.cwd / "friction.yaml").write_text(f"schema: excite.friction/1\ndrives:\n  {curve}\n")
     simulated(here, "irp6", "--out", "a.csv", *RATE)
     simulated(here, "irp6", "--out", "b.csv", *RATE, "--friction", "friction.yaml", "--periods", "2")
     a, b = (read_log(here.cwd / f"{name}.csv") for name in "ab")
@@ -193,9 +192,8 @@ def test_bad_input_is_one_line_and_writes_nothing(here: Here) -> None:
 
 
 def test_a_robot_that_is_not_held_ends_with_status_one(here: Here) -> None:
-    (here.cwd / "friction.yaml").write_text(
-        "schema: excite.friction/1\ndrives:\n  z1: {model: coulomb-viscous, coulomb: 0, viscous: -5000}\n"
-    )
+    curve = "z1: {model: coulomb-viscous, coulomb: 0, viscous: -5000}"
+    (here.cwd / "friction.yaml").write_text(f"schema: excite.friction/1\ndrives:\n  {curve}\n")
     options = ("--friction", "friction.yaml", "--controller", "pd", "--no-torque-limits", "--rate", "1000")
     said = here.refused("simulate", "irp6", "--out", "run.csv", *options, status=1)
     assert "the simulated motion diverges at" in said

@@ -193,26 +193,18 @@ OF_TESTS = settings(  # the first case that fails is short enough
 )
 
 
-def fuzz(name: str, folder: Path, cases: int) -> None:
-    """Run command lines of a command until one does not end as it must."""
-
-    @settings(OF_TESTS, max_examples=cases)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", BASE)
+def test_values_of_options(name: str, folder: Path) -> None:
+    @settings(OF_TESTS, max_examples=CASES)
     @given(command_lines(name))
     def ends_as_it_must(arguments: list[str]) -> None:
         assert run(arguments, folder).problems == ()
 
-    before = memory()
-    check: Callable[[], None] = ends_as_it_must
-    check()
-    assert memory() < before + GROWTH
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", BASE)
-def test_values_of_options(name: str, folder: Path) -> None:
-    ended = run(BASE[name], folder)
+    ended, before = run(BASE[name], folder), memory()
     assert (ended.status in (0, 1), ended.problems) == (True, ()), ended.errors
-    fuzz(name, folder, CASES)
+    ends_as_it_must()
+    assert memory() < before + GROWTH
 
 
 @pytest.mark.slow
@@ -223,8 +215,7 @@ def test_numbers_in_files(folder: Path) -> None:
         arguments, files = case
         assert run(arguments, folder, files=files).problems == ()
 
-    check: Callable[[], None] = ends_as_it_must
-    check()
+    ends_as_it_must()
 
 
 def test_every_case_begins_with_the_same_files(folder: Path) -> None:

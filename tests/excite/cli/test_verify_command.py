@@ -95,17 +95,6 @@ def test_a_good_result_is_believed(here: Here, monkeypatch: pytest.MonkeyPatch) 
         assert text in ended.stdout
 
 
-def test_numbers_are_printed_before_figures_are_drawn(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
-    printed: list[str] = []
-    monkeypatch.setattr(figures, "write_figures", lambda *_, **__: printed.append(here.capfd.readouterr().out) or [])
-    here.run("identify", "irp6", "run.csv", "--out", "new")
-    here.run("verify", "result", "again.csv")
-    identified, verified = printed
-    assert identified.startswith("Base parameters of ")
-    assert "least certain" in identified
-    assert "q1" in verified.partition("again.csv: 401 rows; predicted torques miss ")[2]
-
-
 def test_a_wrong_result_is_not_and_tolerances_are_percents(here: Here) -> None:
     changed(here, scaled(1.3))
     ended = here.run("verify", "result", "again.csv", status=1, stderr="")

@@ -82,10 +82,8 @@ def dots(ax: Axes) -> list[tuple[float, float]]:
 
 def with_starts(design: Design, histories: dict[int, list[float]], best: int, running: tuple[int, ...] = ()) -> Design:
     x = design.starts[0].x
-    starts = tuple(
-        StartResult(k, x, min(history), RUNNING if k in running else "done", history, len(history), 0.25)
-        for k, history in histories.items()
-    )
+    status = {k: RUNNING if k in running else "done" for k in histories}
+    starts = tuple(StartResult(k, x, min(h), status[k], h, len(h), 0.25) for k, h in histories.items())
     return dataclasses.replace(design, results=starts, best_start=best)
 
 
@@ -214,13 +212,14 @@ def notes(figure: Figure) -> list[str]:
 @pytest.mark.parametrize("length", [56, 200])
 def test_long_names_stay_inside_and_apart(design: Design, length: int) -> None:
     long = {name: f"{name}_$x$_" + (length - len(name) - 5) * "n" for name in design.robot.joint_names}
-    robots = [
-        robot.replace(joints=tuple(dataclasses.replace(joint, name=long[joint.name]) for joint in robot.joints))
-        for robot in (design.robot, design.moving)
-    ]
+
+    def renamed(robot: Robot) -> Robot:
+        return robot.replace(joints=tuple(dataclasses.replace(joint, name=long[joint.name]) for joint in robot.joints))
+
     uses = tuple(relabelled(use, long) for use in design.limits if not use.label.endswith("torque"))
-    target = dataclasses.replace(design.target, robot=robots[1])
-    figure = motion_figure(dataclasses.replace(design, robot=robots[0], formulated=(target, ()), certified=uses))
+    target = dataclasses.replace(design.target, robot=renamed(design.moving))
+    changed = {"robot": renamed(design.robot), "formulated": (target, ()), "certified": uses}
+    figure = motion_figure(dataclasses.replace(design, **changed))
     assert misplaced(figure) == []
     if length <= 56:
         assert not any("\N{HORIZONTAL ELLIPSIS}" in text.get_text() for text in figure.findobj(Text))

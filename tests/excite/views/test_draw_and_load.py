@@ -12,7 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 from reported import ParsedPage, misplaced
 from written_files import saved
-from written_results import design, result, verification
+from written_results import design, plan, result, verification
 
 import excite
 from excite.identification.result_json import CURVES
@@ -26,39 +26,21 @@ from regressors.errors import InputError
 # ``excite.draw``: the figures of an object as matplotlib objects, and no file.
 
 
-QUICK = excite.Search(starts=1, seed=0, executor="serial")
-
-
-@pytest.fixture(scope="module")
-def drawn_design() -> excite.Design:
-    return excite.design_trajectory("irp6", trajectory=excite.TrajectoryChoice(harmonics=3, period=4.0), search=QUICK)
-
-
-@pytest.fixture(scope="module")
-def drawn_result(drawn_design: excite.Design) -> excite.Identification:
-    log = excite.simulate(drawn_design, rate=100.0, noise=1.0, seed=1)
-    return excite.identify("irp6", log, choose=False, estimator="weighted")
-
-
-def test_a_design_is_drawn(drawn_design: excite.Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_design_is_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    figures = excite.draw(drawn_design)
+    figures = excite.draw(design("old"))
     assert list(figures) == ["motion", "phase", "spectrum", "convergence", "workspace"]
     assert all(isinstance(figure, Figure) for figure in figures.values())
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.slow
-def test_everything_that_has_figures_is_drawn(
-    drawn_design: excite.Design, drawn_result: excite.Identification, tmp_path: Path
-) -> None:
-    log = excite.simulate(drawn_design, rate=100.0, noise=1.0, seed=2)
-    plan = excite.plan_friction("irp6", drives=["z2"], torque_ramp=None)
+def test_everything_that_has_figures_is_drawn(tmp_path: Path) -> None:
     objects = {
-        "result": ({"torques", "residuals", "parameters"}, drawn_result),
-        "verification": ({"torques", "motion"}, excite.verify(drawn_result, log, training_too=True)),
-        "study": ({"estimates_over_time"}, excite.study_over_time("irp6", [], designs=[drawn_design])),
-        "plan": ({"runs"}, plan),
+        "result": ({"torques", "residuals", "parameters"}, result("old")),
+        "verification": ({"torques", "motion"}, verification("old")),
+        "study": ({"estimates_over_time"}, excite.study_over_time("irp6", [], designs=[design("old")])),
+        "plan": ({"runs"}, plan("old")),
     }
     for name, (expected, made) in objects.items():
         assert set(excite.draw(made)) == expected, name
@@ -70,8 +52,8 @@ def test_everything_that_has_figures_is_drawn(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("width", ["single", "double"])
-def test_in_a_column_no_text_of_a_design_is_lost(drawn_design: excite.Design, width: str) -> None:
-    assert [text for figure in excite.draw(drawn_design, width=width).values() for text in misplaced(figure)] == []
+def test_in_a_column_no_text_of_a_design_is_lost(width: str) -> None:
+    assert [text for figure in excite.draw(design("old"), width=width).values() for text in misplaced(figure)] == []
 
 
 # Whatever was saved is loaded by one call, by its folder or its file; recorded samples are of every kind.

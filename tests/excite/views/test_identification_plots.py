@@ -142,11 +142,10 @@ def test_torques_are_the_measured_and_predicted_rows_of_each_equation(result: Id
     assert len(figure.axes) == 2 * len(EQUATIONS)
     for j, (ax, below) in enumerate(zip(figure.axes[::2], figure.axes[1::2], strict=True)):
         own = np.arange(observations.y.size) % 3 == j
+        predicted = observations.W[own] @ result.estimate.values
         np.testing.assert_array_equal(curve(ax, MEASURED_COLOUR), observations.y[own])
-        np.testing.assert_allclose(
-            curve(ax, PREDICTED_COLOUR), observations.W[own] @ result.estimate.values, rtol=1e-13
-        )
-        e = observations.y[own] - observations.W[own] @ result.estimate.values
+        np.testing.assert_allclose(curve(ax, PREDICTED_COLOUR), predicted, rtol=1e-13)
+        e = observations.y[own] - predicted
         np.testing.assert_allclose(curve(below, DARK), e, rtol=0, atol=1e-12)
         assert below.get_xlim() == ax.get_xlim()
         ratio = 100 * np.linalg.norm(e) / np.linalg.norm(observations.y[own])
@@ -314,9 +313,8 @@ def test_half_widths_are_in_percent_and_those_beyond_the_axis_have_their_number(
     assert ax.get_xlabel() == "half-width of the interval / |value| [%]"
     assert ax.get_xlim()[1] == 300.0
     cut = [text.get_text() for text in ax.texts if text.get_text().endswith("\N{RIGHTWARDS ARROW}")]
-    assert [float(text.split()[0].replace(",", "")) for text in cut] == pytest.approx(
-        percent[percent > 300.0].tolist(), rel=0.06
-    )
+    shown = [float(text.split()[0].replace(",", "")) for text in cut]
+    assert shown == pytest.approx(percent[percent > 300.0].tolist(), rel=0.06)
     assert len(cut) >= 2
     (shaded,) = [p for p in ax.patches if p.get_facecolor() == to_rgba(FORBIDDEN)]
     assert shaded.get_x() == 100.0

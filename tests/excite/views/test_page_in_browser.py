@@ -173,11 +173,8 @@ def test_page_is_as_wide_as_the_screen(width: int, page: Page) -> None:
 
 def test_a_seven_axis_page_with_meshes_is_small(browser: Page, tmp_path: Path) -> None:
     arm = next(arm for arm in ARMS if arm.id == "panda-hand")
-    design = excite.design_trajectory(
-        excite.Task(str(arm.path), base_link=arm.base, tip=arm.tip, acceleration=(10.0,)),
-        trajectory=excite.TrajectoryChoice(harmonics=2, period=5.0),
-        search=excite.Search(starts=1, executor="serial"),
-    )
+    motion = {"harmonics": 2, "period": 5.0, "starts": 1, "executor": "serial", "acceleration": (10.0,)}
+    design = excite.design_trajectory(excite.Task(str(arm.path), base_link=arm.base, tip=arm.tip, **motion))
     path = excite.write_report(design, tmp_path / "page.html", robot_file=arm.path)
     assert path.stat().st_size < MOST_BYTES
     browser.errors.clear()

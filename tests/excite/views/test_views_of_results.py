@@ -132,9 +132,8 @@ def course() -> TimeCourse:
     one = np.ones((2, 3))
     values, deviation = one * [1.0, 0.0, np.nan], one * [0.1, 0.2, np.inf]
     known = np.array([1.0, 0.0, 1.0])
-    return TimeCourse(
-        "log", ("a", "b", "c"), ("kg",) * 3, np.arange(2.0), values, deviation, 2.6, np.full(2, np.inf), known, "truth"
-    )
+    names, unknown = ("a", "b", "c"), np.full(2, np.inf)
+    return TimeCourse("log", names, ("kg",) * 3, np.arange(2.0), values, deviation, 2.6, unknown, known, "truth")
 
 
 def test_the_worst_parameter_is_named(course: TimeCourse) -> None:

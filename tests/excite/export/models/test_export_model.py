@@ -125,11 +125,8 @@ def test_drakes_actuators_have_the_reflected_inertia(tmp_path: Path) -> None:
     robot = excite.load_robot("irp6")
     excite.export_model(result_of(robot, tmp_path), "drake", tmp_path / "robot.urdf")
     root = ET.parse(tmp_path / "robot.urdf").getroot()
-    ratios = {
-        element.find("joint").get("name"): float(ratio.get("value"))
-        for element in root.findall("transmission")
-        if (ratio := element.find("actuator/{https://drake.mit.edu}gear_ratio")) is not None
-    }
+    stated = [(each, each.find("actuator/{https://drake.mit.edu}gear_ratio")) for each in root.findall("transmission")]
+    ratios = {each.find("joint").get("name"): float(ratio.get("value")) for each, ratio in stated if ratio is not None}
     assert ratios == {"q1": 158.0, "q2": 167.5, "q5": 76.8}
 
 
