@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import scipy
 from commands import Here
+from designed import PLANAR
 from identified import relative
 from linkages import FOUR_BAR, PARALLELOGRAM, STEP, followed, linkage, played, robot_of_text
 from mechanisms import LEGS, delta, played as mechanism_played, quadruped
@@ -281,38 +282,18 @@ def test_mechanisms_are_identified_confirmed_by_another_log_and_written_into_the
     assert relative(W @ np.nan_to_num(again.reference.values), W @ np.nan_to_num(result.coefficients)) < 0.02
 
 
-_LINK = """<link name="{name}"><inertial><origin xyz="{centre}"/><mass value="{mass}"/>
-<inertia ixx="0.05" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.3"/></inertial></link>"""
-_JOINT = """<joint name="{name}" type="revolute"><origin xyz="{place}"/><parent link="{on}"/><child link="{link}"/>
-<axis xyz="{axis}"/><limit lower="-0.9" upper="0.9" velocity="2" effort="300"/>{follows}</joint>"""
-
-
-def palletiser() -> str:
-    """URDF of a turret with an arm, whose hand a belt turns back."""
-    links = (
-        ("base", "0 0 0", 9.0),
-        ("turret", "0.05 0 0.1", 8.0),
-        ("arm", "0.3 0.02 0.1", 5.0),
-        ("hand", "0.1 0 -0.1", 2.0),
-    )
-    joints = (
-        {"name": "q1", "place": "0 0 0.3", "on": "base", "link": "turret", "axis": "0 0 1", "follows": ""},
-        {"name": "q2", "place": "0 0 0.3", "on": "turret", "link": "arm", "axis": "0 1 0", "follows": ""},
-        {"name": "level", "place": "0.6 0 0", "on": "arm", "link": "hand", "axis": "0 1 0",
-         "follows": '<mimic joint="q2" multiplier="-1.25" offset="0.1"/>'},
-    )  # fmt: skip
-    bodies = "".join(_LINK.format(name=name, centre=centre, mass=mass) for name, centre, mass in links)
-    return f'<robot name="palletiser">{bodies}{"".join(_JOINT.format(**each) for each in joints)}</robot>'
+_ALONE = 'lower="-2.5" upper="2.5" velocity="3" effort="60"/>'
+_FOLLOWS = 'lower="-0.9" upper="0.9" velocity="3" effort="60"/><mimic joint="j1" multiplier="-1.25" offset="0.1"/>'
 
 
 def test_a_joint_that_mimics_another_is_designed_for_identified_and_written_back(tmp_path: Path) -> None:
-    robot = parse_urdf(palletiser())
+    robot = parse_urdf(PLANAR.replace(_ALONE, _FOLLOWS))
     search = excite.Search(starts=2, executor="serial")
     searches = (replace(search, seed=seed) for seed in (0, 1))
     design, other = (excite.design_trajectory(robot, search=s, acceleration=(5.0,), period=4.0) for s in searches)
     q = design.samples.q
-    np.testing.assert_allclose(q[:, 2], 0.1 - 1.25 * q[:, 1], atol=1e-12)
-    assert np.abs(q[:, 2]).max() <= 0.9 < np.abs(1.25 * q[:, 1]).max() + 0.2  # its range binds, not that of q2
+    np.testing.assert_allclose(q[:, 1], 0.1 - 1.25 * q[:, 0], atol=1e-12)
+    assert np.abs(q[:, 1]).max() <= 0.9 < np.abs(1.25 * q[:, 0]).max() + 0.2  # its range binds, not that of j1
     simulation = excite.simulate(design, noise=NOISE, seed=1)
     result = excite.identify(robot, simulation, design=design, choose=False)
     assert all(within(result))
@@ -321,9 +302,9 @@ def test_a_joint_that_mimics_another_is_designed_for_identified_and_written_back
     excite.export_model(tmp_path / "result", "urdf", tmp_path / "new.urdf")
     again = load_robot(tmp_path / "new.urdf")
     assert (again.closures, again.passive) == (robot.closures, robot.passive)
-    with pytest.raises(InputError, match="loops, and it has the joint level that follows q2; read a part"):
+    with pytest.raises(InputError, match="loops, and it has the joint j2 that follows j1; read a part"):
         excite.plan_friction(robot)
-    assert parse_description(robot_text(robot), "palletiser.yaml").sha256() == robot.sha256()
+    assert parse_description(robot_text(robot), "planar.yaml").sha256() == robot.sha256()
 
 
 def test_robot_yaml_holds_the_loops() -> None:

@@ -199,17 +199,12 @@ def test_a_robot_that_is_not_held_ends_with_status_one(here: Here) -> None:
     assert "the simulated motion diverges at" in said
 
 
-def faster(path: Path, times: float) -> None:
-    """Write the design's motion at several times its speed."""
-    header, table = table_of(path.parent / "irp6" / "trajectory.csv")
-    factors = {"time": 1 / times, "position": 1.0, "velocity": times, "acceleration": times**2}
-    table = table * np.array([factors[name.split(".")[-1]] for name in header])
-    np.savetxt(path, table, fmt="%.17g", delimiter=",", header=",".join(header), comments="")
-
-
 @pytest.mark.slow
 def test_a_motion_that_is_too_fast_ends_with_status_one_and_identify_leaves_those_rows_out(here: Here) -> None:
-    faster(here.cwd / "fast.csv", 3.5)
+    header, table = table_of(here.cwd / "irp6" / "trajectory.csv")
+    factors = {"time": 1 / 3.5, "position": 1.0, "velocity": 3.5, "acceleration": 3.5**2}
+    table = table * np.array([factors[name.split(".")[-1]] for name in header])
+    np.savetxt(here.cwd / "fast.csv", table, fmt="%.17g", delimiter=",", header=",".join(header), comments="")
     fast = ("simulate", "irp6", "--trajectory", "fast.csv", "--periods", "4", "--out", "run.csv", *RATE)
     refused = here.run(*fast)
     assert (refused.returncode, refused.stdout, (here.cwd / "run.csv").exists()) == (1, "", False)

@@ -78,11 +78,7 @@ ROBOTS = {
 
 
 def put(key: str, value: object) -> Callable[[dict[str, Any]], str]:
-    def changed(content: dict[str, Any]) -> str:
-        content["task"][key] = value
-        return json.dumps(content)
-
-    return changed
+    return lambda content: json.dumps({**content, "task": {**content["task"], key: value}})
 
 
 def typed(old: str, new: str) -> Callable[[dict[str, Any]], str]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,6 @@ from matplotlib.text import Text
 from pinocchio_chains import drive_torques, whole_motion
 from reported import misplaced
 
-from constraints.certificate import LimitUse
 from constraints.linear import linear_limits
 from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
@@ -84,7 +83,7 @@ def with_starts(design: Design, histories: dict[int, list[float]], best: int, ru
     x = design.starts[0].x
     status = {k: RUNNING if k in running else "done" for k in histories}
     starts = tuple(StartResult(k, x, min(h), status[k], h, len(h), 0.25) for k, h in histories.items())
-    return dataclasses.replace(design, results=starts, best_start=best)
+    return replace(design, results=starts, best_start=best)
 
 
 TERMS = "l2^2 m1 - a_very_long_length m2 + I3xx + I3yy"
@@ -98,8 +97,8 @@ def with_predictions(design: Design, percent: list[float]) -> Design:
     each = zip(base.names, base.units, known, percent, strict=False)
     predicted = tuple(PredictedAccuracy(n, f"{n} + {TERMS}", unit, p / 100 * size) for n, unit, size, p in each)
     spectrum = np.geomspace(500.0, 5.0, len(percent))
-    measured = dataclasses.replace(design.measured, predicted=predicted, spectrum=spectrum)
-    return dataclasses.replace(design, formulated=(target, design.nonlinear), measured=measured)
+    measured = replace(design.measured, predicted=predicted, spectrum=spectrum)
+    return replace(design, formulated=(target, design.nonlinear), measured=measured)
 
 
 # --- motion
@@ -148,8 +147,8 @@ def test_torques_on_the_way_from_home_are_those_of_every_joint(design: Design) -
 
 def test_without_checked_torques_there_are_none_and_the_reason_is_said(design: Design) -> None:
     limits = tuple(use for use in design.limits if not use.label.endswith("torque"))
-    unchecked = dataclasses.replace(design, unchecked=(Unchecked("torque", "no mass is stated"),))
-    figure = motion_figure(dataclasses.replace(unchecked, certified=limits, formulated=(design.target, ())))
+    unchecked = replace(design, unchecked=(Unchecked("torque", "no mass is stated"),))
+    figure = motion_figure(replace(unchecked, certified=limits, formulated=(design.target, ())))
     assert torque_panels(figure) == []
     assert "not checked: torque (no mass is stated)" in notes(figure)
 
@@ -196,8 +195,8 @@ def test_motion_title_says_what_rests_and_whether_limits_hold(design: Design, mo
     assert "not checked: jerk (no limit is stated), obstacles (" in said[1]
     assert "at rest: q4, q5" in said
     first = design.limits[0]
-    broken = dataclasses.replace(first, extreme=first.bound * 1.05, margin=-0.05 * abs(first.bound), use=1.05)
-    figure = motion_figure(dataclasses.replace(design, certified=(broken, *design.limits[1:])))
+    broken = replace(first, extreme=first.bound * 1.05, margin=-0.05 * abs(first.bound), use=1.05)
+    figure = motion_figure(replace(design, certified=(broken, *design.limits[1:])))
     assert "1 of 30 limits BROKEN" in figure.get_suptitle()
     (note,) = [text for text in figure.axes[0].findobj(Text) if "used" in text.get_text()]
     assert note.get_text().endswith("105.0 % used, BROKEN")
@@ -214,29 +213,25 @@ def test_long_names_stay_inside_and_apart(design: Design, length: int) -> None:
     long = {name: f"{name}_$x$_" + (length - len(name) - 5) * "n" for name in design.robot.joint_names}
 
     def renamed(robot: Robot) -> Robot:
-        return robot.replace(joints=tuple(dataclasses.replace(joint, name=long[joint.name]) for joint in robot.joints))
+        return robot.replace(joints=tuple(replace(joint, name=long[joint.name]) for joint in robot.joints))
 
-    uses = tuple(relabelled(use, long) for use in design.limits if not use.label.endswith("torque"))
-    target = dataclasses.replace(design.target, robot=renamed(design.moving))
+    checked = [(use, use.label.split()) for use in design.limits if not use.label.endswith("torque")]
+    uses = tuple(replace(use, label=" ".join(long.get(word, word) for word in words)) for use, words in checked)
+    target = replace(design.target, robot=renamed(design.moving))
     changed = {"robot": renamed(design.robot), "formulated": (target, ()), "certified": uses}
-    figure = motion_figure(dataclasses.replace(design, **changed))
+    figure = motion_figure(replace(design, **changed))
     assert misplaced(figure) == []
     if length <= 56:
         assert not any("\N{HORIZONTAL ELLIPSIS}" in text.get_text() for text in figure.findobj(Text))
 
 
-def relabelled(use: LimitUse, names: dict[str, str]) -> LimitUse:
-    kind, name, *rest = use.label.split()
-    return dataclasses.replace(use, label=" ".join((kind, names.get(name, name), *rest)))
-
-
 def test_jerk_has_a_column_where_it_has_limits(design: Design) -> None:
     limited = LimitChoice(jerk=(7500.0,)).applied(design.moving)
-    target = dataclasses.replace(design.target, robot=limited)
-    uses = [dataclasses.replace(design.limits[0], label=f"joint q{k} jerk", unit="rad/s^3") for k in (1, 2, 3)]
-    far = [dataclasses.replace(use, extreme=1.0, bound=7500.0, use=1.0 / 7500.0) for use in uses]
+    target = replace(design.target, robot=limited)
+    uses = [replace(design.limits[0], label=f"joint q{k} jerk", unit="rad/s^3") for k in (1, 2, 3)]
+    far = [replace(use, extreme=1.0, bound=7500.0, use=1.0 / 7500.0) for use in uses]
     changed = {"formulated": (target, design.nonlinear), "certified": (*design.limits, *far)}
-    figure = motion_figure(dataclasses.replace(design, **changed))
+    figure = motion_figure(replace(design, **changed))
     assert len(figure.axes) == 4 * len(ROWS) + len(TORQUES)
     ax = panel(figure, "q1", 3, columns=4)
     assert ax.get_ylabel() == "jerk [rad/s³]"
@@ -249,13 +244,13 @@ def coupled_robot() -> Robot:
     """Two joints; drives on q1, on q1 - 0.5 q2 twice with different zeros, and on q2 without position limits."""
     robot, position = load_robot("irp6"), np.array([3.0, 1.0, 1.5, np.inf])
     rates = {"velocity": np.array([np.inf, 2.0, 1.0, 5.0])}
-    limits = dataclasses.replace(Limits.none(4), lower=-position, upper=position, **rates)
+    limits = replace(Limits.none(4), lower=-position, upper=position, **rates)
     coupling = np.array([[1.0, 0.0], [1.0, -0.5], [1.0, -0.5], [0.0, 1.0]])
     drives = tuple(Drive(f"z{k}") for k in (1, 2, 3, 4))
     return robot.replace(
         joints=robot.joints[:2],
         links=robot.links[:2],
-        limits=dataclasses.replace(Limits.none(2), lower=np.array([-2.0, -2.0]), upper=np.array([2.0, 2.0])),
+        limits=replace(Limits.none(2), lower=np.array([-2.0, -2.0]), upper=np.array([2.0, 2.0])),
         transmission=Transmission(coupling, drives, limits, np.array([1.5, 0.25, -0.25, 0.0])),
         structure=type(robot.structure)(),
         shapes=(),
@@ -265,7 +260,7 @@ def coupled_robot() -> Robot:
 def test_limits_on_one_function_meet_where_they_bind(design: Design) -> None:
     robot = coupled_robot()
     labels = [label for limit in linear_limits(robot) for label in limit.labels]
-    uses = [dataclasses.replace(design.limits[0], label=label, use=0.1 * k) for k, label in enumerate(labels)]
+    uses = [replace(design.limits[0], label=label, use=0.1 * k) for k, label in enumerate(labels)]
     q1, q2, drive = motion_functions(robot, linear_limits(robot), uses)
     assert [function.name for function in (q1, q2, drive)] == ["q1", "q2", "drives z2, z3: q1 - 0.5 q2 + 0.25"]
     assert q1.allowed(0) == (-2.0, 1.5)  # z1 = q1 + 1.5 is at most 3
@@ -411,7 +406,7 @@ def test_starts_of_one_kind_are_curves_with_a_gap_between_them(design: Design) -
 
 @pytest.mark.parametrize("base", ["pivoted", "orthonormal"])
 def test_convergence_names_the_base_that_was_asked_for(searched: Design, base: str) -> None:
-    asked = dataclasses.replace(searched, task=searched.task.changed(base=base))
+    asked = replace(searched, task=searched.task.changed(base=base))
     title = convergence_figure(asked).axes[0].get_title(loc="left")
     assert base in title
     assert significant(searched.criteria[f"condition_number_{base}"], 4) in title

@@ -1,6 +1,6 @@
 """Figures of identification and verification: what is drawn agrees with the numbers behind it."""
 
-import dataclasses
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -92,7 +92,7 @@ def result(target: IdentificationTarget) -> Identification:
 
 def observing(result: Identification, observations: Observations) -> Identification:
     """The result of other equations."""
-    return dataclasses.replace(result, data=dataclasses.replace(result.data, observations=observations))
+    return replace(result, data=replace(result.data, observations=observations))
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +102,7 @@ def known(result: Identification) -> Identification:
     values[0] -= 0.5 * half[0]
     values[1] += 3.0 * half[1]
     values[2] = np.nan
-    return dataclasses.replace(result, reference=ReferenceValues("truth", values))
+    return replace(result, reference=ReferenceValues("truth", values))
 
 
 def with_unseen(result: Identification, *unseen: int) -> Identification:
@@ -111,8 +111,8 @@ def with_unseen(result: Identification, *unseen: int) -> Identification:
     values[list(unseen)] = np.nan
     covariance[list(unseen), list(unseen)] = np.inf
     names = tuple(estimate.names[k] for k in unseen)
-    changed = dataclasses.replace(estimate, values=values, covariance=covariance, unseen=names, fit=estimate.values)
-    return dataclasses.replace(result, estimate=changed)
+    changed = replace(estimate, values=values, covariance=covariance, unseen=names, fit=estimate.values)
+    return replace(result, estimate=changed)
 
 
 def curve(ax: Axes, colour: str) -> np.ndarray:
@@ -180,7 +180,7 @@ def test_logs_stand_apart_and_keep_their_own_times(result: Identification) -> No
 def test_rows_of_some_logs_and_equations_alone_are_drawn(result: Identification, draw: object) -> None:
     observations = result.observations
     own = np.flatnonzero((observations.equation == 0) & (observations.log == 0))
-    cut = dataclasses.replace(observations.rows(own), equations=(("work", "J"),), logs=("one.csv",))
+    cut = replace(observations.rows(own), equations=(("work", "J"),), logs=("one.csv",))
     figure = draw(observing(result, cut))
     assert figure.axes[0].get_ylabel() == "work [J]"
     assert "time in one [s]" in [ax.get_xlabel() for ax in figure.axes]
@@ -233,7 +233,7 @@ def test_an_envelope_has_the_percentiles_of_its_stretches() -> None:
 def test_long_logs_have_bands_in_place_of_a_solid_block(result: Identification) -> None:
     count = 2 * DENSE
     rng = np.random.default_rng(4)
-    observations = dataclasses.replace(
+    observations = replace(
         result.observations,
         W=rng.standard_normal((3 * count, P)),
         y=rng.standard_normal(3 * count),
@@ -323,7 +323,7 @@ def test_half_widths_are_in_percent_and_those_beyond_the_axis_have_their_number(
 def test_a_parameter_of_zero_is_not_measured_by_its_value(result: Identification) -> None:
     values = result.estimate.values.copy()
     values[0] = 0.0
-    zero = dataclasses.replace(result, estimate=dataclasses.replace(result.estimate, values=values))
+    zero = replace(result, estimate=replace(result.estimate, values=values))
     texts = texts_of(parameters_figure(zero))
     assert "over 1,000,000 % \N{RIGHTWARDS ARROW}" in texts
 
@@ -338,13 +338,13 @@ def test_parameters_that_the_data_does_not_show_have_a_row_that_says_so(known: I
 
 def test_far_differences_leave_the_interval_visible(result: Identification) -> None:
     far = ReferenceValues("description", result.estimate.values - 1e5 * result.estimate.half_width)
-    ax = parameters_figure(dataclasses.replace(result, reference=far)).axes[0]
+    ax = parameters_figure(replace(result, reference=far)).axes[0]
     assert ax.get_xscale() == "symlog"
     assert ax.get_xlim()[1] > 1e5
     left, right = (ax.transData.transform((x, 0.0))[0] for x in (-1.0, 1.0))
     assert right - left > 0.05 * ax.bbox.width
     unknown = ReferenceValues("description", np.full(P, np.nan))  # drawn like no reference
-    assert len(parameters_figure(dataclasses.replace(result, reference=unknown)).axes) == 1
+    assert len(parameters_figure(replace(result, reference=unknown)).axes) == 1
 
 
 def test_differences_are_unknown_without_an_interval() -> None:
@@ -381,7 +381,7 @@ def test_estimates_over_time_end_at_the_value_with_its_interval(known: Identific
     hidden = estimates_figure(with_unseen(known, 4)).axes[4]
     assert [p for p in hidden.patches if p.get_facecolor() == to_rgba(BAND)] == []
     assert hidden.get_title(loc="right") == "not shown"
-    without = dataclasses.replace(known, estimate=dataclasses.replace(estimate, history=None))
+    without = replace(known, estimate=replace(estimate, history=None))
     with pytest.raises(InputError, match="estimator recursive keeps no history"):
         estimates_figure(without)
     assert [each.ending for each in identification_figures(without)] == ["parameters", "torques", "residuals"]
@@ -389,7 +389,7 @@ def test_estimates_over_time_end_at_the_value_with_its_interval(known: Identific
 
 def test_a_reference_out_of_view_is_named_beside_an_arrow(result: Identification) -> None:
     far = result.estimate.values + np.where(np.arange(P) % 2, 1e6, -1e6)
-    axes = estimates_figure(dataclasses.replace(result, reference=ReferenceValues("truth", far))).axes
+    axes = estimates_figure(replace(result, reference=ReferenceValues("truth", far))).axes
     assert axes[0].get_title(loc="right") == "\N{DOWNWARDS ARROW} \N{MINUS SIGN}999999"
     assert axes[1].get_title(loc="right") == "\N{UPWARDS ARROW} 1.00e+06"
     assert axes[0].get_ylim()[0] > far[0]
@@ -479,8 +479,8 @@ def test_windows_that_are_not_simulated_stay_empty(verification: Verification) -
     q = np.full_like(every.q, np.nan)
     rows = np.r_[50:100, 150:201]
     q[rows] = every.q[rows]
-    some = dataclasses.replace(every, q=q, starts=(50, 150), stops=(100, 201), left_out=2)
-    figure = simulated_motion_figure(dataclasses.replace(verification, replay=some))
+    some = replace(every, q=q, starts=(50, 150), stops=(100, 201), left_out=2)
+    figure = simulated_motion_figure(replace(verification, replay=some))
     over = figure.axes[0]
     np.testing.assert_array_equal(curve(over, PREDICTED_COLOUR), every.q[rows, 0])
     np.testing.assert_array_equal(curve(over, MEASURED_COLOUR), verification.motion.q[:, 0])
@@ -494,7 +494,7 @@ def test_a_simulation_that_failed_says_where_and_why() -> None:
 
 
 def test_a_model_without_motion_has_no_figure_of_it(verification: Verification, tmp_path: Path) -> None:
-    without = dataclasses.replace(verification, replay=None, motions=None)
+    without = replace(verification, replay=None, motions=None)
     with pytest.raises(InputError, match="no motion was simulated"):
         simulated_motion_figure(without)
     names = [path.name for path in write_figures(verification_view(without, "new"), tmp_path)]

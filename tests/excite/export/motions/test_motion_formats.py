@@ -54,13 +54,9 @@ def table(path: Path, header: bool = True) -> tuple[list[str], np.ndarray]:
     return names, np.loadtxt(io.StringIO("\n".join(lines)), delimiter=",")
 
 
-def design_of(form: str) -> Design:
-    return panda() if form == "franka" else ur10e()
-
-
 @pytest.mark.parametrize("form", [form for form in MOTION_FORMATS if form not in ("lerobot", "sage")])
 def test_files_are_the_same_bytes_again_and_the_mapping_beside_reads_a_recording(form: str, tmp_path: Path) -> None:
-    design = design_of(form)
+    design = panda() if form == "franka" else ur10e()
     path, first = exported(tmp_path / "a", design, form, rate=SLOW.get(form))
     _, again = exported(tmp_path / "b", design, form, rate=SLOW.get(form))
     assert [file.name for file in first.files] == [file.name for file in again.files]

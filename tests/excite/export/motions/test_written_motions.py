@@ -37,8 +37,10 @@ Columns = tuple[Array, Array, Array, Array]
 FAMILIES = [name for name in TRAJECTORIES if name != "custom"]
 
 
-def read_goal(path: Path) -> Columns:
+def goal_of(design: Design, folder: Path, **options: float) -> Columns:
     """Points of a goal for ROS 2, by PyYAML: times [s], positions, velocities, accelerations."""
+    path = folder / "goal.yaml"
+    excite.export_motion(design, "ros2-yaml", path, replace=True, **options)
     points = yaml.load(path.read_text(), Loader=yaml.CSafeLoader)["trajectory"]["points"]
     time = [point["time_from_start"]["sec"] + 1e-9 * point["time_from_start"]["nanosec"] for point in points]
     q, dq, ddq = (np.array([point[name] for point in points]) for name in ("positions", "velocities", "accelerations"))
@@ -83,12 +85,6 @@ def differences(time: Array, q: Array, design: Design) -> float:
     rates = [np.diff(rest, n=order, axis=0) / h**order for order in (1, 2, 3)]
     bounds = (limits.velocity, limits.acceleration, limits.jerk)
     return max(float((np.abs(rate) / bound).max()) for rate, bound in zip(rates, bounds, strict=True))
-
-
-def goal_of(design: Design, folder: Path, **options: float) -> Columns:
-    path = folder / "goal.yaml"
-    excite.export_motion(design, "ros2-yaml", path, replace=True, **options)
-    return read_goal(path)
 
 
 def stated(design: Design) -> dict[str, bool]:
