@@ -212,11 +212,8 @@ def test_repetitions_join_the_result(drawing: Here) -> None:
     content = json.loads((here.cwd / "out" / "result.json").read_text())
     found = content["repetitions"]
     assert (found["count"], found["seed"]) == (30, 3)
-    stated = {p["name"]: p["standard_deviation"] for p in content["parameters"]}
-    for p in found["parameters"]:
-        assert 0.3 < p["deviation"] / p["predicted_deviation"] < 3.0
-        assert 0.02 < p["deviation"] / stated[p["name"]] < 10.0  # which counts offsets that repetitions do not have
-        assert p["coverage"] > 0.5
+    assert [p["name"] for p in found["parameters"]] == list(values(content))
+    assert all(0.3 < p["deviation"] / p["predicted_deviation"] < 3.0 for p in found["parameters"])
 
 
 def test_lost_workers_of_the_repetitions_keep_the_result(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
