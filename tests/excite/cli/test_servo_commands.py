@@ -120,7 +120,6 @@ def test_servos_are_exported(here: Here) -> None:
         assert ended.stdout.startswith(f"3 servos exported as {form}\nservos: lift, elbow, roll\n")
         assert (here.cwd / f"arm.{form}").exists()
     for options, words in {
-        "--format csv": "CSV does not hold servos; choose mjcf",
         "--format krl": "krl is a format of motions",
         "--format mjcf --rate 50": "--rate",
         "--format mjcf --samples 3": "--samples is for the result of torques, and DIR holds servos",

@@ -174,8 +174,6 @@ BAD = {
     "--load bad.yaml": "mass (line 1): no such field; available: m, mcx",
     "--load light.yaml": "light.yaml: load: no body has these parameters",
     "--friction bad.yaml": "bad.yaml: schema (line 1): is missing",
-    "--load 1,2,3": "load: expected ten finite numbers, m, mcx",
-    "--impact q2": "expected JOINT:TIME:TORQUE",
     "--impact q2:1:x": "expected JOINT:TIME:TORQUE",
     "--impact q7:1:5": "no moving joint for an impact named 'q7'",
     "--position-step 0.1,0.2": "position_step needs one value, or 3",

@@ -124,7 +124,6 @@ def test_known_friction_is_remembered_by_the_result(here: Here) -> None:
 def test_a_training_log_is_refused_unless_allowed(here: Here) -> None:
     shutil.copy(here.cwd / "run.csv", here.cwd / "renamed.csv")
     refused(here, "renamed.csv is a log that the result was identified from: ", "result", "renamed.csv")
-    refused(here, "run.csv is a log that the result was identified from: ", "result", "again.csv", "run.csv")
     assert here.run("verify", "result", "renamed.csv", "--training-too").returncode == 0
 
 
@@ -139,11 +138,9 @@ BAD = (
     ("nothing again.csv", "nothing holds no result: there is no nothing/result.json; write one with 'excite identify'"),
     ("result", "Missing argument 'LOG...'"),
     ("result again.csv nothing.csv --out new", "cannot read log nothing.csv: No such file or directory"),
-    ("result load.csv --out new", "load.csv: joint q4 moves by "),
     ("result again.csv --out run.csv", "cannot write to run.csv: it is a file, not a folder"),
     ("result again.csv --rows 1:999", "again.csv: rows: given 1:999, but the log has 401 rows"),
     ("result again.csv --rows 9:3", "rows: the first must be 1 or more and below the last, given '9:3'"),
-    ("result again.csv --signals fourier", "again.csv: no period: the motion does not repeat itself within "),
 )
 
 
@@ -165,11 +162,9 @@ DAMAGED: tuple[tuple[Callable[[dict[str, Any]], object], str], ...] = (
     (lambda c: c.update(task=[]), "not a complete result: "),
     (lambda c: c["robot"]["description"].update(gravity=[0.0] * 3), "does not have the hash that the file states"),
     (lambda c: c["robot"].update(description=4), "not a robot description"),
-    (lambda c: c["recipe"].update(signals="magic"), "no signals named 'magic'; available: butterworth, "),
     (lambda c: c.update(fit=["nan", *c["values"][1:]]), "not a complete result: expected finite numbers"),
     (lambda c: c.update(fit=[math.nan, *c["values"][1:]]), "result.json: NaN is not a finite number"),
     (lambda c: c["values"].pop(), "not a complete result: parameters without a name"),
-    (lambda c: c["names"].__setitem__(0, "Q"), ", but the result has Q, X2, "),
     (lambda c: c.update(friction={"file": "f", "sha256": ""}), "not a complete result: 'text' is missing"),
     (lambda c: c.update(friction={"file": "f.yaml", "text": "a"}), "f.yaml: expected a mapping of fields, given 'a'"),
 )
