@@ -55,7 +55,7 @@ def content_of(path: Path) -> str:
 
 
 @pytest.mark.parametrize("form", FORMATS)
-def test_files_state_where_they_come_from_and_are_the_same_again(
+def test_every_file_states_where_it_comes_from_and_is_the_same_again(
     form: str, result: Identification, tmp_path: Path
 ) -> None:
     path = tmp_path / f"robot.{form}"
