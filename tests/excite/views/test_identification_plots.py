@@ -509,13 +509,7 @@ def test_a_model_without_motion_has_no_figure_of_it(verification: Verification, 
     ["screen", pytest.param("single", marks=pytest.mark.slow), pytest.param("double", marks=pytest.mark.slow)],
 )
 def test_texts_stay_inside_and_apart(known: Identification, width: str) -> None:
-    verification = made_verification(Outcome.NOT_POSITIVE)
-    of_results = (torques_figure, residuals_figure, parameters_figure, estimates_figure)
-    drawn = drawn_figures(
-        lambda: (
-            {each.__name__: each(known) for each in of_results}
-            | {each.__name__: each(verification) for each in (predicted_torques_figure, simulated_motion_figure)}
-        ),
-        width,
-    )
+    draws = dict.fromkeys((torques_figure, residuals_figure, parameters_figure, estimates_figure), known)
+    draws |= dict.fromkeys((predicted_torques_figure, simulated_motion_figure), made_verification(Outcome.NOT_POSITIVE))
+    drawn = drawn_figures(lambda: {draw.__name__: draw(of) for draw, of in draws.items()}, width)
     assert [(name, texts) for name, figure in drawn.items() if (texts := misplaced(figure))] == []
