@@ -16,7 +16,9 @@ import numpy as np
 import pytest
 from commands import module_of
 
+from excite.information.target import target_of
 from excite.logs.log import Log
+from excite.tasks.task import Task
 from regressors.readers.library import load_robot
 from regressors.samples import Samples
 
@@ -146,9 +148,6 @@ def test_a_series_is_used_and_drawn_together_alike(peers: Any) -> None:
 
 
 def test_the_irp6_of_the_judge_is_that_of_the_description(peers: Any) -> None:
-    from excite.information.target import target_of
-    from excite.tasks.task import Task
-
     target = target_of(load_robot("irp6"), Task("irp6"))
     q, dq, ddq = np.random.default_rng(0).normal(size=(3, 40, 3))
     ours = target.model.selected(Samples(np.arange(40.0), q, dq, ddq, ddq), target.base.index)

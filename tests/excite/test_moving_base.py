@@ -268,14 +268,12 @@ def test_mappings_of_a_base_say_what_they_lack(base: dict[str, Any], expected: s
 
 
 @pytest.mark.slow
-def test_a_hung_quadruped_from_files_to_the_page(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    here, logs = Here(tmp_path, monkeypatch, capfd), [played(file_of("go2"), hung=True, seed=seed) for seed in (0, 1)]
+def test_a_hung_quadruped_from_files_to_the_page(here: Here) -> None:
+    logs = [played(file_of("go2"), hung=True, seed=seed) for seed in (0, 1)]
     for seed, log in enumerate(logs):
         table = np.column_stack(list(log.values()))
-        np.savetxt(tmp_path / f"{seed}.csv", table, delimiter=",", header=",".join(log), comments="")
-    YAML(typ="safe").dump(mapping(logs[0]).model_dump(exclude_unset=True), tmp_path / "m.yaml")
+        np.savetxt(here.cwd / f"{seed}.csv", table, delimiter=",", header=",".join(log), comments="")
+    YAML(typ="safe").dump(mapping(logs[0]).model_dump(exclude_unset=True), here.cwd / "m.yaml")
     commands = (
         (f"identify {file_of('go2')} 0.csv --mapping m.yaml --out r", "Base parameters of go2_description"),
         ("verify r 1.csv --mapping m.yaml", "The result predicts this log"),

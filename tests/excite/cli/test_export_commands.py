@@ -29,9 +29,7 @@ from excite.views import figures
 
 OWN = """\
 import excite
-from excite.export.motions.motion_format import Interpolation
-from excite.export.motions.motion_format import MotionFile
-from excite.export.motions.motion_format import house_recorder
+from excite.export.motions.motion_format import Interpolation, MotionFile, house_recorder
 
 
 class Plain(excite.MotionFormat):
@@ -49,11 +47,10 @@ class Plain(excite.MotionFormat):
 
 
 @pytest.fixture
-def exporting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
+def exporting(here: Here) -> Here:
     for name, made in (("irp6", irp6), ("ur10e", ur10e), ("panda", panda)):
-        (tmp_path / "designs").mkdir(exist_ok=True)
-        shutil.copytree(made().folder, tmp_path / "designs" / name)
-    return Here(tmp_path, monkeypatch, capfd)
+        shutil.copytree(made().folder, here.cwd / "designs" / name)
+    return here
 
 
 UNFIT: dict[str, tuple[str, ...]] = {
@@ -186,12 +183,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def exporting_models(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> Here:
+def exporting_models(here: Here, folder: Path) -> Here:
     for made in folder.iterdir():
-        (tmp_path / made.name).symlink_to(made)
-    return Here(tmp_path, monkeypatch, capfd)
+        (here.cwd / made.name).symlink_to(made)
+    return here
 
 
 def test_the_summary_as_text_and_as_json(exporting_models: Here) -> None:

@@ -260,18 +260,16 @@ STEPS = {
 
 
 @pytest.mark.parametrize("command", [name for name in COMMANDS if "figures" not in name])
-def test_every_command_states_its_steps(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(module, "SECONDS", 0.0)
-    COMMANDS[command].run(tmp_path, "old", monkeypatch, force=False)
-    shown = [line for line in capfd.readouterr().err.splitlines() if line.endswith(" ...")]
+def test_every_command_states_its_steps(command: str, here: Here) -> None:
+    here.monkeypatch.setattr(module, "SECONDS", 0.0)
+    COMMANDS[command].run(here.cwd, "old", here.monkeypatch, force=False)
+    shown = [line for line in here.capfd.readouterr().err.splitlines() if line.endswith(" ...")]
     steps = [line for line in shown if line != "excite: working ..."]
     assert tuple(steps) == tuple(f"excite: {step} ..." for step in STEPS.get(command, ()))
 
 
-def test_a_command_that_writes_nothing_states_its_step(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "SECONDS", 0.0)
-    monkeypatch.setattr("commands.without_steps", lambda text: text)
+def test_a_command_that_writes_nothing_states_its_step(here: Here) -> None:
+    here.monkeypatch.setattr(module, "SECONDS", 0.0)
+    here.monkeypatch.setattr("commands.without_steps", lambda text: text)
     shown = [line for line in here.run("plan", "irp6").stderr.splitlines() if line != "excite: working ..."]
     assert shown == ["excite: finding the parameters that each selection of drives identifies ..."]

@@ -19,6 +19,7 @@ from written_files import saved
 from written_results import design, plan, result, verification
 
 import excite
+from excite.cli.identify_commands import identify
 from excite.design.task_file import read_task_file, task_content, task_from_options
 from excite.identification.result import RepeatedParameter, RepetitionSummary
 from excite.information.matrix import CONVENTIONS
@@ -183,8 +184,6 @@ def test_bad_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_commands_repeat_an_identification(tmp_path: Path) -> None:
-    from excite.cli.identify_commands import identify
-
     made = result("old")
     facts = dataclasses.replace(made.facts, logs=(dataclasses.replace(made.facts.logs[0], file="run.csv"),))
     recipe = dataclasses.replace(made.recipe, cutoff=12.5, estimator="least-squares")

@@ -19,6 +19,7 @@ from identified import identified, result_of
 from written_files import text_file
 
 import excite
+from excite.export.models.export_model import ModelText
 from excite.export.models.exported_model import model_of_result
 from excite.export.models.urdf_model import upright
 from excite.identification.estimator import Estimate
@@ -182,8 +183,6 @@ class OwnFormat(excite.ModelFormat):
     expresses = frozenset()
 
     def text(self, model: Any, comment: tuple[str, ...], robot_file: Path | None = None) -> Any:
-        from excite.export.models.export_model import ModelText
-
         return ModelText(" ".join(model.moving), ("in order",))
 
 

@@ -17,7 +17,11 @@ import scipy.io
 import yaml
 from designed import irp6, panda, ur10e
 from hypothesis import example, given, strategies as st
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 from robot_programs import broken_rules, krl_program, rapid_moves, ur_program
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 
 import excite
 from excite.design.design import Design
@@ -116,11 +120,6 @@ def test_ros2_goal_is_read_by_pyyaml_and_accepted(tmp_path: Path) -> None:
 
 
 def test_mcap_is_read_by_rosbags_and_by_mcap_ros2(tmp_path: Path) -> None:
-    from mcap.reader import make_reader
-    from mcap_ros2.decoder import DecoderFactory
-    from rosbags.highlevel import AnyReader
-    from rosbags.typesys import Stores, get_typestore
-
     design = ur10e()
     path, _ = exported(tmp_path, design, "mcap", rate=50.0)
     with path.open("rb") as stream:
