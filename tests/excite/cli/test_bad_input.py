@@ -131,6 +131,7 @@ arm.urdf | ARM | --tip left => arm.urdf, joint 'shoulder': no position limits ar
     <limit lower= ... or type="continuous" if it turns without end, or give --position-limit
 arm.urdf | ARM | --tip left --position-limit=-1:1,-1:1 => no velocity or acceleration limit bounds joint shoulder, l;
     give --velocity-limit
+arm.urdf | ARM | --base left --tip right => arm.urdf: link 'right' does not hang below link 'left'
 arm.urdf.xacro | ARM-OF-ARGUMENTS |  => arm.urdf.xacro: the argument name has no value ... expand the file with one,
     and give the URDF: xacro arm.urdf.xacro name:=VALUE
 arm.urdf | ARM-OF-EXPRESSIONS |  => arm.urdf, line 1: <robot>: an expression of xacro: the text is a template, which
@@ -323,7 +324,7 @@ def test_aliases_and_entities_are_not_expanded_and_nesting_is_bounded(here: Here
     (here.cwd / "bomb.xml").write_text('<!DOCTYPE robot [<!ENTITY e "x">]><robot name="&e;"/>')
     assert "DOCTYPE" in here.refused("robots", "bomb.xml")
     open_links, closed = '<robot name="r">' + 30_000 * "<link>", 30_000 * "<a>" + 30_000 * "</a>"
-    for text in (open_links, f"<robot>{closed}</robot>", "\n".join(k * " " + "a:" for k in range(1500))):
+    for text in (open_links, f'<robot name="r">{closed}</robot>', "\n".join(k * " " + "a:" for k in range(1500))):
         name = "deep.yaml" if text.startswith("a:") else "deep.urdf"
         (here.cwd / name).write_text(text)
         here.refused("robots", name)

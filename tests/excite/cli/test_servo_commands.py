@@ -55,7 +55,7 @@ def test_servos_are_judged_on_several_logs_in_one_table(here: Here) -> None:
     assert shown.startswith("The servos predict each of 2 logs")
     rows = [line.split()[:2] for line in shown.splitlines() if ".csv" in line]
     assert rows == [["one.csv", "holds"], ["two.csv", "holds"]]
-    ended = here.run("verify", "truth", "one.csv", "two.csv", "--figures", "none", "--json", "--out", "again")
+    ended = here.run("verify", "truth", "one.csv", "two.csv", "--json", "--out", "again")
     assert [each["holds"] for each in json.loads(ended.stdout)] == [True, True]
 
 

@@ -378,7 +378,7 @@ def test_estimates_over_time_end_at_the_value_with_its_interval(known: Identific
     titles = [ax.get_title(loc="left") for ax in figure.axes]
     assert titles[:1] + titles[-1:] == ["X1 [kg m²]", "F3v [Nm s/rad]"]
     assert legend_texts(figure)[-1] == "true value"
-    hidden = estimates_figure(with_unseen(known, 4)).axes[4]
+    hidden = estimates_figure(replace(with_unseen(known, 4), reference=None)).axes[4]
     assert [p for p in hidden.patches if p.get_facecolor() == to_rgba(BAND)] == []
     assert hidden.get_title(loc="right") == "not shown"
     without = replace(known, estimate=replace(estimate, history=None))
