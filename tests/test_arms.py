@@ -134,9 +134,8 @@ def test_an_arm_goes_from_its_description_to_its_parameters(arm: PublicArm) -> N
         pytest.skip("example-robot-data is not installed (pip install example-robot-data)")
     robot = excite.load_robot(name, arm.base, arm.tip)
     ends = {"base_link": arm.base, "tip": arm.tip}
-    task = excite.Task(
-        name, **ends, starts=1, executor="serial", **({} if name in built_in_names() else missing_limits(robot))
-    )
+    limits = {} if name in built_in_names() else missing_limits(robot)
+    task = excite.Task(name, **ends, starts=1, executor="serial", **limits)
     design = excite.design_trajectory(task)
     assert design.feasible
     assert design.criteria["condition_number_column_normalised"] < arm.condition
@@ -156,7 +155,6 @@ def test_an_arm_goes_from_its_description_to_its_parameters(arm: PublicArm) -> N
 
 def assert_within_intervals(result: excite.Identification, *, widened: bool) -> None:
     """All but a few parameters in their 99 % intervals; without friction where the simulation had to smooth it."""
-    assert result.reference is not None
     columns = {column.name: column for column in result.target.model.columns}
     judged = np.array([not (widened and columns[name].group == "friction") for name in result.names])
     error = np.abs(result.estimate.values - result.reference.values)[judged]

@@ -16,7 +16,9 @@ import numpy as np
 import pytest
 from commands import module_of
 
+from excite.information.target import target_of
 from excite.logs.log import Log
+from excite.tasks.task import Task
 from regressors.readers.library import load_robot
 from regressors.samples import Samples
 
@@ -146,9 +148,6 @@ def test_a_series_is_used_and_drawn_together_alike(peers: Any) -> None:
 
 
 def test_the_irp6_of_the_judge_is_that_of_the_description(peers: Any) -> None:
-    from excite.information.target import target_of
-    from excite.tasks.task import Task
-
     target = target_of(load_robot("irp6"), Task("irp6"))
     q, dq, ddq = np.random.default_rng(0).normal(size=(3, 40, 3))
     ours = target.model.selected(Samples(np.arange(40.0), q, dq, ddq, ddq), target.base.index)
@@ -204,22 +203,15 @@ def test_an_interrupted_benchmark_goes_on_where_it_stopped(peers: Any, tmp_path:
     assert [each for each in made if each] == [(run["system"], run["seed"]) for run in WANTED]
 
 
-def test_a_run_that_failed_is_made_again(peers: Any) -> None:
-    failed = [{**WANTED[0], "failure": "exit status 1"}]
-    assert peers("runs").complete(WANTED[:1], failed, lambda run: {"value": 1}, lambda runs: None) == [
-        {**WANTED[0], "value": 1}
-    ]
+def test_a_run_that_failed_is_made_again_and_one_of_another_budget_is_another(peers: Any) -> None:
+    failed, other = {**WANTED[0], "failure": "exit status 1"}, {**WANTED[0], "budget": 2.0, "value": 0}
+    runs = peers("runs").complete(WANTED[:1], [failed, other], lambda run: {"value": 1}, lambda runs: None)
+    assert sorted(run["value"] for run in runs) == [0, 1]
 
 
 def test_no_module_of_the_peers_shadows_or_is_shadowed() -> None:
     names = [{path.name for path in folder.glob("*.py")} for folder in (BENCHMARKS, BENCHMARKS / "peers")]
     assert set.intersection(*names) == set()
-
-
-def test_runs_of_another_budget_are_other_runs(peers: Any) -> None:
-    other = [{**WANTED[0], "budget": 2.0, "value": 0}]
-    runs = peers("runs").complete(WANTED[:1], other, lambda run: {"value": 1}, lambda runs: None)
-    assert sorted(run["value"] for run in runs) == [0, 1]
 
 
 def test_a_system_that_fails_is_told_and_stops_nothing(peers: Any) -> None:

@@ -23,15 +23,11 @@ OF_OTHER_PROGRAMS = ("development.md", "set-up.md")
 PLACE = re.compile(r"`((?:excite|constraints|regressors)(?:\.\w+)+:\w+)`")
 
 
-def test_numbers_are_those_of_the_results() -> None:
+def test_numbers_are_those_of_the_results_and_every_table_stands_on_a_page() -> None:
     fill = module_of(DOCS / "fill_numbers.py")
-    assert fill.pages()
     assert fill.outdated() == []  # docs/fill_numbers.py writes them anew
-
-
-def test_every_table_of_numbers_stands_on_a_page() -> None:
-    text = "".join(page.read_text(encoding="utf-8") for page in (DOCS.parent / "README.md", *DOCS.rglob("*.md")))
-    assert all(f"<!-- numbers: {name} -->" in text for name in module_of(DOCS / "fill_numbers.py").TABLES)
+    text = "".join(page.read_text(encoding="utf-8") for page in (ROOT / "README.md", *DOCS.rglob("*.md")))
+    assert [name for name in fill.TABLES if f"<!-- numbers: {name} -->" not in text] == []
 
 
 PLACES = [
@@ -74,28 +70,20 @@ def test_every_public_name_has_a_page() -> None:
 
 def test_links_lead_to_pages_where_there_are_some() -> None:
     pytest.importorskip("sphinx", reason="the site needs Sphinx")
-    page, known = (
-        DOCS / "how-to" / "identify.md",
-        {
-            "../../benchmarks/README.md#quality": "../benchmarks/index.md#quality",
-            "../../benchmarks/coverage/README.md": "../benchmarks/coverage.md",
-            "../examples": "../examples.md",
-            "../set-up.sh": "path:../set-up.sh",
-            "../../CITATION.cff": "path:../../CITATION.cff",
-            **{same: same for same in ("../front.png", "design.md#limits", "#limits", "https://docs.python.org")},
-        },
-    )
+    page, known = DOCS / "how-to" / "identify.md", {
+        "../../benchmarks/README.md#quality": "../benchmarks/index.md#quality",
+        "../../benchmarks/coverage/README.md": "../benchmarks/coverage.md",
+        "../examples": "../examples.md",
+        "../set-up.sh": "path:../set-up.sh",
+        "../../CITATION.cff": "path:../../CITATION.cff",
+        **{same: same for same in ("../front.png", "design.md#limits", "#limits", "https://docs.python.org")},
+    }  # fmt: skip
     rewritten = module_of(DOCS / "extensions/repository_files.py").rewritten
     for target, expected in known.items():
         text = f"see [this]({target})\n\n```sh\n[that]({target})\n```\n"
         assert rewritten(text, page, page, DOCS) == text.replace(f"[this]({target})", f"[this]({expected})")
-
-
-def test_links_that_lead_nowhere_are_refused() -> None:
-    pytest.importorskip("sphinx", reason="the site needs Sphinx")
-    page = DOCS / "how-to" / "identify.md"
     with pytest.raises(Exception, match=r"nowhere\.md leads to no file and no page"):
-        module_of(DOCS / "extensions/repository_files.py").rewritten("[this](nowhere.md)", page, page, DOCS)
+        rewritten("[this](nowhere.md)", page, page, DOCS)
 
 
 def test_an_equation_is_drawn_in_the_size_of_the_text() -> None:
@@ -117,15 +105,10 @@ PAGE = (BENCHMARKS / "README.md").read_text(encoding="utf-8")
 CLAIMS = [section for section in re.split(r"^## ", PAGE, flags=re.MULTILINE)[1:] if "<!--" in section]
 
 
-def test_tables_are_those_of_the_results() -> None:
-    assert module_of(BENCHMARKS / "claims.py").filled(PAGE) == PAGE  # benchmarks/record.py writes them anew
-
-
-def test_every_table_stands_on_the_page() -> None:
-    assert re.findall(r"<!-- (\w+) -->", PAGE) == list(module_of(BENCHMARKS / "claims.py").TABLES)
-
-
-def test_page_is_short() -> None:
+def test_tables_are_those_of_the_results_and_all_stand_on_one_short_page() -> None:
+    claims = module_of(BENCHMARKS / "claims.py")
+    assert claims.filled(PAGE) == PAGE  # benchmarks/record.py writes them anew
+    assert re.findall(r"<!-- (\w+) -->", PAGE) == list(claims.TABLES)
     assert len(PAGE.splitlines()) <= 150
 
 
@@ -214,9 +197,5 @@ def test_nothing_is_larger_than_its_bound() -> None:
 
 def test_the_page_has_the_bounds() -> None:
     page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-    missing = [
-        name
-        for name, bound in module_of(HOUSE).BOUNDS.items()
-        if f"| {name} |" not in page or f"| {bound:,} |" not in page
-    ]
-    assert missing == []
+    bounds = module_of(HOUSE).BOUNDS.items()
+    assert [name for name, most in bounds if f"| {name} |" not in page or f"| {most:,} |" not in page] == []

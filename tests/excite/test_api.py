@@ -50,7 +50,7 @@ def test_the_chain_in_the_documents_runs(chain: str, here: Here) -> None:
 @pytest.mark.slow
 def test_the_identification_in_the_documents_runs(here: Here) -> None:
     here.designed("irp6", "--starts", "1", "--harmonics", "3", out="designs/irp6")
-    assert here.run("simulate", "designs/irp6", "--rate", "200", "--out", "run.csv").returncode == 0
+    here.run("simulate", "designs/irp6", "--rate", "200", "--out", "run.csv", status=0)
     assert len(run_script(CHAINS[2], here.cwd).splitlines()) == 13
     assert "result.json" in files_below(here.cwd / "results" / "irp6")
 
@@ -66,10 +66,8 @@ def test_frames_in_the_documents_are_identified_from(here: Here) -> None:
         code = code.replace(old, new)
     here.designed("irp6", "--starts", "1", "--harmonics", "3", out="designs/irp6")
     for seed, name in enumerate(("run.csv", "other.csv")):
-        ended = here.run(
-            "simulate", "designs/irp6", "--rate", "200", "--seed", str(seed), "--torque-noise", "1", "--out", name
-        )
-        assert ended.returncode == 0
+        noise = ("--seed", str(seed), "--torque-noise", "1")
+        here.run("simulate", "designs/irp6", "--rate", "200", *noise, "--out", name, status=0)
     checks = "\nimport numpy as np\nprint(table.num_rows, np.array_equal(result.coefficients, again.coefficients))"
     verdict, counted = run_script(code + checks, here.cwd).splitlines()
     assert verdict.startswith("The result predicts this log")

@@ -53,10 +53,8 @@ def test_every_public_callable_is_fuzzed(api: Api) -> None:
 @pytest.mark.slow
 def test_objects_of_each_class(api: Api) -> None:
     calls = api.values()
-    ended = (
-        (name, arguments, problem(name, arguments)) for name, arguments in cases(api, calls, CALLS * len(calls), 0)
-    )
-    assert [(name, found, repr(arguments)[:500]) for name, arguments, found in ended if found] == []
+    made = cases(api, calls, CALLS * len(calls), 0)
+    assert [(name, found, repr(given)[:500]) for name, given in made if (found := problem(name, given))] == []
 
 
 @pytest.mark.slow

@@ -7,7 +7,6 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -47,12 +46,17 @@ def test_a_process_forks_unless_a_thread_may_hold_a_lock(threads: str) -> None:
     assert ended.stdout.split() == ["True", "True", "False"]
 
 
-def test_only_the_main_thread_forks() -> None:
+def test_only_the_main_thread_forks_and_a_thread_of_others_prevents_it() -> None:
     said: list[bool] = []
-    thread = ForkSafeThread(target=lambda: said.append(can_fork()))
-    thread.start()
-    thread.join()
-    assert said == [False]
+    ours, ended = ForkSafeThread(target=lambda: said.append(can_fork())), threading.Event()
+    ours.start()
+    ours.join()
+    theirs = threading.Thread(target=ended.wait)
+    theirs.start()
+    said.append(can_fork())
+    ended.set()
+    theirs.join()
+    assert said == [False, False]
 
 
 @pytest.mark.parametrize("platform", ["darwin", "win32"])
@@ -61,46 +65,27 @@ def test_other_systems_do_not_fork(platform: str, monkeypatch: pytest.MonkeyPatc
     assert not can_fork()
 
 
-def test_a_thread_of_others_prevents_it() -> None:
-    ended = threading.Event()
-    wait: Callable[[], object] = ended.wait
-    thread = threading.Thread(target=wait)
-    thread.start()
-    try:
-        assert not can_fork()
-    finally:
-        ended.set()
-        thread.join()
-
-
 # The commands on a system without fork, signal masks, file locks and UTF-8 consoles: simulated, by processes.
 
 
-def ended(*command: str, cwd: Path, site: Path) -> tuple[int, bytes, bytes]:
+def ended(*command: str, cwd: Path) -> tuple[str, str]:
+    """What a command prints that goes well, read as such a console shows it."""
+    site = cwd / "site"
     site.mkdir(exist_ok=True)
-    done = subprocess.run(
-        command, cwd=cwd, env={**ENVIRONMENT, **environment_of(site)}, capture_output=True, timeout=300, check=False
-    )
-    return done.returncode, done.stdout, done.stderr
+    environment = {**ENVIRONMENT, **environment_of(site)}
+    done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, timeout=300, check=False)
+    out, err = (text.decode("cp1252") for text in (done.stdout, done.stderr))
+    assert done.returncode == 0, f"{command}\n{err}"
+    assert "Traceback" not in err
+    return out, err
 
 
 @pytest.mark.slow
-def test_import_and_robots(tmp_path: Path) -> None:
-    code = (
-        "import os, excite, excite.cli.main; [getattr(excite, name) for name in excite.__all__]; "
-        "print(hasattr(os, 'fork'))"
-    )
-    status, out, err = ended(sys.executable, "-c", code, cwd=tmp_path, site=tmp_path / "site")
-    assert (status, out.strip()) == (0, b"False"), err.decode("cp1252")
-    status, out, err = ended(*MODULE, "robots", "irp6", cwd=tmp_path, site=tmp_path / "site")
-    said = [line for line in err.splitlines() if not line.endswith(b" ...")]  # progress, on a slow machine
-    assert (status, said) == (0, [])
-    out.decode("cp1252")
-
-
-@pytest.mark.slow
-def test_design_simulate_identify_and_verify(tmp_path: Path) -> None:
-    site = tmp_path / "site"
+def test_import_robots_design_simulate_identify_and_verify(tmp_path: Path) -> None:
+    code = "import os, excite, excite.cli.main; [getattr(excite, name) for name in excite.__all__]"
+    assert ended(sys.executable, "-c", f"{code}; print(hasattr(os, 'fork'))", cwd=tmp_path)[0].strip() == "False"
+    _, err = ended(*MODULE, "robots", "irp6", cwd=tmp_path)
+    assert [line for line in err.splitlines() if not line.endswith(" ...")] == []  # progress, on a slow machine
     design = ("design", "irp6", "--starts", "2", "--harmonics", "3", "--workers", "2", "--out", "d")
     simulate = ("simulate", "d", "--rate", "500", "--torque-noise", "0.5", "--out")
     for arguments in (
@@ -114,10 +99,7 @@ def test_design_simulate_identify_and_verify(tmp_path: Path) -> None:
         ("compare", "d"),
         ("friction", "plan", "irp6", "--out", "f"),
     ):
-        status, out, err = ended(*MODULE, *arguments, cwd=tmp_path, site=site)
-        assert status == 0, f"{arguments}\n{err.decode('cp1252')}"
-        assert b"Traceback" not in err
-        out.decode("cp1252")
+        ended(*MODULE, *arguments, cwd=tmp_path)
     assert not [path.name for path in tmp_path.rglob(".*")]
 
 

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 from coal_distances import clearance, link_poses
-from commands import Here
 from identified import predicted, relative
 from pinocchio_chains import joint_torques
+from written_files import saved
 
 import excite
 from constraints.geometry import Part, World
 from excite.design.design import Design
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import random_motion
-from excite.export.models.robot_yaml import write_robot
 from excite.information.prior import prior_of
 from excite.tasks.task import Task
 from regressors.models.base import base_parameters
@@ -111,18 +111,6 @@ def test_information_is_that_of_the_whole_regressor() -> None:
     np.testing.assert_allclose(at.M, W.T @ W / samples.time.size, atol=1e-9 * np.abs(at.M).max())
 
 
-@pytest.mark.slow
-def test_what_they_weigh_is_found_and_believed() -> None:
-    made, robot = design(), two_arms()
-    log, other = (excite.simulate(made, noise=0.02, seed=seed) for seed in (1, 2))
-    result = excite.identify(robot, log, design=made)
-    assert excite.verify(result, other).holds
-    rigid, friction = predicted(result, samples := dense(made))
-    assert relative(rigid, joint_torques(robot, samples)) < 0.01
-    moves = np.abs(samples.dq) > 0.1
-    assert relative(friction[moves], (0.3 * samples.dq + 0.4 * np.sign(samples.dq))[moves]) < 0.01
-
-
 MJCF = """<mujoco><compiler angle="radian"/><option timestep="0.0005" integrator="RK4"/><worldbody>
 <body name="pedestal"><site name="plate"/><body name="torso" pos="0 0 0.2">
 <joint name="waist" axis="0 0 1" damping="0.3"/>
@@ -158,6 +146,25 @@ def recorded(motion: Samples, noise: float, seed: int) -> np.ndarray:
 
 
 @pytest.mark.slow
+def test_what_they_weigh_in_mujoco_is_found_and_believed(tmp_path: Path) -> None:
+    made, robot = design(), two_arms()
+    motion = made.trajectory.samples(np.arange(0.0, made.trajectory.duration, 0.0005))
+    head = ["time", *(f"{name}.{what}" for name in robot.joint_names for what in ("position", "velocity", "effort"))]
+    for name, seed in (("run.csv", 1), ("other.csv", 2)):
+        rows = recorded(motion, 0.02, seed)[:, :-6]
+        np.savetxt(tmp_path / name, rows, delimiter=",", header=",".join(head), comments="")
+    result = excite.identify(robot, tmp_path / "run.csv", design=made)
+    assert excite.verify(result, tmp_path / "other.csv").holds
+    rigid, friction = predicted(result, samples := dense(made))
+    assert relative(rigid, joint_torques(robot, samples)) < 0.01
+    moves = np.abs(samples.dq) > 0.1
+    assert relative(friction[moves], (0.3 * samples.dq + 0.4 * np.sign(samples.dq))[moves]) < 0.01
+    excite.write_report(saved(tmp_path / "result", result), tmp_path / "page.html")
+    excite.export_model(tmp_path / "result", "urdf", tmp_path / "torso.urdf")
+    assert excite.load_robot(tmp_path / "torso.urdf").parents == robot.parents
+
+
+@pytest.mark.slow
 def test_the_wrench_below_the_base_tells_the_bodies_without_torques() -> None:
     robot = two_arms()
     task = Task(robot, model="base-wrench", period=8.0, harmonics=4, floor=0.0, search=SERIAL)
@@ -187,27 +194,3 @@ def _plate(robot: Robot, rows: np.ndarray, bias: np.ndarray, rng: np.random.Gene
     noise = rng.normal(size=(len(rows), 6)) * np.repeat([1.0, 0.2], 3)
     joints, wrench = robot.joint_names, rows[:, -6:] + bias + noise
     return excite.Log.from_arrays(rows[:, 0], rows[:, 1:-6:3], dq=rows[:, 2:-6:3], joints=joints, wrench=wrench)
-
-
-@pytest.mark.slow
-def test_the_whole_way_in_the_shell_with_mujoco_as_the_robot(here: Here) -> None:
-    def done(*words: str) -> None:
-        here.run(*words, status=0)
-
-    robot = two_arms()
-    write_robot(robot, here.cwd / "torso.yaml")
-    here.designed("torso.yaml", "--no-rotor", "--starts", "2", "--harmonics", "4", "--floor", "0", out="motion")
-    made = excite.load_design(here.cwd / "motion")
-    motion = made.trajectory.samples(np.arange(0.0, made.trajectory.duration, 0.0005))
-    head = ["time", *(f"{name}.{what}" for name in robot.joint_names for what in ("position", "velocity", "effort"))]
-    for name, seed in (("run.csv", 1), ("other.csv", 2)):
-        rows = recorded(motion, 0.02, seed)[:, :-6]
-        np.savetxt(here.cwd / name, rows, delimiter=",", header=",".join(head), comments="")
-    done("identify", "torso.yaml", "run.csv", "--design", "motion", "--out", "result", "--figures", "none")
-    done("verify", "result", "other.csv", "--figures", "none")
-    done("report", "result", "--out", "page.html")
-    done("export", "result", "--format", "urdf", "--out", "torso.urdf")
-    assert excite.load_robot(here.cwd / "torso.urdf").parents == robot.parents
-    found = excite.load_result(here.cwd / "result")
-    rigid, _ = predicted(found, samples := dense(made))
-    assert relative(rigid, joint_torques(robot, samples)) < 0.01

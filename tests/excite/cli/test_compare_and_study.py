@@ -22,15 +22,14 @@ from excite.views.subjects import load
 
 
 BARE_LIMITS = {"acceleration": (3.0,), "torque_margin": None, "self_collision": False, "floor": "none"}
+PLAIN = Task("irp6", starts=1, harmonics=3, executor="serial")
 TASKS = {
-    "plain": Task("irp6", starts=1, harmonics=3, executor="serial"),
-    "quick": Task("irp6", starts=1, harmonics=3, executor="serial", period=8.0, rate=50.0, noise=(0.5, 1.0, 2.0)),
-    "bare": Task("irp6", starts=1, harmonics=3, executor="serial", friction=False, offset=False),
-    "two": Task("irp6", starts=1, harmonics=3, executor="serial", joints=("1", "3"), noise=(1.0, 3.0)),
-    "energy": Task("irp6", starts=1, harmonics=3, executor="serial", model="energy"),
-    "ur10e": Task(
-        "ur10e", joints=("2", "3"), starts=1, harmonics=3, executor="serial", limits=LimitChoice(**BARE_LIMITS)
-    ),
+    "plain": PLAIN,
+    "quick": PLAIN.changed(period=8.0, rate=50.0, noise=(0.5, 1.0, 2.0)),
+    "bare": PLAIN.changed(friction=False, offset=False),
+    "two": PLAIN.changed(joints=("1", "3"), noise=(1.0, 3.0)),
+    "energy": PLAIN.changed(model="energy"),
+    "ur10e": PLAIN.changed(robot="ur10e", joints=("2", "3"), limits=LimitChoice(**BARE_LIMITS)),
 }
 
 
@@ -53,9 +52,7 @@ def comparing(saved: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.Captur
 
 
 def compared(comparing: Here, *arguments: str) -> list[dict[str, object]]:
-    ended = comparing.run("compare", *arguments, "--json", status=0, stderr="")
-    found = json.loads(ended.stdout)
-    return found
+    return json.loads(comparing.run("compare", *arguments, "--json", status=0, stderr="").stdout)
 
 
 def cells(shown: str) -> dict[str, list[str]]:
@@ -69,13 +66,9 @@ def test_a_design_is_judged_as_it_judged_itself(designs: dict[str, Design], comp
     for name in ("plain", "bare", "energy", "ur10e", "two"):
         (found,) = compared(comparing, name)
         design = designs[name]
-        assert found["name"] == name
-        assert found["robot"] == design.robot.name
         assert found["criteria"] == pytest.approx(design.criteria, rel=1e-6)
-        assert found["parameters"] == design.base.rank
-        assert found["duration"] == 10.0
-        assert found["feasible"] is True
-        assert found["cpu_seconds"] == design.provenance["cpu_seconds"]
+        stated = [found[what] for what in ("name", "robot", "parameters", "duration", "feasible", "cpu_seconds")]
+        assert stated == [name, design.robot.name, design.base.rank, 10.0, True, design.provenance["cpu_seconds"]]
 
 
 @pytest.mark.slow
@@ -121,20 +114,17 @@ def test_all_are_judged_under_the_terms_of_the_first(designs: dict[str, Design],
     assert plain[0]["criteria"][name] == pytest.approx(plain[0]["criteria"]["condition_number"])  # type: ignore[index]
     assert louder[1]["criteria"][name] != pytest.approx(plain[0]["criteria"][name], rel=1e-3)  # type: ignore[index]
     # At one rate, whatever each was written at: the same motion written at another one is judged the same.
-    slower = load_design(comparing.cwd / "quick")
-    assert compare([slower])[0].criteria["log_det"] == pytest.approx(
-        louder[0]["criteria"]["log_det"]  # type: ignore[index]
-    )
-    assert abs(louder[0]["criteria"]["log_det"] - designs["quick"].criteria["log_det"]) > 1.0  # type: ignore[index]
+    slower, log_det = load_design(comparing.cwd / "quick"), louder[0]["criteria"]["log_det"]
+    assert compare([slower])[0].criteria["log_det"] == pytest.approx(log_det)
+    assert abs(log_det - designs["quick"].criteria["log_det"]) > 1.0
 
 
 @pytest.mark.parametrize("other", ["ur10e", "two", "energy"])
 def test_what_is_not_comparable_is_said(other: str, comparing: Here) -> None:
-    ended = comparing.run("compare", "-v", "plain", other, status=0, stderr="")
-    assert ended.stdout.startswith(
-        "the designs are for different robots, models or moving joints; their numbers are not comparable"
-    )
-    assert "*" not in ended.stdout
+    shown = comparing.run("compare", "-v", "plain", other, status=0, stderr="").stdout
+    different = "the designs are for different robots, models or moving joints"
+    assert shown.startswith(f"{different}; their numbers are not comparable")
+    assert "*" not in shown
 
 
 def test_another_model_may_judge(designs: dict[str, Design], comparing: Here) -> None:
@@ -152,12 +142,8 @@ def test_motions_side_by_side(recorded: Here) -> None:
     ended = recorded.run("study", *given, "--below", "10", "-v", "--out", "study", status=0)
     for text in ("all below 10 % [s]", "run.csv", "2 repetitions scatter by", "written to study:"):
         assert text in ended.stdout
-    assert files_below(recorded.cwd / "study") == {
-        "study.json",
-        "study_curves.npz",
-        "manifest.json",
-        "estimates_over_time.png",
-    }
+    files = {"study.json", "study_curves.npz", "manifest.json", "estimates_over_time.png"}
+    assert files_below(recorded.cwd / "study") == files
     study = json.loads((recorded.cwd / "study" / "study.json").read_text(encoding="utf-8"))
     assert study["schema"] == "excite.study/2"
     assert [course["name"] for course in study["courses"]] == ["design", "run.csv"]

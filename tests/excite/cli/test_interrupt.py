@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import time
+from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 
@@ -31,11 +32,22 @@ COMMANDS = {
 }
 LONG = ("irp6", "--starts", "200")
 SERIAL = ("--executor", "serial")
+LARGE = ("--joints", "1,2,3,4,5", "--harmonics", "15")
 
 
 def designing(cwd: Path, *arguments: str) -> AbstractContextManager[subprocess.Popen[str]]:
     """``excite design ARGUMENTS --out out`` at work."""
     return running(cwd, "design", *arguments, "--out", "out")
+
+
+def interrupted(cwd: Path, *arguments: str, when: Callable[[int], object]) -> str:
+    """Last line on stderr of a design that Ctrl-C interrupts when its process, of this number, is so far."""
+    with designing(cwd, *arguments) as process:
+        until(lambda: when(process.pid))
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.wait(60) == 130
+        until(lambda: not alive(process.pid), 10)
+    return stderr_of(cwd).splitlines()[-1]
 
 
 def finished(cwd: Path) -> int:
@@ -51,16 +63,12 @@ def saved(cwd: Path) -> dict[str, object]:
     assert {path.name for path in (cwd / "out").iterdir()} == COMPLETE
     assert not [name for name in files_below(cwd / "out") if Path(name).name.startswith(".")]
     content = content_of(cwd / "out")
-    assert content["interrupted"] is True
-    assert content["feasible"] is True
+    assert (content["interrupted"], content["feasible"]) == (True, True)
     assert all(limit["holds"] for limit in content["limits"])
-    on_disk = {start.index: start for start in read_starts(cwd / "out" / "starts")}
-    listed = {start["index"]: start for start in content["solver"]["starts"]}
-    assert {index: start.status for index, start in on_disk.items()} == {
-        index: start["status"] for index, start in listed.items()
-    }
-    assert content["solver"]["best_start"] in listed
-    ended = sum(start.status != RUNNING for start in on_disk.values())
+    on_disk = {start.index: start.status for start in read_starts(cwd / "out" / "starts")}
+    assert on_disk == {start["index"]: start["status"] for start in content["solver"]["starts"]}
+    assert content["solver"]["best_start"] in on_disk
+    ended = sum(status != RUNNING for status in on_disk.values())
     note = f"interrupted: best of {ended} finished and {len(on_disk) - ended} unfinished starts"
     assert note in content["notes"]
     assert "the search was interrupted" in " ".join((cwd / "stdout").read_text().split())  # the note may be cut
@@ -96,26 +104,18 @@ def test_a_signal_saves_the_best_so_far(
 @pytest.mark.slow
 def test_interrupt_before_a_start_has_finished_saves_its_best_point(tmp_path: Path) -> None:
     # Points of an unfinished start are on disk after a second; one of 40 harmonics takes far longer than that.
-    def at_work() -> bool:
+    def at_work(_: int) -> bool:
         folder = tmp_path / "out" / "starts"
         return folder.exists() and bool(read_starts(folder))
 
-    with designing(tmp_path, "irp6", "--joints", "1,2,3,4,5", "--harmonics", "40", *SERIAL) as process:
-        until(at_work)
-        assert finished(tmp_path) == 0
-        os.killpg(process.pid, signal.SIGINT)
-        assert process.wait(60) == 130
+    interrupted(tmp_path, "irp6", "--joints", "1,2,3,4,5", "--harmonics", "40", *SERIAL, when=at_work)
     assert re.search(r"best of 0 finished and [1-9] unfinished starts", saved(tmp_path)["notes"][-1])
 
 
 @pytest.mark.slow
 def test_interrupt_before_any_point_says_so(tmp_path: Path) -> None:
-    with designing(tmp_path, "irp6", "--joints", "1,2,3,4,5", "--harmonics", "15") as process:
-        until((tmp_path / "out" / "starts").exists)
-        os.killpg(process.pid, signal.SIGINT)
-        assert process.wait(60) == 130
-        until(lambda: not alive(process.pid), 10)
-    assert stderr_of(tmp_path).splitlines()[-1] == NOTHING
+    starts = tmp_path / "out" / "starts"
+    assert interrupted(tmp_path, "irp6", *LARGE, when=lambda _: starts.exists()) == NOTHING
     assert (tmp_path / "stdout").read_text() == ""
     assert files_below(tmp_path / "out") == {"starts"}
 
@@ -127,12 +127,8 @@ def test_interrupt_while_processes_start(tmp_path: Path) -> None:
             return b"numpy" in Path(f"/proc/{pid}/maps").read_bytes()
         return False
 
-    with designing(tmp_path, *LONG, "--workers", "2") as process:
-        until(lambda: any(map(importing, workers(process.pid))))
-        os.killpg(process.pid, signal.SIGINT)
-        assert process.wait(60) == 130
-        until(lambda: not alive(process.pid), 10)
-    assert stderr_of(tmp_path).splitlines()[-1] == NOTHING
+    at_work = lambda pid: any(map(importing, workers(pid)))  # noqa: E731
+    assert interrupted(tmp_path, *LONG, "--workers", "2", when=at_work) == NOTHING
 
 
 def test_interrupt_of_a_replacement_keeps_the_old_design(tmp_path: Path) -> None:
@@ -140,11 +136,8 @@ def test_interrupt_of_a_replacement_keeps_the_old_design(tmp_path: Path) -> None
     old = {"design.json": b"{}", "trajectory.csv": b"time\n", "motion.png": b"png"}
     for name, content in old.items():
         (tmp_path / "out" / name).write_bytes(content)
-    with designing(tmp_path, *LONG, "--joints", "1,2,3,4,5", "--harmonics", "15", "--force") as process:
-        until((tmp_path / "out" / ".next" / "starts").exists)
-        os.killpg(process.pid, signal.SIGINT)
-        assert process.wait(60) == 130
-    assert stderr_of(tmp_path).splitlines()[-1] == NOTHING
+    starts = tmp_path / "out" / ".next" / "starts"
+    assert interrupted(tmp_path, *LONG, *LARGE, "--force", when=lambda _: starts.exists()) == NOTHING
     assert {name: (tmp_path / "out" / name).read_bytes() for name in old} == old
 
 
@@ -184,6 +177,23 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
         process.wait(10)
         until(lambda: not alive(process.pid), 5)
     assert not (tmp_path / "out" / "design.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "work"),
+    [
+        ("identify irp6 run.csv", "excite.identification.identify.identify"),
+        ("simulate design", "excite.simulation.simulate.simulate"),
+        ("verify any run.csv", "excite.verification.verify.verify"),
+    ],
+)
+def test_an_interrupt_leaves_nothing(command: str, work: str, recorded: Here) -> None:
+    recorded.monkeypatch.setattr("excite.load_result", lambda *_, **__: None)
+    recorded.monkeypatch.setattr(work, lambda *_, **__: signal.raise_signal(signal.SIGINT))
+    before = files_below(recorded.cwd)
+    recorded.run(*command.split(), "--out", "new/run.csv", status=130, stderr=f"\n{NOTHING}\n")
+    assert files_below(recorded.cwd) == before
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 @pytest.mark.slow

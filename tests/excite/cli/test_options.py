@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from commands import ENVIRONMENT, Here, content_of, files_below
-from played import link_files, noisy, played, three_joints
+from played import noisy, played, three_joints
 
 import excite
 from excite.cli import identify_run as repetition_run
@@ -60,13 +60,9 @@ def test_without_figures_matplotlib_stays_out(figures: str, drawn: bool, tmp_pat
 @pytest.mark.slow
 def test_other_figures_are_no_other_problem(here: Here) -> None:
     tmp_path, problems = here.cwd, set()
-    cases = {
-        ("--figures", "none"): set(),
-        ("--figures", "pdf,svg", "--force"): {".pdf", ".svg"},
-        ("--force",): {".png"},
-    }
+    cases = {"--figures none": set(), "--figures pdf,svg --force": {".pdf", ".svg"}, "--force": {".png"}}
     for options, expected in cases.items():
-        assert here.run(*QUICK, *options).returncode == 0
+        assert here.run(*QUICK, *options.split()).returncode == 0
         content = json.loads((tmp_path / "out" / "design.json").read_text())
         problems.add(content["provenance"]["problem"])
         assert {Path(name).suffix for name in files_below(tmp_path / "out")} - {"", ".json", ".csv"} == expected
@@ -98,19 +94,10 @@ def test_a_design_is_finished_with_the_figures_that_were_asked_for(tmp_path: Pat
 # ``excite identify --choose``: what is chosen, said and written.
 
 
-@pytest.fixture(scope="module")
-def files(recorded_files: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("files")
-    link_files(recorded_files, folder)
-    write_log(noisy(played(three_joints(), 3, seconds=8.0), 0.2, 1e-6, 3), folder / "long.csv")
-    return folder
-
-
 @pytest.fixture
-def choosing(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
-    link_files(files, tmp_path)
-    monkeypatch.setattr(figures, "write_figures", lambda *_, **__: [])
-    return Here(tmp_path, monkeypatch, capfd)
+def choosing(recorded: Here) -> Here:
+    recorded.monkeypatch.setattr(figures, "write_figures", lambda *_, **__: [])
+    return recorded
 
 
 def chosen(choosing: Here, log: str, *arguments: str) -> tuple[list[dict[str, Any]], str]:
@@ -137,6 +124,7 @@ def chosen(choosing: Here, log: str, *arguments: str) -> tuple[list[dict[str, An
     ],
 )
 def test_what_is_named_is_chosen_and_what_is_given_is_kept(choosing: Here, arguments: str, names: list[str]) -> None:
+    write_log(noisy(played(three_joints(), 3, seconds=8.0), 0.2, 1e-6, 3), choosing.cwd / "long.csv")
     choices, printed = chosen(choosing, "run.csv" if "--design" in arguments else "long.csv", *arguments.split())
     assert [choice["name"] for choice in choices] == names
     lines = [line.removeprefix("note: ") for line in printed.splitlines()]
@@ -148,10 +136,8 @@ def test_what_is_named_is_chosen_and_what_is_given_is_kept(choosing: Here, argum
             assert f" {text}" in printed
 
 
-def test_with_repetitions_the_estimator_is_one_that_can_be_repeated(
-    choosing: Here, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(repetition_run, "repeat_and_write", lambda result, *_, **__: (result, 0))
+def test_with_repetitions_the_estimator_is_one_that_can_be_repeated(choosing: Here) -> None:
+    choosing.monkeypatch.setattr(repetition_run, "repeat_and_write", lambda result, *_, **__: (result, 0))
     choices, _ = chosen(choosing, "run.csv", "--repeat", "9", "--choose", "delay,estimator")
     assert [choice["name"] for choice in choices] == ["delay", "presliding"]
     assert json.loads((choosing.cwd / "out" / "result.json").read_text())["estimator"] == "weighted"
@@ -224,8 +210,7 @@ def test_values_and_files_that_are_refused(here: Here) -> None:
         assert message in here.refused("design", "irp6", f"--precision={given}", "--out", "d")
     for content, message in WRONG_FILES.items():
         (here.cwd / "p.yaml").write_text(content)
-        ended = here.run("design", "irp6", "--precision", "p.yaml", "--executor", "serial", "--out", "d")
-        assert (ended.returncode, message in ended.stderr, "Traceback" in ended.stderr) == (2, True, False), content
+        assert message in here.refused("design", "irp6", "--precision", "p.yaml", "--executor", "serial", "--out", "d")
 
 
 @pytest.mark.parametrize(
@@ -266,12 +251,10 @@ def test_quiet_verbose_and_json_mean_the_same_before_and_after_a_command(here: H
 
 def test_what_excludes_each_other(here: Here) -> None:
     for words in ("-q -v plan irp6", "-q plan irp6 -v"):
-        ended = here.run(*words.split())
-        assert (ended.returncode, ended.stdout) == (2, "")
-        assert "--quiet and --verbose exclude each other" in ended.stderr
+        assert "--quiet and --verbose exclude each other" in here.refused(*words.split())
 
 
-def test_verbose_names_the_files_that_are_read(here: Here, capfd: pytest.CaptureFixture[str]) -> None:
+def test_verbose_names_the_files_that_are_read(here: Here) -> None:
     (here.cwd / "irp.yaml").write_text("name: irp\n")
     for words, named in ((("plan", "irp.yaml"), False), (("-v", "plan", "irp.yaml"), True)):
         here.monkeypatch.setattr("commands.without_steps", lambda text: text)

@@ -68,26 +68,21 @@ def killed(cwd: Path, whom: str, after: int, wait: float) -> dict[str, bytes]:
     return before
 
 
-def check_resumed(cwd: Path, before: dict[str, bytes], undisturbed: Path) -> None:
-    """Run the command to its end, and check that nothing was computed twice and nothing is left over."""
-    ended = run("design", *SMALL, "--out", "out", cwd=cwd)
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_a_kill_loses_nothing(seed: int, undisturbed: Path, tmp_path: Path) -> None:
+    """Nothing is computed twice, and nothing is left over."""
+    rng, whom = random.Random(seed), ("parent", "worker", "both")[seed]
+    before = killed(tmp_path, whom, after=rng.randint(0, 8), wait=rng.uniform(0.0, 1.5))
+    ended = run("design", *SMALL, "--out", "out", cwd=tmp_path)
     complete = ended.returncode == 2 and "already holds a design" in ended.stderr
     assert ended.returncode == 0 or complete, ended.stderr
     if before and not complete:
         assert " starts are already done in out/starts; " in ended.stderr or "1 of 8 starts is" in ended.stderr
-    after = finished(cwd / "out")
+    after = finished(tmp_path / "out")
     assert {name: after[name] for name in before} == before
-    assert not [name for name in files_below(cwd / "out") if Path(name).name.startswith(".")]
-    assert same_design(cwd / "out", undisturbed)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
-def test_a_kill_loses_nothing(seed: int, undisturbed: Path, tmp_path: Path) -> None:
-    rng = random.Random(seed)
-    whom = ("parent", "worker", "both")[seed % 3]
-    before = killed(tmp_path, whom, after=rng.randint(0, 8), wait=rng.uniform(0.0, 1.5))
-    check_resumed(tmp_path, before, undisturbed)
+    assert not [name for name in files_below(tmp_path / "out") if Path(name).name.startswith(".")]
+    assert same_design(tmp_path / "out", undisturbed)
 
 
 # What is found

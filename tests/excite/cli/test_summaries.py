@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 from commands import COMMANDS, Here
@@ -81,18 +80,16 @@ def test_figures_are_drawn_when_the_numbers_are_on_the_screen(capsys: pytest.Cap
 
 
 @pytest.mark.slow
-def test_summaries_fit_a_screen_and_are_quiet_or_json_if_asked(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_summaries_fit_a_screen_and_are_quiet_or_json_if_asked(here: Here) -> None:
     """Every command twice: as text, and every second one with ``--quiet``, the others with ``--json``."""
-    here, found = Here(tmp_path, monkeypatch, capfd), list[str]()
-    (tmp_path / "irp6.yaml").write_text(CAMPAIGN)
+    found: list[str] = []
+    (here.cwd / "irp6.yaml").write_text(CAMPAIGN)
     for number, (name, line) in enumerate(SESSION.items()):
         text = here.run(*words_of(line, again=False))
         found += faults(text, name)
         way = ("--json", "-q")[number % 2]
         ended = here.run(*words_of(line, again=True), way)
-        (tmp_path / "held.json").unlink(missing_ok=True)  # says that the load is a part of the robot
+        (here.cwd / "held.json").unlink(missing_ok=True)  # says that the load is a part of the robot
         assert ended.returncode == text.returncode, f"{name}: {ended.stderr}"
         if way == "-q":
             assert (ended.stdout.count("\n"), ended.stderr) == (1, ""), name

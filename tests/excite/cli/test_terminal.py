@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -93,23 +94,16 @@ def on_a_terminal(**environment: str) -> str:
     )
     os.close(child)
     read = b""
-    while True:
-        try:
-            more = os.read(parent, 10_000)
-        except OSError:  # closed by the process
-            break
-        if not more:
-            break
-        read += more
+    with suppress(OSError):  # closed by the process
+        while more := os.read(parent, 10_000):
+            read += more
     os.close(parent)
     assert process.wait(60) == 0
     return read.decode()
 
 
 def test_colours_on_a_terminal_unless_they_are_not_wanted() -> None:
-    text = on_a_terminal()
-    assert "\x1b[1;32mAll limits hold" in text
-    assert "2/2" in text
+    assert "\x1b[1;32mAll limits hold" in on_a_terminal()
     text = on_a_terminal(NO_COLOR="1")
     assert COLOUR.search(text) is None
     assert "2/2" in text  # the bar moves all the same
@@ -235,9 +229,7 @@ def test_a_pipe_that_is_closed_ends_nothing(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 @pytest.mark.parametrize("terminal", [False, True])
-def test_the_share_of_a_simulation(
-    terminal: bool, pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_the_share_of_a_simulation(terminal: bool, pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm")
     clock = iter([0.0, 1.0, 2.5, 3.0, 5.0])
     monkeypatch.setattr("excite.cli.progress.time.monotonic", lambda: next(clock, 5.0))
@@ -268,18 +260,16 @@ STEPS = {
 
 
 @pytest.mark.parametrize("command", [name for name in COMMANDS if "figures" not in name])
-def test_every_command_states_its_steps(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(module, "SECONDS", 0.0)
-    COMMANDS[command].run(tmp_path, "old", monkeypatch, force=False)
-    shown = [line for line in capfd.readouterr().err.splitlines() if line.endswith(" ...")]
+def test_every_command_states_its_steps(command: str, here: Here) -> None:
+    here.monkeypatch.setattr(module, "SECONDS", 0.0)
+    COMMANDS[command].run(here.cwd, "old", here.monkeypatch, force=False)
+    shown = [line for line in here.capfd.readouterr().err.splitlines() if line.endswith(" ...")]
     steps = [line for line in shown if line != "excite: working ..."]
     assert tuple(steps) == tuple(f"excite: {step} ..." for step in STEPS.get(command, ()))
 
 
-def test_a_command_that_writes_nothing_states_its_step(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "SECONDS", 0.0)
-    monkeypatch.setattr("commands.without_steps", lambda text: text)
+def test_a_command_that_writes_nothing_states_its_step(here: Here) -> None:
+    here.monkeypatch.setattr(module, "SECONDS", 0.0)
+    here.monkeypatch.setattr("commands.without_steps", lambda text: text)
     shown = [line for line in here.run("plan", "irp6").stderr.splitlines() if line != "excite: working ..."]
     assert shown == ["excite: finding the parameters that each selection of drives identifies ..."]

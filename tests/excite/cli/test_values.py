@@ -16,7 +16,7 @@ from value_fuzzer import BASE, DESIGN, ROBOT, command_lines, file_cases, memory,
 
 from excite.cli.option_types import Number, Numbers
 from excite.tasks.option import options_of
-from excite.tasks.task import PARTS
+from excite.tasks.task import PARTS, Task
 from regressors.quantities import QUANTITIES
 
 # Values that no quantity may be: one line with the option or key, what was read, and the range; exit status 2.
@@ -50,11 +50,9 @@ OPTIONS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     (BASE["simulate"], "--breakaway 1e9", "'--breakaway': must be 0 or a number from 1e-12 to 10000"),
     (BASE["simulate"], "--impact a:1:1e300", "--impact on a: the torque must be a number from -1e+09 to"),
     (BASE["simulate"], "--load 1e300,0,0,0,1,0,0,1,0,1", "'--load': must be a number from -1e+09"),
-    (BASE["identify"], "--sign-width 1e300", "expected auto or a number; must be 0 or a number from 1e-12 to 1000000"),
 )
 TASKS = {
     "period: 1:30": "period (line 1): should be a number, given '1:30'",
-    "period: 1_0": "period (line 1): '1_0' is not a number: write it without underscores",
     'period: "1e3"': "period (line 1): should be a number, given '1e3'",
     f"seed: {'9' * 100_000}": "seed (line 1): '99999",
     "prior: 1e-300": "prior (line 1): must be a number from 1e-09 to 1e+09, given 1e-300",
@@ -78,11 +76,7 @@ ROBOTS = {
 
 
 def put(key: str, value: object) -> Callable[[dict[str, Any]], str]:
-    def changed(content: dict[str, Any]) -> str:
-        content["task"][key] = value
-        return json.dumps(content)
-
-    return changed
+    return lambda content: json.dumps({**content, "task": {**content["task"], key: value}})
 
 
 def typed(old: str, new: str) -> Callable[[dict[str, Any]], str]:
@@ -193,26 +187,18 @@ OF_TESTS = settings(  # the first case that fails is short enough
 )
 
 
-def fuzz(name: str, folder: Path, cases: int) -> None:
-    """Run command lines of a command until one does not end as it must."""
-
-    @settings(OF_TESTS, max_examples=cases)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", BASE)
+def test_values_of_options(name: str, folder: Path) -> None:
+    @settings(OF_TESTS, max_examples=CASES)
     @given(command_lines(name))
     def ends_as_it_must(arguments: list[str]) -> None:
         assert run(arguments, folder).problems == ()
 
-    before = memory()
-    check: Callable[[], None] = ends_as_it_must
-    check()
-    assert memory() < before + GROWTH
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", BASE)
-def test_values_of_options(name: str, folder: Path) -> None:
-    ended = run(BASE[name], folder)
+    ended, before = run(BASE[name], folder), memory()
     assert (ended.status in (0, 1), ended.problems) == (True, ()), ended.errors
-    fuzz(name, folder, CASES)
+    ends_as_it_must()
+    assert memory() < before + GROWTH
 
 
 @pytest.mark.slow
@@ -223,8 +209,7 @@ def test_numbers_in_files(folder: Path) -> None:
         arguments, files = case
         assert run(arguments, folder, files=files).problems == ()
 
-    check: Callable[[], None] = ends_as_it_must
-    check()
+    ends_as_it_must()
 
 
 def test_every_case_begins_with_the_same_files(folder: Path) -> None:
@@ -234,10 +219,6 @@ def test_every_case_begins_with_the_same_files(folder: Path) -> None:
 
 
 def test_the_fuzzer_sees_what_must_not_be(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    import numpy as np
-
-    from excite.tasks.task import Task
-
     def warns(*_: object, **__: object) -> None:
         with np.errstate(divide="warn"):
             np.ones(1) / np.zeros(1)

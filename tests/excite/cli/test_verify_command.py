@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import shutil
-import signal
 from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
@@ -59,11 +58,8 @@ def changed(here: Here, change: Callable[[dict[str, Any]], object], name: str = 
     path.with_name("manifest.json").unlink(missing_ok=True)
 
 
-def scaled(factor: float) -> Callable[[dict[str, Any]], None]:
-    def change(content: dict[str, Any]) -> None:
-        content["fit"] = [factor * (fit or 0.0) for fit in content["fit"] or content["values"]]
-
-    return change
+def heavier(content: dict[str, Any]) -> None:
+    content["fit"] = [1.3 * (fit or 0.0) for fit in content["fit"] or content["values"]]
 
 
 # ---------------------------------------------------------------- verdicts
@@ -76,8 +72,8 @@ def test_a_good_result_is_believed(here: Here, monkeypatch: pytest.MonkeyPatch) 
     endings = (".json", "_curves.npz", "_torques.png", "_motion.png")
     assert written == {f"verification-again{x}" for x in endings}
     content = json.loads((here.cwd / "result" / "verification-again.json").read_text())
-    assert content["schema"] == "excite.verification/2"
-    assert (content["holds"], content["against"]) == (True, [])
+    stated = [content[name] for name in ("schema", "holds", "against")]
+    assert stated == ["excite.verification/2", True, []]
     assert (content["robot"]["name"], content["robot"]["sha256"]) == ("irp6", built_in("irp6").sha256())
     assert content["log"]["sha256"] == sha256((here.cwd / "again.csv").read_bytes()).hexdigest()
     assert content["tolerances"] == {"torque": 0.1, "motion": 0.25}
@@ -96,21 +92,8 @@ def test_a_good_result_is_believed(here: Here, monkeypatch: pytest.MonkeyPatch) 
         assert text in ended.stdout
 
 
-def test_numbers_are_printed_before_figures_are_drawn(
-    here: Here, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    printed: list[str] = []
-    monkeypatch.setattr(figures, "write_figures", lambda *_, **__: printed.append(capfd.readouterr().out) or [])
-    here.run("identify", "irp6", "run.csv", "--out", "new")
-    here.run("verify", "result", "again.csv")
-    identified, verified = printed
-    assert identified.startswith("Base parameters of ")
-    assert "least certain" in identified
-    assert "q1" in verified.partition("again.csv: 401 rows; predicted torques miss ")[2]
-
-
 def test_a_wrong_result_is_not_and_tolerances_are_percents(here: Here) -> None:
-    changed(here, scaled(1.3))
+    changed(here, heavier)
     ended = here.run("verify", "result", "again.csv", status=1, stderr="")
     assert "Do not rely on the result: predictions miss 30" in ended.stdout
     content = json.loads((here.cwd / "result" / "verification-again.json").read_text())
@@ -123,7 +106,6 @@ def test_a_wrong_result_is_not_and_tolerances_are_percents(here: Here) -> None:
 def test_every_log_counts(here: Here) -> None:
     (here.cwd / "sub").mkdir()
     log = read_log(here.cwd / "other.csv")
-    assert log.effort is not None
     object.__setattr__(log, "effort", 1.5 * log.effort)
     write_log(log, here.cwd / "sub" / "again.csv")
     ended = here.run("verify", "result", "again.csv", "sub/again.csv", "--json", "--out", "judged/both", status=1)
@@ -142,15 +124,7 @@ def test_known_friction_is_remembered_by_the_result(here: Here) -> None:
 def test_a_training_log_is_refused_unless_allowed(here: Here) -> None:
     shutil.copy(here.cwd / "run.csv", here.cwd / "renamed.csv")
     refused(here, "renamed.csv is a log that the result was identified from: ", "result", "renamed.csv")
-    refused(here, "run.csv is a log that the result was identified from: ", "result", "again.csv", "run.csv")
     assert here.run("verify", "result", "renamed.csv", "--training-too").returncode == 0
-
-
-def test_an_interrupt_leaves_nothing(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("excite.verification.verify.verify", lambda *_, **__: signal.raise_signal(signal.SIGINT))
-    before = files_below(here.cwd)
-    assert here.run("verify", "result", "again.csv", "--out", "new/folder").returncode == 130
-    assert files_below(here.cwd) == before
 
 
 # ---------------------------------------------------------------- what is refused
@@ -164,11 +138,9 @@ BAD = (
     ("nothing again.csv", "nothing holds no result: there is no nothing/result.json; write one with 'excite identify'"),
     ("result", "Missing argument 'LOG...'"),
     ("result again.csv nothing.csv --out new", "cannot read log nothing.csv: No such file or directory"),
-    ("result load.csv --out new", "load.csv: joint q4 moves by "),
     ("result again.csv --out run.csv", "cannot write to run.csv: it is a file, not a folder"),
     ("result again.csv --rows 1:999", "again.csv: rows: given 1:999, but the log has 401 rows"),
     ("result again.csv --rows 9:3", "rows: the first must be 1 or more and below the last, given '9:3'"),
-    ("result again.csv --signals fourier", "again.csv: no period: the motion does not repeat itself within "),
 )
 
 
@@ -184,21 +156,15 @@ def test_a_folder_needs_a_name_and_a_log_its_robot(here: Here) -> None:
     refused(here, "again.csv is a log of panda (description ", "result", "again.csv")
 
 
-def _other_gravity(content: dict[str, Any]) -> None:
-    content["robot"]["description"]["gravity"] = [0.0, 0.0, -1.0]
-
-
 DAMAGED: tuple[tuple[Callable[[dict[str, Any]], object], str], ...] = (
     (lambda c: c.update(schema="excite.result/9"), "expected schema excite.result/2, given 'excite.result/9'"),
     (lambda c: c.pop("prediction_error"), "not a complete result: 'prediction_error' is missing"),
     (lambda c: c.update(task=[]), "not a complete result: "),
-    (_other_gravity, "the robot's description does not have the hash that the file states"),
+    (lambda c: c["robot"]["description"].update(gravity=[0.0] * 3), "does not have the hash that the file states"),
     (lambda c: c["robot"].update(description=4), "not a robot description"),
-    (lambda c: c["recipe"].update(signals="magic"), "no signals named 'magic'; available: butterworth, "),
     (lambda c: c.update(fit=["nan", *c["values"][1:]]), "not a complete result: expected finite numbers"),
     (lambda c: c.update(fit=[math.nan, *c["values"][1:]]), "result.json: NaN is not a finite number"),
     (lambda c: c["values"].pop(), "not a complete result: parameters without a name"),
-    (lambda c: c["names"].__setitem__(0, "Q"), ", but the result has Q, X2, "),
     (lambda c: c.update(friction={"file": "f", "sha256": ""}), "not a complete result: 'text' is missing"),
     (lambda c: c.update(friction={"file": "f.yaml", "text": "a"}), "f.yaml: expected a mapping of fields, given 'a'"),
 )

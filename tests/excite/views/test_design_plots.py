@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,6 @@ from matplotlib.text import Text
 from pinocchio_chains import drive_torques, whole_motion
 from reported import misplaced
 
-from constraints.certificate import LimitUse
 from constraints.linear import linear_limits
 from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
@@ -82,11 +81,9 @@ def dots(ax: Axes) -> list[tuple[float, float]]:
 
 def with_starts(design: Design, histories: dict[int, list[float]], best: int, running: tuple[int, ...] = ()) -> Design:
     x = design.starts[0].x
-    starts = tuple(
-        StartResult(k, x, min(history), RUNNING if k in running else "done", history, len(history), 0.25)
-        for k, history in histories.items()
-    )
-    return dataclasses.replace(design, results=starts, best_start=best)
+    status = {k: RUNNING if k in running else "done" for k in histories}
+    starts = tuple(StartResult(k, x, min(h), status[k], h, len(h), 0.25) for k, h in histories.items())
+    return replace(design, results=starts, best_start=best)
 
 
 TERMS = "l2^2 m1 - a_very_long_length m2 + I3xx + I3yy"
@@ -100,8 +97,8 @@ def with_predictions(design: Design, percent: list[float]) -> Design:
     each = zip(base.names, base.units, known, percent, strict=False)
     predicted = tuple(PredictedAccuracy(n, f"{n} + {TERMS}", unit, p / 100 * size) for n, unit, size, p in each)
     spectrum = np.geomspace(500.0, 5.0, len(percent))
-    measured = dataclasses.replace(design.measured, predicted=predicted, spectrum=spectrum)
-    return dataclasses.replace(design, formulated=(target, design.nonlinear), measured=measured)
+    measured = replace(design.measured, predicted=predicted, spectrum=spectrum)
+    return replace(design, formulated=(target, design.nonlinear), measured=measured)
 
 
 # --- motion
@@ -123,12 +120,9 @@ def torque_panels(figure: Figure) -> list[Axes]:
     return [ax for ax in figure.axes if ax.get_ylabel() == "torque [Nm]"]
 
 
-def test_torques_are_those_of_pinocchio_within_what_the_reserve_and_friction_leave(
-    design: Design, motion: Figure
-) -> None:
+def test_torques_are_those_of_pinocchio_within_reserve_and_friction(design: Design, motion: Figure) -> None:
     torques = drive_torques(design.robot, whole_motion(design.robot, design.moving.joint_names, design.samples))
     transmission = design.robot.transmission
-    assert transmission is not None
     for k, (ax, drive) in enumerate(zip(torque_panels(motion), transmission.drives, strict=True)):
         np.testing.assert_allclose(curve(ax)[:, 1], torques[:, k], rtol=0, atol=1e-9)
         moves = np.any(transmission.coupling[k, :3] != 0.0)
@@ -147,21 +141,14 @@ def test_torques_on_the_way_from_home_are_those_of_every_joint(design: Design) -
     home = design_trajectory(task.changed(harmonics=2, weighted=False))
     whole, _ = home.sequence.sampled()
     torques = drive_torques(home.robot, whole)
-    figure = motion_figure(home)
-    for k, ax in enumerate(torque_panels(figure)):
+    for k, ax in enumerate(torque_panels(motion_figure(home))):
         np.testing.assert_allclose(curve(ax)[:, 1], torques[:, k], rtol=0, atol=1e-9)
 
 
 def test_without_checked_torques_there_are_none_and_the_reason_is_said(design: Design) -> None:
     limits = tuple(use for use in design.limits if not use.label.endswith("torque"))
-    figure = motion_figure(
-        dataclasses.replace(
-            design,
-            certified=limits,
-            formulated=(design.target, ()),
-            unchecked=(Unchecked("torque", "no mass is stated"),),
-        )
-    )
+    unchecked = replace(design, unchecked=(Unchecked("torque", "no mass is stated"),))
+    figure = motion_figure(replace(unchecked, certified=limits, formulated=(design.target, ())))
     assert torque_panels(figure) == []
     assert "not checked: torque (no mass is stated)" in notes(figure)
 
@@ -208,8 +195,8 @@ def test_motion_title_says_what_rests_and_whether_limits_hold(design: Design, mo
     assert "not checked: jerk (no limit is stated), obstacles (" in said[1]
     assert "at rest: q4, q5" in said
     first = design.limits[0]
-    broken = dataclasses.replace(first, extreme=first.bound * 1.05, margin=-0.05 * abs(first.bound), use=1.05)
-    figure = motion_figure(dataclasses.replace(design, certified=(broken, *design.limits[1:])))
+    broken = replace(first, extreme=first.bound * 1.05, margin=-0.05 * abs(first.bound), use=1.05)
+    figure = motion_figure(replace(design, certified=(broken, *design.limits[1:])))
     assert "1 of 30 limits BROKEN" in figure.get_suptitle()
     (note,) = [text for text in figure.axes[0].findobj(Text) if "used" in text.get_text()]
     assert note.get_text().endswith("105.0 % used, BROKEN")
@@ -224,31 +211,27 @@ def notes(figure: Figure) -> list[str]:
 @pytest.mark.parametrize("length", [56, 200])
 def test_long_names_stay_inside_and_apart(design: Design, length: int) -> None:
     long = {name: f"{name}_$x$_" + (length - len(name) - 5) * "n" for name in design.robot.joint_names}
-    robots = [
-        robot.replace(joints=tuple(dataclasses.replace(joint, name=long[joint.name]) for joint in robot.joints))
-        for robot in (design.robot, design.moving)
-    ]
-    uses = tuple(relabelled(use, long) for use in design.limits if not use.label.endswith("torque"))
-    target = dataclasses.replace(design.target, robot=robots[1])
-    figure = motion_figure(dataclasses.replace(design, robot=robots[0], formulated=(target, ()), certified=uses))
+
+    def renamed(robot: Robot) -> Robot:
+        return robot.replace(joints=tuple(replace(joint, name=long[joint.name]) for joint in robot.joints))
+
+    checked = [(use, use.label.split()) for use in design.limits if not use.label.endswith("torque")]
+    uses = tuple(replace(use, label=" ".join(long.get(word, word) for word in words)) for use, words in checked)
+    target = replace(design.target, robot=renamed(design.moving))
+    changed = {"robot": renamed(design.robot), "formulated": (target, ()), "certified": uses}
+    figure = motion_figure(replace(design, **changed))
     assert misplaced(figure) == []
     if length <= 56:
         assert not any("\N{HORIZONTAL ELLIPSIS}" in text.get_text() for text in figure.findobj(Text))
 
 
-def relabelled(use: LimitUse, names: dict[str, str]) -> LimitUse:
-    kind, name, *rest = use.label.split()
-    return dataclasses.replace(use, label=" ".join((kind, names.get(name, name), *rest)))
-
-
 def test_jerk_has_a_column_where_it_has_limits(design: Design) -> None:
     limited = LimitChoice(jerk=(7500.0,)).applied(design.moving)
-    target = dataclasses.replace(design.target, robot=limited)
-    uses = [dataclasses.replace(design.limits[0], label=f"joint q{k} jerk", unit="rad/s^3") for k in (1, 2, 3)]
-    far = [dataclasses.replace(use, extreme=1.0, bound=7500.0, use=1.0 / 7500.0) for use in uses]
-    figure = motion_figure(
-        dataclasses.replace(design, formulated=(target, design.nonlinear), certified=(*design.limits, *far))
-    )
+    target = replace(design.target, robot=limited)
+    uses = [replace(design.limits[0], label=f"joint q{k} jerk", unit="rad/s^3") for k in (1, 2, 3)]
+    far = [replace(use, extreme=1.0, bound=7500.0, use=1.0 / 7500.0) for use in uses]
+    changed = {"formulated": (target, design.nonlinear), "certified": (*design.limits, *far)}
+    figure = motion_figure(replace(design, **changed))
     assert len(figure.axes) == 4 * len(ROWS) + len(TORQUES)
     ax = panel(figure, "q1", 3, columns=4)
     assert ax.get_ylabel() == "jerk [rad/s³]"
@@ -259,16 +242,15 @@ def test_jerk_has_a_column_where_it_has_limits(design: Design) -> None:
 
 def coupled_robot() -> Robot:
     """Two joints; drives on q1, on q1 - 0.5 q2 twice with different zeros, and on q2 without position limits."""
-    robot = load_robot("irp6")
-    limits = Limits.none(4)
-    position = np.array([3.0, 1.0, 1.5, np.inf])
-    limits = dataclasses.replace(limits, lower=-position, upper=position, velocity=np.array([np.inf, 2.0, 1.0, 5.0]))
+    robot, position = load_robot("irp6"), np.array([3.0, 1.0, 1.5, np.inf])
+    rates = {"velocity": np.array([np.inf, 2.0, 1.0, 5.0])}
+    limits = replace(Limits.none(4), lower=-position, upper=position, **rates)
     coupling = np.array([[1.0, 0.0], [1.0, -0.5], [1.0, -0.5], [0.0, 1.0]])
     drives = tuple(Drive(f"z{k}") for k in (1, 2, 3, 4))
     return robot.replace(
         joints=robot.joints[:2],
         links=robot.links[:2],
-        limits=dataclasses.replace(Limits.none(2), lower=np.array([-2.0, -2.0]), upper=np.array([2.0, 2.0])),
+        limits=replace(Limits.none(2), lower=np.array([-2.0, -2.0]), upper=np.array([2.0, 2.0])),
         transmission=Transmission(coupling, drives, limits, np.array([1.5, 0.25, -0.25, 0.0])),
         structure=type(robot.structure)(),
         shapes=(),
@@ -278,7 +260,7 @@ def coupled_robot() -> Robot:
 def test_limits_on_one_function_meet_where_they_bind(design: Design) -> None:
     robot = coupled_robot()
     labels = [label for limit in linear_limits(robot) for label in limit.labels]
-    uses = [dataclasses.replace(design.limits[0], label=label, use=0.1 * k) for k, label in enumerate(labels)]
+    uses = [replace(design.limits[0], label=label, use=0.1 * k) for k, label in enumerate(labels)]
     q1, q2, drive = motion_functions(robot, linear_limits(robot), uses)
     assert [function.name for function in (q1, q2, drive)] == ["q1", "q2", "drives z2, z3: q1 - 0.5 q2 + 0.25"]
     assert q1.allowed(0) == (-2.0, 1.5)  # z1 = q1 + 1.5 is at most 3
@@ -329,17 +311,10 @@ def test_bars_are_the_predicted_deviations_over_sizes(design: Design) -> None:
 
 def described_sizes(robot: Robot) -> dict[str, float]:
     """Of parameters with one or two terms: moments' lengths, largest principal moments, rotors, friction."""
-    theta, drives = robot.links[2].theta, robot.transmission.drives if robot.transmission is not None else ()
-    assert theta is not None
+    theta, drives = robot.links[2].theta, list(enumerate(robot.transmission.drives[:3], 1))
     largest = float(np.abs(np.linalg.eigvalsh(inertia_tensor(theta))).max())
-    friction = {f"F{k}{kind}": value for k in (1, 2, 3) for kind, value in friction_of(drives[k - 1])}
+    friction = {f"F{k}c": drive.coulomb for k, drive in drives} | {f"F{k}v": drive.viscous for k, drive in drives}
     return {"X5": np.sqrt(2) * largest, "X6": float(np.linalg.norm(theta[1:4])), **friction}
-
-
-def friction_of(drive: Drive) -> tuple[tuple[str, float], ...]:
-    assert drive.coulomb
-    assert drive.viscous
-    return ("c", drive.coulomb), ("v", drive.viscous)
 
 
 def test_a_parameter_without_a_size_has_its_deviation_written(design: Design) -> None:
@@ -412,14 +387,9 @@ def test_the_search_shows_every_start_and_what_is_minimised(searched: Design) ->
     ends = {line.get_xdata()[0]: line.get_markerfacecolor() for line in ax.lines if line.get_marker() == "o"}
     assert ends == {3: GREY, 4: BLUE, 1: "white"}
     assert [text.get_text() for text in ax.texts] == ["40.00"]
-    legend = ax.get_legend()
-    assert legend is not None
-    assert [text.get_text() for text in legend.get_texts()] == [
-        "best start (number 2): best so far",
-        "other starts: best so far",
-        "objective at each iterate",
-        "unfinished",
-    ]
+    of_starts = ["best start (number 2): best so far", "other starts: best so far"]
+    legend = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert legend == [*of_starts, "objective at each iterate", "unfinished"]
     assert figure.get_suptitle() == "irp6: search from 3 starts (1 unfinished)"
     title = ax.get_title(loc="left")
     assert "minimised: cond(W), columns of the left-to-right QR base (Gautier 1991), SI, unscaled" in title
@@ -436,7 +406,7 @@ def test_starts_of_one_kind_are_curves_with_a_gap_between_them(design: Design) -
 
 @pytest.mark.parametrize("base", ["pivoted", "orthonormal"])
 def test_convergence_names_the_base_that_was_asked_for(searched: Design, base: str) -> None:
-    asked = dataclasses.replace(searched, task=searched.task.changed(base=base))
+    asked = replace(searched, task=searched.task.changed(base=base))
     title = convergence_figure(asked).axes[0].get_title(loc="left")
     assert base in title
     assert significant(searched.criteria[f"condition_number_{base}"], 4) in title
@@ -452,13 +422,7 @@ def test_a_criterion_that_is_not_positive_stands_on_a_linear_scale(design: Desig
 
 def test_written_figures_open_and_are_not_blank(design: Design, tmp_path: Path) -> None:
     paths = write_figures(design, tmp_path)
-    assert [path.name for path in paths] == [
-        "motion.png",
-        "phase.png",
-        "spectrum.png",
-        "convergence.png",
-        "workspace.png",
-    ]
+    assert [path.stem for path in paths] == ["motion", "phase", "spectrum", "convergence", "workspace"]
     assert sorted(tmp_path.iterdir()) == sorted(paths)
     for path in paths:
         image = imread(path)
@@ -520,8 +484,6 @@ def test_phases_of_joints_and_drives_stay_within_the_tighter_bounds(design: Desi
         np.testing.assert_allclose(start, [[(samples.q @ row)[0], 0.0]], atol=1e-12)
         assert np.all(curve[:, 0] >= ax.get_xlim()[0])
         assert np.all(curve[:, 1] <= ax.get_ylim()[1])
-    lines = [
-        sorted({round(float(x), 5) for line in ax.lines[:-2] for x in line.get_xydata().ravel()}) for ax in figure.axes
-    ]
-    assert {-2.96706, 2.96706, -1.266, 1.266} <= set(lines[0])
-    assert {-0.69813, 0.43633, -1.137, 1.137} <= set(lines[3])
+    lines = [{round(float(x), 5) for line in ax.lines[:-2] for x in line.get_xydata().ravel()} for ax in figure.axes]
+    assert {-2.96706, 2.96706, -1.266, 1.266} <= lines[0]
+    assert {-0.69813, 0.43633, -1.137, 1.137} <= lines[3]

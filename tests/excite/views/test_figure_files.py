@@ -93,7 +93,6 @@ def test_a_png_is_as_wide_as_the_column(files: dict[str, bytes], tmp_path: Path)
 def test_a_pdf_is_as_wide_as_the_column_and_embeds_truetype_fonts(files: dict[str, bytes]) -> None:
     content = pdf_text(files["pdf"])
     box = re.search(rb"/MediaBox \[ ?0 0 ([\d.]+) ([\d.]+) ?\]", content)
-    assert box is not None
     assert float(box[1]) == pytest.approx(72 * 3.5)
     assert b"/FontFile2" in content
     assert b"/Type3" not in content
@@ -143,15 +142,10 @@ def test_a_column_sets_width_fonts_and_lines(width: str) -> None:
     for ax in figure.axes:
         assert ax.lines[0].get_linewidth() == pytest.approx(1.0)
         box = ax.get_tightbbox()
-        assert box is not None
-        assert figure.bbox.padded(1.0).containsx(box.x0)
-        assert figure.bbox.padded(1.0).containsx(box.x1)
-        assert figure.bbox.containsy(box.y0)
-        assert figure.bbox.containsy(box.y1)
+        assert all(map(figure.bbox.padded(1.0).containsx, (box.x0, box.x1)))
+        assert all(map(figure.bbox.containsy, (box.y0, box.y1)))
     boxes = [ax.get_tightbbox() for ax in figure.axes]
-    for k, box in enumerate(boxes):
-        assert box is not None
-        assert box.count_overlaps([other for other in boxes[:k] if other is not None]) == 0, k
+    assert [box.count_overlaps(boxes[:k]) for k, box in enumerate(boxes)] == [0] * len(boxes)
 
 
 @pytest.mark.slow
@@ -188,9 +182,6 @@ def test_what_has_no_figures_is_refused(tmp_path: Path) -> None:
             excite.draw(wrong)
         with pytest.raises(InputError, match="expected a design, an identification"):
             excite.write_figures(wrong, tmp_path)
-
-
-# Files of a result
 
 
 # Names of others in figures: dollar signs are no formulas, control characters no glyphs.

@@ -1,6 +1,6 @@
 """Figures of identification and verification: what is drawn agrees with the numbers behind it."""
 
-import dataclasses
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -92,18 +92,17 @@ def result(target: IdentificationTarget) -> Identification:
 
 def observing(result: Identification, observations: Observations) -> Identification:
     """The result of other equations."""
-    assert result.data is not None
-    return dataclasses.replace(result, data=dataclasses.replace(result.data, observations=observations))
+    return replace(result, data=replace(result.data, observations=observations))
 
 
 @pytest.fixture(scope="module")
-def reference(result: Identification) -> ReferenceValues:
-    """Known values, one inside its interval by a half, one outside by three, one unknown, the others met."""
+def known(result: Identification) -> Identification:
+    """With known values: one inside its interval by a half, one outside by three, one unknown, the others met."""
     values, half = result.estimate.values.copy(), result.estimate.half_width
     values[0] -= 0.5 * half[0]
     values[1] += 3.0 * half[1]
     values[2] = np.nan
-    return ReferenceValues("truth", values)
+    return replace(result, reference=ReferenceValues("truth", values))
 
 
 def with_unseen(result: Identification, *unseen: int) -> Identification:
@@ -112,8 +111,8 @@ def with_unseen(result: Identification, *unseen: int) -> Identification:
     values[list(unseen)] = np.nan
     covariance[list(unseen), list(unseen)] = np.inf
     names = tuple(estimate.names[k] for k in unseen)
-    changed = dataclasses.replace(estimate, values=values, covariance=covariance, unseen=names, fit=estimate.values)
-    return dataclasses.replace(result, estimate=changed)
+    changed = replace(estimate, values=values, covariance=covariance, unseen=names, fit=estimate.values)
+    return replace(result, estimate=changed)
 
 
 def curve(ax: Axes, colour: str) -> np.ndarray:
@@ -143,11 +142,10 @@ def test_torques_are_the_measured_and_predicted_rows_of_each_equation(result: Id
     assert len(figure.axes) == 2 * len(EQUATIONS)
     for j, (ax, below) in enumerate(zip(figure.axes[::2], figure.axes[1::2], strict=True)):
         own = np.arange(observations.y.size) % 3 == j
+        predicted = observations.W[own] @ result.estimate.values
         np.testing.assert_array_equal(curve(ax, MEASURED_COLOUR), observations.y[own])
-        np.testing.assert_allclose(
-            curve(ax, PREDICTED_COLOUR), observations.W[own] @ result.estimate.values, rtol=1e-13
-        )
-        e = observations.y[own] - observations.W[own] @ result.estimate.values
+        np.testing.assert_allclose(curve(ax, PREDICTED_COLOUR), predicted, rtol=1e-13)
+        e = observations.y[own] - predicted
         np.testing.assert_allclose(curve(below, DARK), e, rtol=0, atol=1e-12)
         assert below.get_xlim() == ax.get_xlim()
         ratio = 100 * np.linalg.norm(e) / np.linalg.norm(observations.y[own])
@@ -179,21 +177,16 @@ def test_logs_stand_apart_and_keep_their_own_times(result: Identification) -> No
 
 
 @pytest.mark.parametrize("draw", [torques_figure, residuals_figure])
-def test_one_equation_of_one_log(result: Identification, draw: object) -> None:
+def test_rows_of_some_logs_and_equations_alone_are_drawn(result: Identification, draw: object) -> None:
     observations = result.observations
     own = np.flatnonzero((observations.equation == 0) & (observations.log == 0))
-    cut = dataclasses.replace(observations.rows(own), equations=(("work", "J"),), logs=("one.csv",))
+    cut = replace(observations.rows(own), equations=(("work", "J"),), logs=("one.csv",))
     figure = draw(observing(result, cut))
     assert figure.axes[0].get_ylabel() == "work [J]"
     assert "time in one [s]" in [ax.get_xlabel() for ax in figure.axes]
-
-
-@pytest.mark.parametrize("draw", [torques_figure, residuals_figure])
-def test_a_joint_that_rests_has_no_rows_and_no_panel(result: Identification, draw: object) -> None:
-    moving = np.flatnonzero(result.observations.equation != 2)
-    figure = draw(observing(result, result.observations.rows(moving)))
-    assert {"q1", "q2"} <= set(texts_of(figure))
-    assert "slide" not in texts_of(figure)
+    moving = np.flatnonzero(observations.equation != 2)  # a joint that rests has no rows and no panel
+    texts = texts_of(draw(observing(result, observations.rows(moving))))
+    assert {"q1", "q2", "slide"} & set(texts) == {"q1", "q2"}
 
 
 def test_residuals_and_their_autocorrelation_are_drawn(result: Identification) -> None:
@@ -240,7 +233,7 @@ def test_an_envelope_has_the_percentiles_of_its_stretches() -> None:
 def test_long_logs_have_bands_in_place_of_a_solid_block(result: Identification) -> None:
     count = 2 * DENSE
     rng = np.random.default_rng(4)
-    observations = dataclasses.replace(
+    observations = replace(
         result.observations,
         W=rng.standard_normal((3 * count, P)),
         y=rng.standard_normal(3 * count),
@@ -293,10 +286,8 @@ def test_long_names_keep_both_ends() -> None:
 # --- parameters
 
 
-def test_differences_are_in_half_widths_in_groups_with_numbers_and_units(
-    result: Identification, reference: ReferenceValues
-) -> None:
-    figure = parameters_figure(dataclasses.replace(result, reference=reference))
+def test_differences_are_in_half_widths_in_groups_with_numbers_and_units(known: Identification) -> None:
+    figure = parameters_figure(known)
     ax = figure.axes[0]
     dots = [line for line in ax.lines if line.get_marker() == "o"]
     x = [float(line.get_xdata()[0]) for line in dots]
@@ -310,7 +301,7 @@ def test_differences_are_in_half_widths_in_groups_with_numbers_and_units(
     assert [text for text in texts if text in ("Links", "Rotors", "Friction", "Other")] == ["Links", "Friction"]
     assert {"X7 = m2c2x + l2 m3", "X3 = I2zz + l2² m3 + I3zz + n2² Ia2\n+ n3² Ia3", "F1c", "true"} <= set(texts)
     assert not any("\N{HORIZONTAL ELLIPSIS}" in text for text in texts)
-    half = result.estimate.half_width[result.names.index("F1v")]
+    half = known.estimate.half_width[known.names.index("F1v")]
     assert f"± {decimal(half, half)} Nm s/rad" in texts
 
 
@@ -322,9 +313,8 @@ def test_half_widths_are_in_percent_and_those_beyond_the_axis_have_their_number(
     assert ax.get_xlabel() == "half-width of the interval / |value| [%]"
     assert ax.get_xlim()[1] == 300.0
     cut = [text.get_text() for text in ax.texts if text.get_text().endswith("\N{RIGHTWARDS ARROW}")]
-    assert [float(text.split()[0].replace(",", "")) for text in cut] == pytest.approx(
-        percent[percent > 300.0].tolist(), rel=0.06
-    )
+    shown = [float(text.split()[0].replace(",", "")) for text in cut]
+    assert shown == pytest.approx(percent[percent > 300.0].tolist(), rel=0.06)
     assert len(cut) >= 2
     (shaded,) = [p for p in ax.patches if p.get_facecolor() == to_rgba(FORBIDDEN)]
     assert shaded.get_x() == 100.0
@@ -333,15 +323,13 @@ def test_half_widths_are_in_percent_and_those_beyond_the_axis_have_their_number(
 def test_a_parameter_of_zero_is_not_measured_by_its_value(result: Identification) -> None:
     values = result.estimate.values.copy()
     values[0] = 0.0
-    zero = dataclasses.replace(result, estimate=dataclasses.replace(result.estimate, values=values))
+    zero = replace(result, estimate=replace(result.estimate, values=values))
     texts = texts_of(parameters_figure(zero))
     assert "over 1,000,000 % \N{RIGHTWARDS ARROW}" in texts
 
 
-def test_parameters_that_the_data_does_not_show_have_a_row_that_says_so(
-    result: Identification, reference: ReferenceValues
-) -> None:
-    figure = parameters_figure(dataclasses.replace(with_unseen(result, 1, 7), reference=reference))
+def test_parameters_that_the_data_does_not_show_have_a_row_that_says_so(known: Identification) -> None:
+    figure = parameters_figure(with_unseen(known, 1, 7))
     assert texts_of(figure).count("not identifiable individually") == 2
     assert "2 not identifiable individually" in figure.get_suptitle()
     dots = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
@@ -350,13 +338,13 @@ def test_parameters_that_the_data_does_not_show_have_a_row_that_says_so(
 
 def test_far_differences_leave_the_interval_visible(result: Identification) -> None:
     far = ReferenceValues("description", result.estimate.values - 1e5 * result.estimate.half_width)
-    ax = parameters_figure(dataclasses.replace(result, reference=far)).axes[0]
+    ax = parameters_figure(replace(result, reference=far)).axes[0]
     assert ax.get_xscale() == "symlog"
     assert ax.get_xlim()[1] > 1e5
     left, right = (ax.transData.transform((x, 0.0))[0] for x in (-1.0, 1.0))
     assert right - left > 0.05 * ax.bbox.width
     unknown = ReferenceValues("description", np.full(P, np.nan))  # drawn like no reference
-    assert len(parameters_figure(dataclasses.replace(result, reference=unknown)).axes) == 1
+    assert len(parameters_figure(replace(result, reference=unknown)).axes) == 1
 
 
 def test_differences_are_unknown_without_an_interval() -> None:
@@ -375,28 +363,25 @@ def test_values_are_written_as_far_as_their_interval_gives_meaning() -> None:
 # --- estimates over time
 
 
-def test_estimates_over_time_end_at_the_value_with_its_interval(
-    result: Identification, reference: ReferenceValues
-) -> None:
-    figure = estimates_figure(dataclasses.replace(result, reference=reference))
+def test_estimates_over_time_end_at_the_value_with_its_interval(known: Identification) -> None:
+    figure, estimate = estimates_figure(known), known.estimate
     assert len(figure.axes) == P
     for k, ax in enumerate(figure.axes):
-        assert result.estimate.history is not None
-        np.testing.assert_array_equal(curve(ax, BLUE), result.estimate.history[1][:, k])
+        np.testing.assert_array_equal(curve(ax, BLUE), estimate.history[1][:, k])
         (final,) = [line for line in ax.lines if line.get_color() == DARK]
-        assert final.get_ydata()[0] == result.estimate.values[k]
+        assert final.get_ydata()[0] == estimate.values[k]
         (band,) = [p for p in ax.patches if p.get_facecolor() == to_rgba(BAND)]
-        assert band.get_y() + band.get_height() / 2 == pytest.approx(result.estimate.values[k])
-        assert band.get_height() == pytest.approx(2 * result.estimate.half_width[k])
+        assert band.get_y() + band.get_height() / 2 == pytest.approx(estimate.values[k])
+        assert band.get_height() == pytest.approx(2 * estimate.half_width[k])
         dotted = [float(line.get_ydata()[0]) for line in ax.lines if line.get_linestyle() == ":"]
-        assert dotted == ([] if k == 2 else [reference.values[k]])
+        assert dotted == ([] if k == 2 else [known.reference.values[k]])
     titles = [ax.get_title(loc="left") for ax in figure.axes]
     assert titles[:1] + titles[-1:] == ["X1 [kg m²]", "F3v [Nm s/rad]"]
     assert legend_texts(figure)[-1] == "true value"
-    hidden = estimates_figure(with_unseen(result, 4)).axes[4]
+    hidden = estimates_figure(replace(with_unseen(known, 4), reference=None)).axes[4]
     assert [p for p in hidden.patches if p.get_facecolor() == to_rgba(BAND)] == []
     assert hidden.get_title(loc="right") == "not shown"
-    without = dataclasses.replace(result, estimate=dataclasses.replace(result.estimate, history=None))
+    without = replace(known, estimate=replace(estimate, history=None))
     with pytest.raises(InputError, match="estimator recursive keeps no history"):
         estimates_figure(without)
     assert [each.ending for each in identification_figures(without)] == ["parameters", "torques", "residuals"]
@@ -404,7 +389,7 @@ def test_estimates_over_time_end_at_the_value_with_its_interval(
 
 def test_a_reference_out_of_view_is_named_beside_an_arrow(result: Identification) -> None:
     far = result.estimate.values + np.where(np.arange(P) % 2, 1e6, -1e6)
-    axes = estimates_figure(dataclasses.replace(result, reference=ReferenceValues("truth", far))).axes
+    axes = estimates_figure(replace(result, reference=ReferenceValues("truth", far))).axes
     assert axes[0].get_title(loc="right") == "\N{DOWNWARDS ARROW} \N{MINUS SIGN}999999"
     assert axes[1].get_title(loc="right") == "\N{UPWARDS ARROW} 1.00e+06"
     assert axes[0].get_ylim()[0] > far[0]
@@ -474,7 +459,6 @@ def test_predicted_torques_come_with_their_difference(verification: Verification
 def test_simulated_motion_breaks_where_it_starts_anew(verification: Verification) -> None:
     figure = simulated_motion_figure(verification)
     replay = verification.replay
-    assert replay is not None
     assert len(figure.axes) == 6
     for j in range(3):
         over, beside = figure.axes[2 * j : 2 * j + 2]
@@ -492,12 +476,11 @@ def test_simulated_motion_breaks_where_it_starts_anew(verification: Verification
 
 def test_windows_that_are_not_simulated_stay_empty(verification: Verification) -> None:
     every = verification.replay
-    assert every is not None
     q = np.full_like(every.q, np.nan)
     rows = np.r_[50:100, 150:201]
     q[rows] = every.q[rows]
-    some = dataclasses.replace(every, q=q, starts=(50, 150), stops=(100, 201), left_out=2)
-    figure = simulated_motion_figure(dataclasses.replace(verification, replay=some))
+    some = replace(every, q=q, starts=(50, 150), stops=(100, 201), left_out=2)
+    figure = simulated_motion_figure(replace(verification, replay=some))
     over = figure.axes[0]
     np.testing.assert_array_equal(curve(over, PREDICTED_COLOUR), every.q[rows, 0])
     np.testing.assert_array_equal(curve(over, MEASURED_COLOUR), verification.motion.q[:, 0])
@@ -511,7 +494,7 @@ def test_a_simulation_that_failed_says_where_and_why() -> None:
 
 
 def test_a_model_without_motion_has_no_figure_of_it(verification: Verification, tmp_path: Path) -> None:
-    without = dataclasses.replace(verification, replay=None, motions=None)
+    without = replace(verification, replay=None, motions=None)
     with pytest.raises(InputError, match="no motion was simulated"):
         simulated_motion_figure(without)
     names = [path.name for path in write_figures(verification_view(without, "new"), tmp_path)]
@@ -525,17 +508,8 @@ def test_a_model_without_motion_has_no_figure_of_it(verification: Verification, 
     "width",
     ["screen", pytest.param("single", marks=pytest.mark.slow), pytest.param("double", marks=pytest.mark.slow)],
 )
-@pytest.mark.parametrize("name", ["torques", "residuals", "parameters", "estimates", "predicted", "motion"])
-def test_texts_stay_inside_and_apart(
-    result: Identification, verification: Verification, reference: ReferenceValues, name: str, width: str
-) -> None:
-    draw = {
-        "torques": lambda: torques_figure(result),
-        "residuals": lambda: residuals_figure(result),
-        "parameters": lambda: parameters_figure(dataclasses.replace(result, reference=reference)),
-        "estimates": lambda: estimates_figure(dataclasses.replace(result, reference=reference)),
-        "predicted": lambda: predicted_torques_figure(verification),
-        "motion": lambda: simulated_motion_figure(made_verification(Outcome.NOT_POSITIVE)),
-    }
-    figure = drawn_figures(lambda: {name: draw[name]()}, width)[name]
-    assert misplaced(figure) == []
+def test_texts_stay_inside_and_apart(known: Identification, width: str) -> None:
+    draws = dict.fromkeys((torques_figure, residuals_figure, parameters_figure, estimates_figure), known)
+    draws |= dict.fromkeys((predicted_torques_figure, simulated_motion_figure), made_verification(Outcome.NOT_POSITIVE))
+    drawn = drawn_figures(lambda: {draw.__name__: draw(of) for draw, of in draws.items()}, width)
+    assert [(name, texts) for name, figure in drawn.items() if (texts := misplaced(figure))] == []

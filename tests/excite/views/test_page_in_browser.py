@@ -56,9 +56,8 @@ def test_nothing_fails_and_nothing_is_asked_of_the_network(page: Page, path: Pat
 
 
 def test_other_scripts_and_other_hosts_are_refused(page: Page) -> None:
-    page.value(
-        """document.body.append(Object.assign(document.createElement('script'), {textContent: 'window.ran = 1'}))"""
-    )
+    script = "Object.assign(document.createElement('script'), {textContent: 'window.ran = 1'})"
+    page.value(f"document.body.append({script})")
     page.value("fetch('http://127.0.0.1:9/').catch(() => null)")
     assert page.value("window.ran === undefined")
     assert any("Content Security Policy" in error for error in page.errors)
@@ -79,10 +78,9 @@ def test_player_moves_as_the_robot_does(page: Page) -> None:
     assert np.abs(np.subtract(last[0], last[1])).max() > 0.01
     at_sample = float(samples.time[40])
     page.value(f"exciteReport.players[0].seek({at_sample!r})")
-    exact = link_poses(robot, samples.q[40:41])[robot.links[-1].name][0]
-    np.testing.assert_allclose(
-        np.reshape(page.value("exciteReport.players[0].pose()")[robot.links[-1].name], (4, 4)), exact, atol=1e-6
-    )
+    last_link = robot.links[-1].name
+    shown = np.reshape(page.value("exciteReport.players[0].pose()")[last_link], (4, 4))
+    np.testing.assert_allclose(shown, link_poses(robot, samples.q[40:41])[last_link][0], atol=1e-6)
 
 
 def test_limits_are_shown_as_it_moves(page: Page) -> None:
@@ -175,11 +173,8 @@ def test_page_is_as_wide_as_the_screen(width: int, page: Page) -> None:
 
 def test_a_seven_axis_page_with_meshes_is_small(browser: Page, tmp_path: Path) -> None:
     arm = next(arm for arm in ARMS if arm.id == "panda-hand")
-    design = excite.design_trajectory(
-        excite.Task(str(arm.path), base_link=arm.base, tip=arm.tip, acceleration=(10.0,)),
-        trajectory=excite.TrajectoryChoice(harmonics=2, period=5.0),
-        search=excite.Search(starts=1, executor="serial"),
-    )
+    motion = {"harmonics": 2, "period": 5.0, "starts": 1, "executor": "serial", "acceleration": (10.0,)}
+    design = excite.design_trajectory(excite.Task(str(arm.path), base_link=arm.base, tip=arm.tip, **motion))
     path = excite.write_report(design, tmp_path / "page.html", robot_file=arm.path)
     assert path.stat().st_size < MOST_BYTES
     browser.errors.clear()

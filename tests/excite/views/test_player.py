@@ -16,7 +16,7 @@ from reported import HOSTILE, reported_design
 import excite
 from constraints.clearance import link_poses
 from constraints.shapes import urdf_meshes
-from excite.views.player_data import FRAMES, decimated, mesh_data, player_motion
+from excite.views.player_data import FRAMES, body_data, decimated, mesh_data, player_motion
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -47,8 +47,6 @@ def poses_of(bodies: list[dict[str, Any]], q: Array) -> list[Array]:
 
 @pytest.mark.parametrize("name", ["irp6", "irp6-full", "panda"])
 def test_bodies_have_the_poses_of_the_robot(name: str) -> None:
-    from excite.views.player_data import body_data
-
     robot = excite.load_robot(name)
     number = {"base": 0, **{body.name: k for k, body in enumerate(robot.bodies, 1)}}
     q = np.random.default_rng(0).uniform(-1, 1, robot.n)

@@ -41,7 +41,6 @@ RESULTS: dict[str, Callable[[], Any]] = {
 def test_tables_are_columns_and_the_notebook_shows_the_first(name: str) -> None:
     result = RESULTS[name]()
     view = view_of(result)
-    assert view is not None
     for table in view.tables:
         columns = result.table(table.name)
         assert len(columns) == len(table.columns), "two columns have the same name"

@@ -132,21 +132,15 @@ def course() -> TimeCourse:
     one = np.ones((2, 3))
     values, deviation = one * [1.0, 0.0, np.nan], one * [0.1, 0.2, np.inf]
     known = np.array([1.0, 0.0, 1.0])
-    return TimeCourse(
-        "log", ("a", "b", "c"), ("kg",) * 3, np.arange(2.0), values, deviation, 2.6, np.full(2, np.inf), known, "truth"
-    )
+    names, unknown = ("a", "b", "c"), np.full(2, np.inf)
+    return TimeCourse("log", names, ("kg",) * 3, np.arange(2.0), values, deviation, 2.6, unknown, known, "truth")
 
 
 def test_the_worst_parameter_is_named(course: TimeCourse) -> None:
     for kept, said in (([0], "a, 10 %"), ([0, 1], "b, 0.2 kg of zero"), ([0, 2], "c, not identified")):
-        some = dataclasses.replace(
-            course,
-            names=tuple(course.names[k] for k in kept),
-            units=course.units[: len(kept)],
-            values=course.values[:, kept],
-            deviation=course.deviation[:, kept],
-            reference=course.reference[kept],
-        )
+        names, units = tuple(course.names[k] for k in kept), course.units[: len(kept)]
+        columns = {name: getattr(course, name)[..., kept] for name in ("values", "deviation", "reference")}
+        some = dataclasses.replace(course, names=names, units=units, **columns)
         assert study_view(TimeStudy("arm", "", (some,), 0.05)).tables[0].rows[0][-1] == said
 
 
@@ -170,9 +164,8 @@ def test_without_a_deviation_nothing_is_said_of_scatter(course: TimeCourse) -> N
 
 def test_the_soonest_motion_is_named(course: TimeCourse) -> None:
     known = dataclasses.replace(course, deviation=np.full((2, 3), 1e-3), values=np.ones((2, 3)))
-    view = study_view(
-        TimeStudy("arm", "", (course, dataclasses.replace(known, name="good", reference=np.ones(3))), 0.05)
-    )
+    good = dataclasses.replace(known, name="good", reference=np.ones(3))
+    view = study_view(TimeStudy("arm", "", (course, good), 0.05))
     assert view.verdict == "good determines every parameter to 5 % soonest, after 0 s"
     view = study_view(TimeStudy("arm", "", (course,), 0.05))
     assert (view.holds, view.verdict[:54]) == (False, "No motion determines every parameter to 5 %; log leave")
@@ -219,7 +212,6 @@ def test_break_away_tests_fill_their_panel(k: int) -> None:
 @pytest.mark.parametrize("k", [0, 1])
 def test_ramps_are_those_of_the_file(k: int) -> None:
     c, ax = friction_plan().coordinates[k], figure().axes[COLUMNS * k + 3]
-    assert c.ramps is not None
     drawn = curve(ax, DARK)
     samples, torque, segments = c.ramps.samples(c.place.pose)
     inside = np.array([segment != "rest" for segment in segments])
@@ -263,10 +255,9 @@ def test_dots_are_errors_over_predicted_half_widths(count: int) -> None:
     expected = (r.estimates - r.beta) / half
     for drawn, own in zip(dots(figure), expected.T, strict=True):
         np.testing.assert_allclose(drawn, own[:DOTS], rtol=1e-12)
-    lines = [
-        np.asarray(line.get_xdata()) for line in ax.lines if line.get_color() == DARK and line.get_linewidth() > 1.3
-    ]
-    for drawn, own in zip([each for each in lines if each.size == 2], expected.T, strict=True):
+    thick = [line for line in ax.lines if line.get_color() == DARK and line.get_linewidth() > 1.3]
+    lines = [line.get_xdata() for line in thick if np.size(line.get_xdata()) == 2]
+    for drawn, own in zip(lines, expected.T, strict=True):
         np.testing.assert_allclose(drawn, np.percentile(own, [0.5, 99.5]))
     (band,) = [p for p in ax.patches if p.get_facecolor() == to_rgba(BAND)]
     assert (band.get_x(), band.get_width()) == (-1.0, 2.0)

@@ -19,6 +19,7 @@ from written_files import saved
 from written_results import design, plan, result, verification
 
 import excite
+from excite.cli.identify_commands import identify
 from excite.design.task_file import read_task_file, task_content, task_from_options
 from excite.identification.result import RepeatedParameter, RepetitionSummary
 from excite.information.matrix import CONVENTIONS
@@ -52,8 +53,7 @@ def parsed(page: str) -> ParsedPage:
 
 @pytest.fixture(scope="module")
 def content(folder: Path) -> dict[str, Any]:
-    read: dict[str, Any] = json.loads((folder / "design.json").read_text())
-    return read
+    return json.loads((folder / "design.json").read_text())
 
 
 def test_numbers_are_those_of_the_file(parsed: ParsedPage, content: dict[str, Any]) -> None:
@@ -69,8 +69,7 @@ def test_numbers_are_those_of_the_file(parsed: ParsedPage, content: dict[str, An
         same(ordered[0].tolist(), ordered[1].tolist())
 
 
-def test_what_was_asked_assumed_and_not_checked_is_said(page: str, content: dict[str, Any]) -> None:
-    parsed = ParsedPage(page)
+def test_what_was_asked_assumed_and_not_checked_is_said(parsed: ParsedPage, content: dict[str, Any]) -> None:
     text = "".join(parsed.of("main")[0].text)
     assert "not checked: jerk (no limit is stated)" in text
     assert all(f"not checked: {each['limit']} ({each['reason']})" in text for each in content["unchecked"])
@@ -185,8 +184,6 @@ def test_bad_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_commands_repeat_an_identification(tmp_path: Path) -> None:
-    from excite.cli.identify_commands import identify
-
     made = result("old")
     facts = dataclasses.replace(made.facts, logs=(dataclasses.replace(made.facts.logs[0], file="run.csv"),))
     recipe = dataclasses.replace(made.recipe, cutoff=12.5, estimator="least-squares")
@@ -268,8 +265,6 @@ def test_the_motion_of_a_stored_plan_is_the_planned_one(planned: Path) -> None:
 def test_a_fit_of_friction_curves(fit: excite.FrictionFit, tmp_path: Path) -> None:
     fit.save(tmp_path / "fit")
     (known,), (made,) = excite.load(tmp_path / "fit" / "fit.json").characteristics, fit.characteristics
-    assert known.fit is not None
-    assert made.fit is not None
     assert (known.fit.form, known.points, known.stiction) == (made.fit.form, made.points, made.stiction)
     v = np.linspace(-1.0, 1.0, 7)
     np.testing.assert_array_equal(known.fit.band(v), made.fit.band(v))
@@ -307,9 +302,8 @@ def test_a_campaign_lists_its_designs(tmp_path: Path) -> None:
     assert section.view.verdict.endswith(" 1 of them is designed here.")
     assert ParsedPage(page_text([section])).numbers("motions-designed")[0][:2] == [1.0, made.condition_number]
     (tmp_path / "plan.json").write_text(json.dumps(asdict(campaign)))
-    kinds = [
-        e.attributes["data-kind"] for e in ParsedPage(report_text([tmp_path / "plan.json", made, other])).of("article")
-    ]
+    page = ParsedPage(report_text([tmp_path / "plan.json", made, other]))
+    kinds = [each.attributes["data-kind"] for each in page.of("article")]
     assert kinds == ["campaign", "design", "design"]  # one of another kind is nothing to compare
 
 

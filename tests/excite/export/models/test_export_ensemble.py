@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -40,24 +40,18 @@ def robots(folder: Path) -> list[Path]:
     return [*sorted(folder.glob("*.xml")), *sorted(folder.glob("*.urdf"))]
 
 
-def mass_matrix(model: Any, data: Any) -> np.ndarray:
-    columns = np.zeros((model.nv, model.nv))
-    for column, unit in zip(columns, np.eye(model.nv), strict=True):
-        mujoco.mj_mulM(model, data, column, unit)
-    return columns
-
-
 def test_mujoco_takes_every_robot_as_it_is(ensemble: Path) -> None:
     masses = set()
     assert [path.name for path in robots(ensemble)] == [f"ur10e-{k:04d}.xml" for k in range(1, COUNT + 1)]
     for path in robots(ensemble):
         assert 'balanceinertia="false"' in path.read_text()
         model = mujoco.MjModel.from_xml_path(str(path))
-        data = mujoco.MjData(model)
+        data, M = mujoco.MjData(model), np.zeros((model.nv, model.nv))
         for seed in range(5):
             data.qpos[:] = np.random.default_rng(seed).uniform(-np.pi, np.pi, model.nq)
             mujoco.mj_forward(model, data)
-            assert np.linalg.eigvalsh(mass_matrix(model, data))[0] > 0
+            mujoco.mj_fullM(model, data, M)
+            assert np.linalg.eigvalsh(M)[0] > 0
         assert np.all(model.body_mass[1:] > 0)
         assert np.all(model.dof_armature >= 0)
         assert np.all(model.dof_frictionloss[1:3] > 0)
@@ -142,10 +136,9 @@ def test_what_is_written_stays_after_an_interruption(result: Identification, tmp
     assert content["interrupted"] is True
     assert len(robots(tmp_path / "e")) == 3
     assert set(content["files"]) == {path.name for path in (tmp_path / "e").iterdir()} - {"ensemble.json"}
+    at_once = partial(interrupt, left=99)
     with pytest.raises(KeyboardInterrupt):
-        excite.export_ensemble(
-            result, "mjcf", tmp_path / "f", samples=5, level=LEVEL, progress=lambda *done: interrupt(*done, left=99)
-        )
+        excite.export_ensemble(result, "mjcf", tmp_path / "f", samples=5, level=LEVEL, progress=at_once)
     assert not (tmp_path / "f").exists()
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from identified import identified, result_of
 from written_files import text_file
 
 import excite
+from excite.export.models.export_model import ModelText
 from excite.export.models.exported_model import model_of_result
 from excite.export.models.urdf_model import upright
 from excite.identification.estimator import Estimate
@@ -60,13 +61,10 @@ def test_every_file_states_where_it_comes_from_and_is_the_same_again(
 ) -> None:
     path = tmp_path / f"robot.{form}"
     exported = excite.export_model(result, form, path)
-    assert exported.files == (path,)
-    assert exported.format == form
+    assert (exported.files, exported.format) == ((path,), form)
     content = content_of(path).replace("\\", "")
-    assert "44136fa355b3678a1146ad16f7e8649e94fb4fc21fe77e8310c060f61caaff8a" in content  # of {}
-    assert "ur10e" in content
-    assert "excite-trajectories" in content
-    assert "1.23 %" in content
+    for text in (sha256(b"{}").hexdigest(), "ur10e", "excite-trajectories", "1.23 %"):
+        assert text in content
     assert not re.search(r"20\d\d-\d\d-\d\d", content)
     for note in exported.notes:
         assert note.replace("\\", "") in content
@@ -128,11 +126,8 @@ def test_drakes_actuators_have_the_reflected_inertia(tmp_path: Path) -> None:
     robot = excite.load_robot("irp6")
     excite.export_model(result_of(robot, tmp_path), "drake", tmp_path / "robot.urdf")
     root = ET.parse(tmp_path / "robot.urdf").getroot()
-    ratios = {
-        element.find("joint").get("name"): float(ratio.get("value"))
-        for element in root.findall("transmission")
-        if (ratio := element.find("actuator/{https://drake.mit.edu}gear_ratio")) is not None
-    }
+    stated = [(each, each.find("actuator/{https://drake.mit.edu}gear_ratio")) for each in root.findall("transmission")]
+    ratios = {each.find("joint").get("name"): float(ratio.get("value")) for each, ratio in stated if ratio is not None}
     assert ratios == {"q1": 158.0, "q2": 167.5, "q5": 76.8}
 
 
@@ -188,8 +183,6 @@ class OwnFormat(excite.ModelFormat):
     expresses = frozenset()
 
     def text(self, model: Any, comment: tuple[str, ...], robot_file: Path | None = None) -> Any:
-        from excite.export.models.export_model import ModelText
-
         return ModelText(" ".join(model.moving), ("in order",))
 
 
@@ -255,9 +248,8 @@ def test_names_with_hyphens_and_ampersands_stay_xml(tmp_path: Path) -> None:
 
 
 def test_prismatic_joints_are_written(tmp_path: Path) -> None:
-    result = result_of(excite.load_robot(str(SCARA)), tmp_path)
-    excite.export_model(result, "urdf", tmp_path / "r.urdf")
+    robot = excite.load_robot(str(SCARA))
+    excite.export_model(result_of(robot, tmp_path), "urdf", tmp_path / "r.urdf")
     again = excite.load_robot(str(tmp_path / "r.urdf"))
-    assert [joint.kind for joint in again.joints] == [joint.kind for joint in result.robot.joints]
-    np.testing.assert_allclose(again.limits.lower, result.robot.limits.lower)
-    assert json.dumps(again.joint_names) == json.dumps(result.robot.joint_names)
+    assert [(joint.name, joint.kind) for joint in again.joints] == [(joint.name, joint.kind) for joint in robot.joints]
+    np.testing.assert_allclose(again.limits.lower, robot.limits.lower)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +22,6 @@ from excite.identification.servos import servo_motion
 from excite.verification.verify_servos import verify_servos
 from regressors.errors import InputError
 from regressors.models.servo_response import STRIBECK_SPEED, SYMBOLS
-from regressors.samples import Array
 
 
 def exported(result: ServoResult, form: str, folder: Path, **options: object) -> tuple[Exported, str]:
@@ -33,23 +33,16 @@ def in_mujoco(result: ServoResult, folder: Path) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(exported(result, "mjcf", folder)[1])
 
 
-def error_in_mujoco(result: ServoResult, folder: Path, seed: int) -> tuple[Array, Array]:
-    """Errors of the motion of an unseen log: in MuJoCo, and as it is verified [rad]."""
-    motion = servo_motion(servo_log(seed, 12.0), result.robot)
-    path = plant().replay(in_mujoco(result, folder), motion.log, motion.samples.dq[0])
-    fits = verify_servos(result, motion.log).fits
-    return np.sqrt(np.mean((path - motion.log.q) ** 2, axis=0)), np.array([fit.position_error for fit in fits])
-
-
-def test_the_arm_moves_in_mujoco_as_the_true_servos_do(tmp_path: Path) -> None:
-    error, ours = error_in_mujoco(true_servos(), tmp_path, 1)
-    assert error.mean() < 1.1 * ours.mean(), (error, ours)
-
-
-@pytest.mark.slow
-def test_the_arm_moves_in_mujoco_as_identified_servos_are_verified(tmp_path: Path) -> None:
-    error, ours = error_in_mujoco(identified_servos(), tmp_path, 1)
-    assert error.mean() < 1.1 * ours.mean(), (error, ours)
+@pytest.mark.parametrize("servos", [true_servos, pytest.param(identified_servos, marks=pytest.mark.slow)])
+def test_the_arm_moves_in_mujoco_along_an_unseen_log_as_it_is_verified(
+    servos: Callable[[], ServoResult], tmp_path: Path
+) -> None:
+    result = servos()
+    motion = servo_motion(servo_log(1, 12.0), result.robot)
+    path = plant().replay(in_mujoco(result, tmp_path), motion.log, motion.samples.dq[0])
+    error = np.sqrt(np.mean((path - motion.log.q) ** 2, axis=0))
+    ours = [fit.position_error for fit in verify_servos(result, motion.log).fits]
+    assert error.mean() < 1.1 * np.mean(ours), (error, ours)
 
 
 def test_mujoco_is_told_what_the_servos_are(tmp_path: Path) -> None:
@@ -176,8 +169,6 @@ def test_a_urdf_has_friction_damping_and_limits(copied: bool, tmp_path: Path) ->
     joints = {joint.get("name"): joint for joint in ET.fromstring(text).iter("joint")}
     for name, D, Fc in zip(JOINTS, truth().D, truth().Fc, strict=True):
         dynamics, limit = joints[name].find("dynamics"), joints[name].find("limit")
-        assert dynamics is not None
-        assert limit is not None
         assert [float(dynamics.get(key, "nan")) for key in ("damping", "friction")] == [D, Fc]
         assert [float(limit.get(key, "nan")) for key in ("effort", "velocity")] == [8.0, 5.0]
     assert "K 15 +- 0 Nm/rad" in text

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import xml.etree.ElementTree as ET
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +17,11 @@ import scipy.io
 import yaml
 from designed import irp6, panda, ur10e
 from hypothesis import example, given, strategies as st
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 from robot_programs import broken_rules, krl_program, rapid_moves, ur_program
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 
 import excite
 from excite.design.design import Design
@@ -32,9 +37,8 @@ SUFFIX = {
     "ros2-yaml": ".yaml", "mcap": ".mcap", "urscript": ".script", "krl": ".src", "rapid": ".mod", "npz": ".npz",
     "mujoco": ".npz", "mat": ".mat",
 }  # fmt: skip
-SLOW = dict.fromkeys(("urscript", "rtde", "rsi", "egm"), 125.0) | dict.fromkeys(
-    ("npz", "mujoco", "mat", "mcap", "ros2-yaml"), 50.0
-)
+SLOW = dict.fromkeys(("urscript", "rtde", "rsi", "egm"), 125.0)
+SLOW |= dict.fromkeys(("npz", "mujoco", "mat", "mcap", "ros2-yaml"), 50.0)
 
 
 def exported(folder: Path, design: Design, form: str, **options: object) -> tuple[Path, Exported]:
@@ -54,13 +58,9 @@ def table(path: Path, header: bool = True) -> tuple[list[str], np.ndarray]:
     return names, np.loadtxt(io.StringIO("\n".join(lines)), delimiter=",")
 
 
-def design_of(form: str) -> Design:
-    return panda() if form == "franka" else ur10e()
-
-
 @pytest.mark.parametrize("form", [form for form in MOTION_FORMATS if form not in ("lerobot", "sage")])
 def test_files_are_the_same_bytes_again_and_the_mapping_beside_reads_a_recording(form: str, tmp_path: Path) -> None:
-    design = design_of(form)
+    design = panda() if form == "franka" else ur10e()
     path, first = exported(tmp_path / "a", design, form, rate=SLOW.get(form))
     _, again = exported(tmp_path / "b", design, form, rate=SLOW.get(form))
     assert [file.name for file in first.files] == [file.name for file in again.files]
@@ -120,11 +120,6 @@ def test_ros2_goal_is_read_by_pyyaml_and_accepted(tmp_path: Path) -> None:
 
 
 def test_mcap_is_read_by_rosbags_and_by_mcap_ros2(tmp_path: Path) -> None:
-    from mcap.reader import make_reader
-    from mcap_ros2.decoder import DecoderFactory
-    from rosbags.highlevel import AnyReader
-    from rosbags.typesys import Stores, get_typestore
-
     design = ur10e()
     path, _ = exported(tmp_path, design, "mcap", rate=50.0)
     with path.open("rb") as stream:
@@ -260,12 +255,10 @@ def test_arrays_are_set_in_a_model_of_mujoco_by_joint(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["a\nEND\nb", 'q"1 --> ---', "\u00e9\U0001f916 # b: c"])
 @pytest.mark.slow
 def test_names_of_folders_stay_in_comments(name: str, tmp_path: Path) -> None:
-    from dataclasses import replace as changed
-
     folder = tmp_path / name
     folder.mkdir()
     (folder / "design.json").write_bytes((ur10e().folder / "design.json").read_bytes())
-    design = changed(ur10e(), folder=folder)
+    design = replace(ur10e(), folder=folder)
     plain = exported(tmp_path / "plain", ur10e(), "krl")[0].read_text().splitlines()
     assert len(exported(tmp_path / "k", design, "krl")[0].read_text().splitlines()) == len(plain)
     for form in ("rtde", "rsi"):

@@ -68,9 +68,7 @@ def test_where_no_folder_can_be_made_one_line_says_so(tmp_path: Path) -> None:
 
 def test_without_pyarrow_the_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(
-        InputError, match=r"the format lerobot needs pyarrow: pip install 'excite-trajectories\[parquet\]'"
-    ):
+    with pytest.raises(InputError, match=r"the format lerobot needs pyarrow: .*'excite-trajectories\[parquet\]'"):
         excite.export_motion(design(), "lerobot", tmp_path / "arm")
     assert not list(tmp_path.iterdir())
 
@@ -87,7 +85,6 @@ def test_a_list_of_positions_is_read_back_beside_the_states_of_servos(tmp_path: 
     (tmp_path / "run/state_motor.csv").write_text(control.replace("CONTROL", "STATE_MOTOR"))
     log = excite.read_log(tmp_path / "run", robot=design().robot)
     q = design().sequence.at(log.time)[0].q
-    assert log.command is not None
     assert np.abs(log.command - q).max() < 1e-6
     assert np.abs(log.q - q).max() < 1e-6
 
@@ -102,5 +99,4 @@ def test_the_mapping_reads_commands_and_positions(tmp_path: Path) -> None:
     rows = [",".join(head), *(",".join(f"{value:.17g}" for value in row) for row in table)]
     (tmp_path / "recording.csv").write_text("\n".join(rows) + "\n")
     log = excite.read_log(tmp_path / "recording.csv", None, mapping, robot=design().robot)
-    assert log.command is not None
     assert np.array_equal(np.column_stack([log.command, log.q]), table[:, 1:])
