@@ -33,7 +33,6 @@ LINE = 3  # of the expression
 
 # An expression, and what the refusal says.
 EXPRESSIONS = {
-    "import": ("__import__('os').system('touch {canary}')", "the name '__import__' is not allowed"),
     "subclasses": ("().__class__.__base__.__subclasses__()", "the attribute '__subclasses__' is not allowed"),
     "builtins": ("__builtins__", "the name '__builtins__' is not allowed"),
     "comprehension": ("[c for c in (1).real.conjugate().__class__.__mro__]", "a comprehension is not allowed"),
@@ -356,22 +355,16 @@ def _run(code: str, *arguments: str) -> dict[str, str]:
     return answer
 
 
-pytest.importorskip("xacro", reason="xacro is not installed (pip install xacro)")
-
 NAMESPACE = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
-ARM_PART = f"""
-<robot {NAMESPACE}>
-  <xacro:macro name="part" params="k parent mass">
-    <link name="l${{k}}">
-      <inertial><mass value="${{mass}}"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>
+PART_OF_ARM = """
+    <link name="l${k}">
+      <inertial><mass value="${mass}"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>
     </link>
-    <joint name="j${{k}}" type="revolute">
-      <parent link="${{parent}}"/><child link="l${{k}}"/><origin xyz="0 0 0.3" rpy="${{pi / 2}} 0 0"/>
+    <joint name="j${k}" type="revolute">
+      <parent link="${parent}"/><child link="l${k}"/><origin xyz="0 0 0.3" rpy="${pi / 2} 0 0"/>
       <limit lower="-1" upper="1" effort="2" velocity="$(arg speed)"/>
-    </joint>
-  </xacro:macro>
-</robot>
-"""
+    </joint>"""
+ARM_PART = f'<robot {NAMESPACE}><xacro:macro name="part" params="k parent mass">{PART_OF_ARM}</xacro:macro></robot>'
 ARM = f"""
 <robot name="arm" {NAMESPACE}>
   <xacro:arg name="speed" default="3"/>
@@ -381,17 +374,16 @@ ARM = f"""
   <xacro:part k="2" parent="l1" mass="${{2 * 0.25}}"/>
 </robot>
 """
-EXPANDED = '<robot name="arm"><link name="base"/>' + "".join(
-    f"""
-    <link name="l{k}">
-      <inertial><mass value="{mass}"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>
-    </link>
-    <joint name="j{k}" type="revolute">
-      <parent link="{parent}"/><child link="l{k}"/><origin xyz="0 0 0.3" rpy="{np.pi / 2!r} 0 0"/>
-      <limit lower="-1" upper="1" effort="2" velocity="3"/>
-    </joint>"""
-    for k, parent, mass in ((1, "base", 2), (2, "l1", 0.5))
-) + "</robot>"  # fmt: skip
+
+
+def expanded(**values: str) -> str:
+    """The part of the arm, by hand."""
+    text = PART_OF_ARM.replace("${pi / 2}", repr(np.pi / 2)).replace("$(arg speed)", "3")
+    return re.sub(r"\$\{(\w+)\}", lambda found: values[found[1]], text)
+
+
+PARTS = expanded(k="1", parent="base", mass="2") + expanded(k="2", parent="l1", mass="0.5")
+EXPANDED = f'<robot name="arm"><link name="base"/>{PARTS}</robot>'
 
 
 def package(root: Path, text: str = ARM, name: str = "arm.urdf.xacro") -> str:
