@@ -15,6 +15,7 @@ from hypothesis import given, settings, strategies as st
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.patches import Polygon
+from refused import refusal
 from slow_dynamics import random_chain
 
 from constraints.certificate import ENCLOSED
@@ -43,8 +44,7 @@ TOLERANCE = 0.004
 
 
 def vector(rng: np.random.Generator, size: float) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in rng.uniform(-size, size, 3))
-    return x, y, z
+    return tuple(rng.uniform(-size, size, 3).tolist())
 
 
 def random_world(robot: Robot, seed: int) -> World:
@@ -56,11 +56,10 @@ def random_world(robot: Robot, seed: int) -> World:
         end = start if rng.random() < 0.3 else vector(rng, 0.4)
         parts.append(Part(name, Capsule(start, end, float(rng.uniform(0.02, 0.1)))))
     normal = rng.normal(size=3)
-    x, y, z = (float(value) for value in normal / np.linalg.norm(normal))
-    size = tuple(float(value) for value in rng.uniform(0.1, 0.5, 3))
+    level, size = tuple((normal / np.linalg.norm(normal)).tolist()), tuple(rng.uniform(0.1, 0.5, 3).tolist())
     obstacles = (
-        Obstacle("plane", HalfSpace((x, y, z), -1.0)),
-        Obstacle("box", Box(vector(rng, 1.5), (size[0], size[1], size[2]), vector(rng, 3.0))),
+        Obstacle("plane", HalfSpace(level, -1.0)),
+        Obstacle("box", Box(vector(rng, 1.5), size, vector(rng, 3.0))),
         Obstacle("post", Capsule(vector(rng, 1.5), vector(rng, 1.5), 0.1)),
         Obstacle("ball", Capsule(ball := vector(rng, 1.5), ball, 0.15)),
     )
@@ -114,13 +113,8 @@ def test_slopes_are_those_of_the_values_and_rates_are_enclosed(seed: int) -> Non
     rng = np.random.default_rng(seed)
     dq, step = rng.uniform(-1, 1, q.shape), 1e-6
     for limit in limits:
-        numeric = np.stack(
-            [
-                (limit.values(still(q + step * e)) - limit.values(still(q - step * e))) / (2 * step)
-                for e in np.eye(robot.n)
-            ],
-            axis=-1,
-        )
+        ahead, behind = ([limit.values(still(q + way * e)) for e in np.eye(robot.n)] for way in (step, -step))
+        numeric = np.moveaxis(np.subtract(ahead, behind) / (2 * step), 0, -1)
         slopes = limit.slopes(still(q))
         np.testing.assert_allclose(slopes[:, :, : robot.n], numeric, atol=1e-4, rtol=1e-4)
         assert not np.any(slopes[:, :, robot.n :])
@@ -303,9 +297,7 @@ def test_a_world_without_room_is_explained() -> None:
     ],
 )
 def test_shapes_that_cannot_be_are_refused(make: object, message: str) -> None:
-    assert callable(make)
-    with pytest.raises(InputError, match=re.escape(message)):
-        make()
+    assert message in refusal(make)
 
 
 # --- ways from home --------------------------------------------------------------------------------------------------
@@ -313,9 +305,9 @@ def test_shapes_that_cannot_be_are_refused(make: object, message: str) -> None:
 
 def test_a_home_that_collides_is_refused_once_per_pair() -> None:
     task = TASK.changed(world=ROOM, home=(0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-    with pytest.raises(InputError, match=r"^home: .*link_7 to table is -0.0953644 m, 0.115 m outside") as caught:
-        formulate(IIWA, task)
-    assert str(caught.value).count("link_4 to post") == 1
+    told = refusal(formulate, IIWA, task, begins="home: ")
+    assert "link_7 to table is -0.0953644 m, 0.115 m outside" in told
+    assert told.count("link_4 to post") == 1
 
 
 # --- frames ----------------------------------------------------------------------------------------------------------
@@ -402,10 +394,8 @@ def test_what_would_dwarf_the_robot_is_named_and_the_view_stays() -> None:
     design = designed(ROOM)
     slab = Obstacle("hall", Box((0.0, 0.0, -1.5), (40.0, 40.0, 1.0)))
     tilted = Obstacle("ramp", HalfSpace((0.6, 0.48, 0.64), -3.0))
-    figures = [
-        workspace_figure(dataclasses.replace(design, task=design.task.changed(world=World(ARM, obstacles))))
-        for obstacles in ((TABLE,), (TABLE, slab, tilted))
-    ]
+    worlds = (World(ARM, obstacles) for obstacles in ((TABLE,), (TABLE, slab, tilted)))
+    figures = [workspace_figure(dataclasses.replace(design, task=design.task.changed(world=each))) for each in worlds]
     assert [ax.get_xlim() for ax in figures[0].axes] == [ax.get_xlim() for ax in figures[1].axes]
     text = " ".join(legend.get_title().get_text().replace("\n", " ") for legend in figures[1].legends)
     assert "too large or too far off to be shown as a whole: hall" in text

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import scipy.integrate
 from motions import Sines
+from refused import refusal
 from written_files import text_file
 
 from excite.logs.log import Log
@@ -169,8 +171,7 @@ TWO_FILES = (
 
 def test_signals_of_two_files_meet_on_the_rows_of_the_positions(written):
     time, other = np.arange(0, 2, 0.01), np.arange(0.05, 1.5, 0.003)
-    with pytest.raises(InputError, match=r"cannot read log .*log_tau\.csv"):
-        read(written, table(time, time), TWO_FILES)
+    assert re.search(r"cannot read log .*log_tau\.csv", refusal(read, written, table(time, time), TWO_FILES))
     written(table(other, 3 * other), "log_tau.csv")
     log = read(written, table(time, np.sin(time)), TWO_FILES)
     np.testing.assert_allclose(log.effort[:, 0], 3 * log.time, atol=1e-12)
@@ -186,8 +187,7 @@ def test_signals_of_two_files_meet_on_the_rows_of_the_positions(written):
     log = read(written, table(time, np.sin(time)), TWO_FILES)
     np.testing.assert_array_equal(log.removed[0].numbers, np.arange(81, 101))
     written(table([50.0, 51.0], [0.0, 1.0]), "log_tau.csv")
-    with pytest.raises(InputError, match="one clock"):
-        read(written, table([0.0, 1.0], [0.0, 1.0]), TWO_FILES)
+    assert "one clock" in refusal(read, written, table([0.0, 1.0], [0.0, 1.0]), TWO_FILES)
 
 
 def test_commands_of_another_file_hold_until_the_next_one(written):
@@ -199,8 +199,7 @@ def test_commands_of_another_file_hold_until_the_next_one(written):
     np.testing.assert_allclose(log.effort[:, 0], log.time + 1.0)
     assert log.left_out[0].startswith("told.csv: 3 rows, held onto the 6 of the positions; 1 of these are before")
     written(table([-9.0, -8.0], [7.0, 8.0]), "told.csv")
-    with pytest.raises(InputError, match="one clock"):
-        read(written, table([0.0, 1.0], [0.0, 1.0]), mapping)
+    assert "one clock" in refusal(read, written, table([0.0, 1.0], [0.0, 1.0]), mapping)
 
 
 # --- garbage ---------------------------------------------------------------------------------------------------------
@@ -227,8 +226,7 @@ def test_many_garbage_lines_are_refused_or_dropped_as_asked(written):
     content = lines(300)
     content[100:100] = GARBAGE
     path = written("\n".join(content) + "\n")
-    with pytest.raises(InputError, match=r"line 101 has 1 columns, expected 3 .*`drop='garbage'`.*skip: N"):
-        read_log(path)
+    assert re.search(r"line 101 has 1 columns, expected 3 .*`drop='garbage'`.*skip: N", refusal(read_log, path))
     assert read_log(path, drop=["garbage"]).count == 300
 
 
@@ -250,9 +248,7 @@ def test_rows_that_are_not_asked_for_may_hold_anything(written):
     content = lines()
     content[900:] = [*["garbage"] * 100, "10,1000,-1000"]
     path = written("\n".join(content) + "\n")
-    with pytest.raises(InputError, match="100 lines like this"):
-        read_log(path)
+    assert "100 lines like this" in refusal(read_log, path)
     log = read_log(path, only=(100, 500))
     np.testing.assert_array_equal(log.row_numbers, np.arange(100, 501))
-    with pytest.raises(InputError, match="rows: given 5:2000, but the log has 1000 rows"):
-        read_log(path, only=(5, 2000))
+    assert "rows: given 5:2000, but the log has 1000 rows" in refusal(read_log, path, only=(5, 2000))

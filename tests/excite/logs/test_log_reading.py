@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from recordings import log_of, real_log
+from refused import refusal
 
 from excite.logs.log import Log
 from excite.logs.log_reading import read_log, read_sidecar, write_log
@@ -63,8 +65,7 @@ def test_commands_are_cut_with_the_rows_and_leave_the_identity_of_logs_without_t
     told = replace(log, command=np.outer(time, [5.0, 6.0]))
     assert told.identity != log.identity
     np.testing.assert_array_equal(told.rows(slice(1, 3)).of(["b"]).command, [[6.0], [12.0]])
-    with pytest.raises(InputError, match=r"command has shape \(2, 2\), not \(3, 2\)"):
-        replace(log, command=np.zeros((2, 2)))
+    assert "command has shape (2, 2), not (3, 2)" in refusal(replace, log, command=np.zeros((2, 2)))
 
 
 def test_columns_are_found_by_name_in_any_order_and_extra_ones_are_named(written):
@@ -127,17 +128,14 @@ FAULTS = {
 
 def test_faults_are_named(written):
     for case, (content, message) in FAULTS.items():
-        path = written(content)
-        with pytest.raises(InputError, match=message) as error:
-            read_log(path)
-        assert "log.csv" in str(error.value), case
-        assert "\n" not in str(error.value), case
+        told = refusal(read_log, written(content))
+        assert re.search(message, told), case
+        assert "log.csv" in told, case
 
 
 def test_missing_file_and_missing_joint(tmp_path, written):
     path = written(GOOD)
-    with pytest.raises(InputError, match=r"cannot read log .*none\.csv: No such file"):
-        read_log(tmp_path / "none.csv")
+    assert re.search(r"cannot read log .*none\.csv: No such file", refusal(read_log, tmp_path / "none.csv"))
     with pytest.raises(UnknownName, match=r"no joint in .* named 'c'; available: a, b"):
         read_log(path, joints=["a", "c"])
     with pytest.raises(UnknownName, match="no kind of row to drop named 'all'; available: truncated, nan, repeated"):
@@ -164,8 +162,7 @@ def test_rows_may_be_left_out_and_are_counted(written):
         (rows("0,1,2", "1,3,4", "0,5,6"), kinds, "runs backwards"),
         (rows("0,1,2", "1,nan,4", "2,nan,6"), ["nan"], "fewer than two rows are left; left out: 2 rows with cells"),
     ):
-        with pytest.raises(InputError, match=message):
-            read_log(written(content), drop=drop)
+        assert re.search(message, refusal(read_log, written(content), drop=drop))
 
 
 # --- foreign layouts -------------------------------------------------------------------------------------------------
@@ -234,9 +231,7 @@ BAD_MAPPINGS = {
 
 def test_bad_mappings_are_named(written):
     for text, message in BAD_MAPPINGS.values():
-        with pytest.raises(InputError, match=message) as error:
-            read_mapping(written(text, "map.yaml"))
-        assert "map.yaml" in str(error.value)
+        assert re.search(f"map.yaml.*{message}", refusal(read_mapping, written(text, "map.yaml")))
     for text, content, message in (
         (BASE + POSITION, "0,1\n1,2\n", "has 2 columns, the mapping asks for number 3"),
         (BASE + POSITION, "t,a,b\n0,1,2\n", "line 1 holds no number: t, a, b; check header"),
@@ -246,8 +241,7 @@ def test_bad_mappings_are_named(written):
         (BASE + POSITION + "separator: ';'\n", "0;1,5,5;2\n1;2;3\n", "line 1, column 2: '1,5,5' is not a number"),
         (BASE + POSITION, "0,1,2\n1,x,3\n", "line 2, column 2: 'x' is not a number"),
     ):
-        with pytest.raises(InputError, match=message):
-            read_log(written(content), mapping=read_mapping(written(text, "map.yaml")))
+        assert re.search(message, refusal(read_log, written(content), mapping=read_mapping(written(text, "map.yaml"))))
 
 
 def test_a_recorded_log_reads_through_the_example(written):
@@ -269,5 +263,4 @@ def test_other_files_beside_a_log_are_refused(written):
         ("[", "is not JSON"),
     ):
         path = written(content, "log.json")
-        with pytest.raises(InputError, match=message):
-            read_sidecar(path.with_suffix(".csv"))
+        assert re.search(message, refusal(read_sidecar, path.with_suffix(".csv")))

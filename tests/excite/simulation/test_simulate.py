@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,6 +15,7 @@ import pinocchio as pin
 import pytest
 from motions import Polynomials, order_of, random_fourier as motion
 from pinocchio_chains import chain_model, inertia
+from refused import refusal
 from scipy.integrate import solve_ivp
 from slow_dynamics import random_body, random_chain
 
@@ -372,8 +374,7 @@ def test_impossible_loads_are_refused() -> None:
         ([1.0, 1.0] + [0.0] * 8, "no body has these parameters"),
         ([1.0, 0, 0, 0, 1.0, 0, 0, 0.1, 0, 0.1], "no body has these parameters"),  # triangle inequality
     ):
-        with pytest.raises(InputError, match=message):
-            Payload(phi)
+        assert re.search(message, refusal(Payload, phi))
 
 
 # --- sensors ---------------------------------------------------------------------------------------------------------
@@ -461,8 +462,7 @@ def test_impossible_settings_are_refused() -> None:
         ({"wrench_noise": (1.0, 2.0, 3.0)}, "wrench_noise needs two numbers, of force and torque, or six; given 3"),
         ({"sign_width": 0.0}, "`sign_width` must be a velocity greater than zero"),
     ):
-        with pytest.raises(InputError, match=message):
-            SimulationSettings(**options)
+        assert re.search(message, refusal(SimulationSettings, **options))
     for name in ("encoder", "position_noise", "temperature"):
         for given in (2, 2.0, [2.0], np.array([2.0]), np.float64(2.0)):
             assert getattr(SimulationSettings(**{name: given}), name) == (2.0,)

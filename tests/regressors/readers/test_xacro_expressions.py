@@ -170,8 +170,7 @@ def test_caps_end_what_takes_too_long(
 ) -> None:
     monkeypatch.setattr(urdf, cap, value)
     slow = mass("${" + " + ".join(["math.prod(range(1, 90000))"] * 9) + "}")
-    with pytest.raises(InputError, match=message):
-        expand_xacro(document(folder, slow))
+    assert re.search(message, refusal(expand_xacro, document(folder, slow)))
 
 
 def test_a_module_beside_the_file_is_not_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,8 +200,7 @@ def test_content_alone_expands_nothing(name: str, folder: Path) -> None:
     path = document(folder, mass(text), name)
     with pytest.raises(InputError, match=rf"{name}, line {LINE}: .* an expression of xacro: .* or give `xacro=True`"):
         load_robot(str(path))
-    with pytest.raises(InputError, match=rf"{name}, line {LINE}: a lambda is not allowed"):
-        load_robot(str(path), xacro=True)
+    assert re.search(rf"{name}, line {LINE}: a lambda is not allowed", refusal(load_robot, str(path), xacro=True))
     assert not canary.exists()
 
 
@@ -448,5 +446,4 @@ def test_missing_packages_are_told_with_their_extra(
 ) -> None:
     (tmp_path / f"{package_name}.py").write_text("raise ImportError", encoding="utf-8")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
-    with pytest.raises(InputError, match=r"one is not installed; pip install 'excite-trajectories\[xacro\]'"):
-        load_robot(package(tmp_path))
+    assert "one is not installed; pip install 'excite-trajectories[xacro]'" in refusal(load_robot, package(tmp_path))

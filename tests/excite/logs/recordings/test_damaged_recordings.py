@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sqlite3
 import struct
 import sys
@@ -19,6 +20,7 @@ import pytest
 import scipy.io
 from array_files import Matlab73, motion, read_all, write_hdf5, write_lerobot, write_parquet
 from hypothesis import given, settings as examples, strategies as st
+from refused import refusal
 from ros_bags import (
     arm_messages,
     header,
@@ -266,16 +268,13 @@ BAD: tuple[tuple[str, Callable[[], bytes], str], ...] = (
 def test_one_line(tmp_path: Path, build: Callable[[], bytes], message: str) -> None:
     path = tmp_path / "bad"
     path.write_bytes(build())
-    with pytest.raises(InputError, match=message) as refused:
-        read_all(path)
-    assert "\n" not in str(refused.value)
+    assert re.search(message, refusal(read_all, path))
 
 
 def test_a_variable_that_unpacks_to_more_than_may_be_held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.005")
     (tmp_path / "bad.mat").write_bytes(huge_mat())
-    with pytest.raises(InputError, match=r"reading .* would take"):
-        read_all(tmp_path / "bad.mat")
+    assert re.search(r"reading .* would take", refusal(read_all, tmp_path / "bad.mat"))
 
 
 METADATA = (
@@ -294,8 +293,7 @@ def test_metadata(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "bag", states())
     for text, message in METADATA:
         (bag / "metadata.yaml").write_text(text)
-        with pytest.raises(InputError, match=message):
-            read_all(bag)
+        assert re.search(message, refusal(read_all, bag))
 
 
 ROS = "needs rosbags: pip install 'excite-trajectories[ros]'"
@@ -313,9 +311,7 @@ MISSING = (
 def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch, form, module, message) -> None:
     (tmp_path / "log").write_bytes(whole_files()[form])
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(InputError) as refused:
-        read_all(tmp_path / "log")
-    assert str(refused.value).endswith(message)
+    assert refusal(read_all, tmp_path / "log").endswith(message)
 
 
 def test_streams_and_columns_that_are_not_there_are_answered_with_those_that_are(tmp_path: Path) -> None:
@@ -340,8 +336,6 @@ def test_a_data_set_without_tables(tmp_path: Path) -> None:
     folder = write_lerobot(tmp_path / "set")
     for file in folder.glob("data/**/*.parquet"):
         file.unlink()
-    with pytest.raises(InputError, match=r"expected 1 to 10000 files data/\*\*/\*\.parquet of a LeRobot data set"):
-        read_all(folder)
+    assert "expected 1 to 10000 files data/**/*.parquet of a LeRobot data set" in refusal(read_all, folder)
     (folder / "meta" / "info.json").write_text("{")
-    with pytest.raises(InputError, match=r"info\.json is not the JSON of a LeRobot data set"):
-        read_all(folder)
+    assert "info.json is not the JSON of a LeRobot data set" in refusal(read_all, folder)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
@@ -12,9 +13,9 @@ import numpy as np
 import pytest
 from friction_curves import TUSTIN
 from hypothesis import given, strategies as st
+from refused import refusal
 
 from excite.tasks.friction_file import friction_of, read_friction, write_friction
-from regressors.errors import InputError
 from regressors.models.base import random_states
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
@@ -175,8 +176,7 @@ def test_joints_stand_for_drives_where_none_are_described() -> None:
     ],
 )
 def test_impossible_curves_are_refused(make: Callable[[], object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        make()
+    assert re.search(message, refusal(make))
 
 
 # --- files -----------------------------------------------------------------------------------------------------------
@@ -248,7 +248,7 @@ BAD_ENTRIES = [
     ("load: {forward: 0.1}", "line 7.*backward"),
     (
         "load: much",
-        r"z1\.load \(line 7\): must be a number, given the text .much.; drives\.z1\.load \(line 7\): should be a map",
+        r"load \(line 7\): must be a number, given the text .much.; drives.*load \(line 7\): should be a map",
     ),
     ("uncertainty: {parameters: [coulomb]}", r"z1\.uncertainty\.covariance \(line 7\): is missing"),
     ("uncertainty: {parameters: [], covariance: []}", r"z1\.uncertainty\.parameters \(line 7\): .*at least 1 item"),
@@ -271,6 +271,4 @@ BAD_ENTRIES = [
     ],
 )
 def test_bad_files_are_refused_with_the_line(text: str, message: str) -> None:
-    with pytest.raises(InputError, match=message) as raised:
-        friction_of(text, "f.yaml")
-    assert str(raised.value).startswith("f.yaml")
+    assert re.search(message, refusal(friction_of, text, "f.yaml", begins="f.yaml"))
