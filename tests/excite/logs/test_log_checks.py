@@ -45,6 +45,11 @@ def one(channel, joint, change):
     return lambda log: changed(log, channel, joint, change)
 
 
+def named(joints):
+    """Logs of other joints."""
+    return lambda log: replace(log, joints=tuple(joints))
+
+
 def constant(value):
     return lambda x: np.full_like(x, value)
 
@@ -82,14 +87,8 @@ WRONG = (
         r"gaps of 1.5 s after t = 3 s \(row 601\); split the log",
     ),
     (lambda log: log.rows(slice(2)), "2 rows are too few"),
-    (
-        lambda log: replace(log, joints=built_in("iiwa7").joint_names),
-        "robot panda has none of its joints .*robots with these joints: iiwa7",
-    ),
-    (
-        lambda log: replace(log, joints=tuple("abcdefg")),
-        "none of its joints a, b, c, d, e, f, g; the robot's joints: panda_joint1",
-    ),
+    (named(built_in("iiwa7").joint_names), "robot panda has none of its joints .*robots with these joints: iiwa7"),
+    (named("abcdefg"), "none of its joints a, b, c, d, e, f, g; the robot's joints: panda_joint1"),
 )
 
 
@@ -100,10 +99,7 @@ def test_what_cannot_be_used_is_refused_with_the_reason():
 
 NOTED = (
     (lambda log: changed(one("q", 1, constant(0.1))(log), "dq", 1, np.zeros_like), "panda_joint2: not moved"),
-    (
-        one("q", 0, lambda x: x - x.max() + PANDA.limits.upper[0] + 0.02),
-        "panda_joint1.position from .* slightly exceeds the limits",
-    ),
+    (one("q", 0, lambda x: x - x.max() + PANDA.limits.upper[0] + 0.02), "panda_joint1.position from .* slightly excee"),
     (one("effort", 0, lambda x: np.minimum(x, 1.0)), "panda_joint1.effort is held at 1 in .* so it may be saturated"),
     (one("effort", 6, lambda x: 15 * x / np.abs(x).max()), "panda_joint7.effort reaches 15 Nm, but its limit is 12"),
 )

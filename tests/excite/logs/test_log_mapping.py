@@ -96,7 +96,7 @@ def test_bad_sections(written):
             read_mapping(written(f"{HEAD}joints: [a]\nposition: {{{columns}{fields}}}\n", "map.yaml"))
 
 
-def motor_table(robot, side="side: motor"):
+def motor_table(robot):
     """What motors of a robot measure along a motion: the table, its mapping, and the truth at the joints."""
     rng = np.random.default_rng(2)
     n = robot.n
@@ -105,21 +105,16 @@ def motor_table(robot, side="side: motor"):
     C, z0 = robot.transmission.coupling, robot.transmission.offset
     z, dz = samples.q @ C.T + z0, samples.dq @ C.T
     tau_z = rng.normal(size=z.shape)
-    ratio = np.array(
-        [[float(d.ratio.ratio(x)) for d, x in zip(robot.transmission.drives, row, strict=True)] for row in z]
-    )
     # independent of the gear's inverse: the angle is the integral of its rate, by Simpson's rule from z = 0
-    phi = np.empty_like(z)
-    for k, drive in enumerate(robot.transmission.drives):
-        for i in range(z.shape[0]):
-            x = np.linspace(0.0, z[i, k], 9)
-            phi[i, k] = scipy.integrate.simpson([float(drive.ratio.ratio(s)) for s in x], x=x)
+    phi, ratio = np.empty_like(z), np.empty_like(z)
+    for (i, k), end in np.ndenumerate(z):
+        x = np.linspace(0.0, end, 9)
+        rates = [float(robot.transmission.drives[k].ratio.ratio(s)) for s in x]
+        phi[i, k], ratio[i, k] = scipy.integrate.simpson(rates, x=x), rates[-1]
     columns = [samples.time, *phi.T, *(ratio * dz).T, *(tau_z / ratio).T]
     part = [list(range(2 + k * n, 2 + (k + 1) * n)) for k in range(3)]
-    mapping = HEAD + "".join(
-        f"{name}: {{columns: {cols}, unit: {unit}, {side}}}\n"
-        for name, cols, unit in zip(("position", "velocity", "effort"), part, ("rad", "rad/s", "Nm"), strict=True)
-    )
+    units = zip(("position", "velocity", "effort"), part, ("rad", "rad/s", "Nm"), strict=True)
+    mapping = HEAD + "".join(f"{name}: {{columns: {cols}, unit: {unit}, side: motor}}\n" for name, cols, unit in units)
     return table(*columns), mapping, (samples.q, samples.dq, tau_z @ C)
 
 

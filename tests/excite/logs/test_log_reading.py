@@ -12,33 +12,29 @@ import pytest
 from recordings import log_of, real_log
 from refused import refusal
 
-from excite.logs.log import Log
+from excite.logs.log import Log, channels_of
 from excite.logs.log_reading import read_log, read_sidecar, write_log
 from excite.logs.mapping import read_mapping
 from regressors.errors import InputError, UnknownName
 from regressors.readers.library import built_in
 
-CHANNELS = ("time", "q", "dq", "effort", "wrench", "temperature", "command")
 GOOD = "time,a.position,b.position\n0,1,2\n0.5,3,4\n1,5,6\n"
 
 
 @pytest.fixture
 def written(tmp_path):
     def write(content, name="log.csv"):
-        path = tmp_path / name
-        path.write_bytes(content if isinstance(content, bytes) else content.encode())
-        return path
+        (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+        return tmp_path / name
 
     return write
 
 
 def same(one: Log, other: Log) -> None:
     assert one.joints == other.joints
-    for name in CHANNELS:
-        a, b = getattr(one, name), getattr(other, name)
-        assert (a is None) == (b is None), name
-        if a is not None:
-            np.testing.assert_array_equal(a, b, strict=True)
+    assert channels_of(one).keys() == channels_of(other).keys()
+    for name in ("time", *channels_of(one)):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), strict=True)
 
 
 # --- the house format ------------------------------------------------------------------------------------------------
@@ -72,8 +68,7 @@ def test_columns_are_found_by_name_in_any_order_and_extra_ones_are_named(written
     path = written("b.position,segment,time,a.position,a.acceleration\n1,excite,0,2,9\n3,excite,1,4,9\n")
     log = read_log(path, joints=["a", "b"])
     assert log.joints == ("a", "b")
-    np.testing.assert_array_equal(log.q, [[2, 1], [4, 3]])
-    np.testing.assert_array_equal(log.time, [0, 1])
+    np.testing.assert_array_equal(np.column_stack([log.time, log.q]), [[0, 2, 1], [1, 4, 3]])
     assert log.left_out == ("2 columns not used: segment, a.acceleration",)
     assert read_log(path).joints == ("b", "a")
     assert read_log(path, joints=["a"]).q.shape == (2, 1)
@@ -89,8 +84,7 @@ def test_harmless_forms_of_the_same_log(written):
         ("time,a.position,b.position,note\n0,1,2,\n0.5,3,4,\n1,5,6,\n", ("1 column not used: note",)),
     ):
         log = read_log(written(content))
-        np.testing.assert_array_equal(log.time, [0, 0.5, 1])
-        np.testing.assert_array_equal(log.q, [[1, 2], [3, 4], [5, 6]])
+        np.testing.assert_array_equal(np.column_stack([log.time, log.q]), [[0, 1, 2], [0.5, 3, 4], [1, 5, 6]])
         assert log.left_out == mended
 
 
@@ -208,6 +202,9 @@ BASE = "joints: [a, b]\ntime: {column: 1}\nheader: false\n"
 POSITION = "position: {columns: [2, 3], unit: rad}\n"
 
 
+EFFORT, CURRENT = "effort: {columns: [4, 5], unit: Nm}\n", "current: {columns: [4, 5], unit: A, gain: 1}\n"
+
+
 def position(fields: str, columns: str = "[2, 3]") -> str:
     return f"{BASE}position: {{columns: {columns}, {fields}}}\n"
 
@@ -220,10 +217,7 @@ BAD_MAPPINGS = {
     "values for other joints": (position("unit: rad, ratio: [1, 2, 3]"), "gives 3 values for 2 columns"),
     "unknown field": (BASE + POSITION + "speed: 3\n", r"speed \(line 5\): no such field; available: joints, time"),
     "current without gain": (BASE + POSITION + "current: {columns: [4, 5], unit: A}\n", "current.gain .*is missing"),
-    "current and effort": (
-        BASE + POSITION + "effort: {columns: [4, 5], unit: Nm}\ncurrent: {columns: [4, 5], unit: A, gain: 1}\n",
-        "current .*is given as well as effort",
-    ),
+    "current and effort": (BASE + POSITION + EFFORT + CURRENT, "current .*is given as well as effort"),
     "joint twice": ("joints: [a, a]\ntime: {column: 1}\n" + POSITION, "joints .*'a' is given twice"),
     "not YAML": ("joints: [a\n", "line 2: not valid YAML"),
 }

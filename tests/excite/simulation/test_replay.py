@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from functools import cache, partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,15 +47,9 @@ def truth(found: Simulation, which: IdentificationTarget) -> Array:
     return parameter_values(which.model, which.base, dict(found.truth))
 
 
-def replayed_run(
-    found: Simulation,
-    beta: Array | None = None,
-    horizon: float = 9.0,
-    which: IdentificationTarget | None = None,
-    **options: object,
-) -> Replay:
+def replayed_run(found: Simulation, beta: Array | None = None, horizon: float = 9.0, **options: Any) -> Replay:
     """The motion under the run's torques, from one window where no horizon is given."""
-    which, samples = which or target(), found.run.samples
+    which, samples = options.pop("which", target()), found.run.samples
     values = truth(found, which) if beta is None else beta
     given = {"torque": found.run.effort, "q": samples.q, "dq": samples.dq, **options}
     return windowed_motion(which.model, values, which.base, samples.time, horizon=horizon, **given)

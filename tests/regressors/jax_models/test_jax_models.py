@@ -52,18 +52,12 @@ def sliders() -> Robot:
     """Prismatic joints and bars, bars on the base, on a link and on each other, coupled drives, one of them at rest."""
     rng = np.random.default_rng(5)
     robot = random_chain("rprp", rng)
-    bars = (
-        bar(BASE, "rod", "p", [0.0, 0.7, 0.0, 0.0], rng),
-        bar("rod", "lever", "r", [-1.0, 0.0, 0.5, 0.0], rng),
-        bar(robot.links[1].name, "rocker", "r", [0.0, 0.0, 0.0, 1.7], rng),
-    )
-    drives = (
-        Drive("z1", ConstantRatio(-50.0), 1e-4),
-        Drive("z2"),
-        Drive("z3", SCREW, 2e-4),
-        Drive("z4", ConstantRatio(10.0), 1e-4, rests=True),
-        Drive("z5", SCREW, 1e-4),
-    )
+    rod = bar(BASE, "rod", "p", [0.0, 0.7, 0.0, 0.0], rng)
+    lever = bar("rod", "lever", "r", [-1.0, 0.0, 0.5, 0.0], rng)
+    bars = (rod, lever, bar(robot.links[1].name, "rocker", "r", [0.0, 0.0, 0.0, 1.7], rng))
+    still = Drive("z4", ConstantRatio(10.0), 1e-4, rests=True)
+    turning, screws = Drive("z1", ConstantRatio(-50.0), 1e-4), (Drive("z3", SCREW, 2e-4), Drive("z5", SCREW, 1e-4))
+    drives = (turning, Drive("z2"), screws[0], still, screws[1])
     coupling = np.vstack([np.eye(4), [0.0, 1.0, 1.0, -0.5]])
     transmission = Transmission(coupling, drives, Limits.none(5), np.array([0.1, -0.2, 0.3, 0.0, 0.4]))
     return robot.replace(branches=bars, transmission=transmission)

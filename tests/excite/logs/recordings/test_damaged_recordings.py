@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import sqlite3
@@ -74,10 +75,7 @@ def whole_files() -> dict[str, bytes]:
     write_hdf5(folder / "hdf5", motion())
     (folder / "json").write_text(json.dumps({name: values.tolist() for name, values in motion().items()}))
     write_parquet(folder / "parquet", motion(), compression="zstd")
-    return {
-        path.name.removesuffix(".npz").removesuffix(".npy").removesuffix(".mat"): path.read_bytes()
-        for path in folder.iterdir()
-    }
+    return {re.sub(r"\.(npz|npy|mat)$", "", path.name): path.read_bytes() for path in folder.iterdir()}
 
 
 def read_or_refuse(raw: bytes, folder: Path) -> None:
@@ -150,10 +148,10 @@ def test_half_written_mcap_gives_the_messages_that_are_whole(tmp_path: Path, com
 
 
 def test_half_written_bags_of_ros_1_and_databases(tmp_path: Path) -> None:
-    whole = write_ros1_bag(tmp_path / "log", ros1_states(), "").read_bytes()
-    unindexed = whole[: whole.index(b"op=\x04") + 10]
-    (tmp_path / "cut").write_bytes(unindexed)
-    contents, recording = read_all(tmp_path / "cut")
+    path = write_ros1_bag(tmp_path / "log", ros1_states(), "")
+    whole = path.read_bytes()
+    path.write_bytes(whole[: whole.index(b"op=\x04") + 10])  # without its index
+    contents, recording = read_all(path)
     assert sum(stream.rows for stream in recording.streams.values()) == len(ros1_states())
     assert any("ends early" in note for note in contents.notes)
 
@@ -170,10 +168,8 @@ def test_a_folder_without_its_metadata(tmp_path: Path) -> None:
 def encrypted_npz() -> bytes:
     raw = bytearray(whole_files()["npz"])
     for magic, place in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
-        at = raw.find(magic)
-        while at >= 0:
-            raw[at + place] |= 1
-            at = raw.find(magic, at + 1)
+        for found in re.finditer(re.escape(magic), bytes(raw)):
+            raw[found.start() + place] |= 1
     return bytes(raw)
 
 
@@ -202,12 +198,11 @@ def lying_chunk() -> bytes:
 
 
 def huge_npz() -> bytes:
-    path = Path(mkdtemp()) / "log.npz"
-    head = b"\x93NUMPY\x01\x00" + struct.pack("<H", 118)
+    head, packed = b"\x93NUMPY\x01\x00" + struct.pack("<H", 118), io.BytesIO()
     text = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }"
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("q.npy", head + text.ljust(117) + b"\n")
-    return path.read_bytes()
+    return packed.getvalue()
 
 
 def huge_mat() -> bytes:
@@ -219,18 +214,16 @@ def huge_mat() -> bytes:
 
 def bag_of(topic: str) -> bytes:
     """A bag of a text, or of an image."""
-    types = typestore()
-    image = types.types["sensor_msgs/msg/Image"]
-    message = {
-        "/hello": types.types["std_msgs/msg/String"]("hello"),
-        "/camera": image(header(types, 0), 300, 300, "mono8", 0, 300, np.zeros(90000, np.uint8)),
-    }[topic]
+    types, message = typestore(), typestore().types["std_msgs/msg/String"]("hello")
+    if topic == "/camera":
+        image = types.types["sensor_msgs/msg/Image"]
+        message = image(header(types, 0), 300, 300, "mono8", 0, 300, np.zeros(90000, np.uint8))
     return (write_bag(Path(mkdtemp()) / "bag", [(topic, message, 1)]) / "bag.mcap").read_bytes()
 
 
 def bad_checksum() -> bytes:
-    raw = bytearray(whole_files()["mcap"])
-    raw[raw.index(struct.pack("<d", arm_messages(30)[1].position[0] if arm_messages(30)[1].position else 0.0))] ^= 1
+    raw, number = bytearray(whole_files()["mcap"]), next(m.position[0] for m in arm_messages(30) if m.position)
+    raw[raw.index(struct.pack("<d", number))] ^= 1
     return bytes(raw)
 
 

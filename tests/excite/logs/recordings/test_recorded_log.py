@@ -63,17 +63,11 @@ def joint_states(**changes: Any) -> Recorded:
     efforts |= {f"/motor/{j}/effort": 3.0 * slow + k for k, j in enumerate("ab")}
     streams: dict[str, dict[str, Any]] = {"/js": {**columns}, "/motor": {**efforts}}
     for name, values in changes.items():
-        stream, column = next(
-            (s, c) for s, some in streams.items() for c in some if c.endswith(name.replace("__", "/"))
-        )
-        streams[stream][column] = values
-    meanings = {
-        c: Meaning(q, c.split("/")[2], unit, "sensor_msgs/JointState")
-        for some in streams.values()
-        for c in some
-        for q, unit in JS.items()
-        if c.endswith(q)
-    }
+        stream = f"/{name.partition('__')[0]}"
+        streams[stream][f"/{name.replace('__', '/')}"] = values
+    all_columns = [column.split("/") for some in streams.values() for column in some]
+    measured = [(*words[-2:], "/".join(words)) for words in all_columns if words[-1] in JS]
+    meanings = {column: Meaning(q, joint, JS[q], "sensor_msgs/JointState") for joint, q, column in measured}
     clocks = {name: (f"{name}/header/stamp", f"{name}/message_time") for name in streams}
     return Recorded(streams, clocks, meanings)
 

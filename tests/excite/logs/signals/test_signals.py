@@ -127,9 +127,8 @@ def test_savitzky_golay_is_least_squares_in_a_window():
     for row, k in enumerate(range(60)[found.kept]):
         window = slice(k - 5, k + 6)
         p = np.polynomial.polynomial.polyfit(time[window] - time[k], q[window], 3)
-        np.testing.assert_allclose(found.samples.q[row], p[0], atol=1e-10)
-        np.testing.assert_allclose(found.samples.dq[row], p[1], atol=1e-8)
-        np.testing.assert_allclose(found.samples.ddq[row], 2 * p[2], atol=1e-6)
+        for name, true, close in (("q", p[0], 1e-10), ("dq", p[1], 1e-8), ("ddq", 2 * p[2], 1e-6)):
+            np.testing.assert_allclose(getattr(found.samples, name)[row], true, atol=close)
 
 
 def test_the_spline_finds_the_noise_and_beats_differences():
@@ -272,18 +271,15 @@ OPERATORS = {name: fixed(name) for name in FIXED} | {
 
 def positions(seed: int) -> Array:
     rng = np.random.default_rng(seed)
-    phase = rng.uniform(0, 2 * np.pi, 3)
-    motion = np.sin(2 * np.pi / 1.9 * np.array([1, 2, 3]) * SHORT_TIME[:, None] + phase)
+    motion = np.sin(2 * np.pi / 1.9 * np.array([1, 2, 3]) * SHORT_TIME[:, None] + rng.uniform(0, 2 * np.pi, 3))
     return np.asarray(motion + 1e-3 * rng.standard_normal(motion.shape))
 
 
 def dense(method: Method) -> Array:
     """Matrices from the positions of each joint to q, dq and ddq, shape (3, joints, M, N)."""
     columns = []
-    for k in range(SHORT_COUNT):
-        impulse = np.zeros((SHORT_COUNT, 3))
-        impulse[k] = 1.0
-        samples = method.motion(SHORT_TIME, impulse).samples
+    for impulse in np.eye(SHORT_COUNT):
+        samples = method.motion(SHORT_TIME, np.tile(impulse[:, None], 3)).samples
         columns.append(np.stack([samples.q.T, samples.dq.T, samples.ddq.T]))
     return np.stack(columns, axis=-1)
 
