@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from public_arms import ARMS
-from refused import refusal
 
 import excite
 from constraints.clearance import link_poses
@@ -23,6 +22,7 @@ from constraints.world_file import UrdfShapes, read_world
 from excite.cli.main import cli
 from excite.design.stated_limits import stated_world
 from excite.views.view import view_of
+from regressors.errors import InputError
 from regressors.models.partial import of_joints
 from regressors.readers.urdf import read_urdf
 from regressors.robot.robot import Robot, finite_ranges
@@ -117,7 +117,8 @@ def test_mistakes_are_named(bar: str, old: str, new: str, message: str) -> None:
     printed = CliRunner().invoke(cli, ["robots", bar, "--capsules"], catch_exceptions=False).output
     assert old in printed
     (Path(bar).parent / "mine.yaml").write_text(printed.replace(old, new))
-    assert message in refusal(read_world(Path(bar).parent / "mine.yaml").check, excite.load_robot(bar))
+    with pytest.raises(InputError, match=re.escape(message)):
+        read_world(Path(bar).parent / "mine.yaml").check(excite.load_robot(bar))
 
 
 # --- public arms, against their meshes -------------------------------------------------------------------------------
@@ -143,11 +144,9 @@ def least_distance(robot: Robot, world: World, solids: dict[str, list[tuple[Arra
     poses = link_poses(robot, q)
     T = np.linalg.inv(poses[apart.links[0]]) @ poses[apart.links[1]]
     pairs = [(mesh(*a), mesh(*b)) for a in solids[apart.links[0]] for b in solids[apart.links[1]]]
-    return min(
-        coal.distance(a, coal.Transform3s(), b, coal.Transform3s(pose[:3, :3], pose[:3, 3]),
-                      coal.DistanceRequest(), coal.DistanceResult())
-        for a, b in pairs for pose in T
-    )  # fmt: skip
+    here, there = coal.Transform3s(), [coal.Transform3s(pose[:3, :3], pose[:3, 3]) for pose in T]
+    asked = coal.DistanceRequest()
+    return min(coal.distance(a, here, b, at, asked, coal.DistanceResult()) for a, b in pairs for at in there)
 
 
 @pytest.mark.parametrize("name", ["ur3", "ur5-gripper", "ur10", "so101", "talos-left-arm-alone"])

@@ -52,15 +52,12 @@ def test_lost_rows_stay_lost():
 @pytest.mark.parametrize("written_over", [False, True])
 def test_garbage_between_the_rows_takes_no_time_unless_a_row_is_lost(written_over):
     log = recorded()
-    numbers = np.arange(1, log.count + 1)
-    garbage = np.array([1501, 2601, 4201])
+    numbers, garbage, true = np.arange(1, log.count + 1), np.array([1501, 2601, 4201]), log.time
     if written_over:
-        spoilt = late(log).without(GARBAGE, np.isin(numbers, garbage))
-        true = np.delete(log.time, garbage - 1)
+        spoilt, true = late(log).without(GARBAGE, np.isin(numbers, garbage)), np.delete(true, garbage - 1)
     else:
         shifted = numbers + np.searchsorted(garbage, numbers, side="right")
         spoilt = replace(late(log), numbers=shifted, removed=(Removed(GARBAGE, garbage + np.arange(3)),))
-        true = log.time
     assert np.ptp(with_true_time(spoilt)[0].time - true) < 2e-4
 
 

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from public_arms import robot_file
 from refused import refusal
 from written_files import text_file
 
@@ -24,7 +25,6 @@ from regressors.readers import urdf
 from regressors.readers.library import load_robot
 from regressors.readers.urdf import expand_xacro, parse_urdf, read_xacro
 from regressors.readers.xacro_expressions import LARGEST, LONGEST, Refused, evaluate, known_names
-from tests.builders.public_arms import robots_folder
 
 xacro = pytest.importorskip("xacro", reason="xacro is not installed (pip install xacro)")
 
@@ -286,10 +286,7 @@ def test_structure_is_expanded_as_xacro_expands_it(folder: Path) -> None:
 
 
 def test_a_vendors_file_is_expanded_as_xacro_expands_it() -> None:
-    folder = robots_folder() or Path()
-    path = folder / "hector_description" / "robots" / "quadrotor_base.urdf.xacro"
-    if not path.is_file():
-        pytest.skip("example-robot-data has no xacro here")
+    path = robot_file("hector_description/robots/quadrotor_base.urdf.xacro")
     assert body_of(expand_xacro(path)) == body_of(by_xacro(path))
 
 

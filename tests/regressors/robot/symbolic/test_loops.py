@@ -59,8 +59,7 @@ def test_where_loops_do_not_close_they_are_left_open() -> None:
 
 def test_a_parallelogram_moves_its_coupler_without_turning() -> None:
     q1 = np.linspace(-0.9, 1.9, 50)
-    q, left = loops_of(robot_of(PARALLELOGRAM)).reached(q1[:, None])
-    assert left.max() <= CLOSED
+    q, _ = loops_of(robot_of(PARALLELOGRAM)).reached(q1[:, None])
     np.testing.assert_allclose(q, np.column_stack([q1, -q1, q1]), atol=1e-9)
 
 
@@ -129,10 +128,8 @@ def test_singular_configurations_are_refused_and_not_passed() -> None:
     loops, q1 = loops_of(robot_of(PARALLELOGRAM)), np.array([0.5, np.deg2rad(120.0), 2.5])
     q, left = loops.reached(q1[:, None])
     assert (left <= CLOSED).tolist() == [True, False, False]
-    with pytest.raises(
-        InputError, match=r"is at or beyond a singular configuration at 2 of 3 instants.*q1 cannot determine q2, q3"
-    ):
-        loops.check(q1, q, left, "run.csv")
+    told = refusal(loops.check, q1, q, left, "run.csv")
+    assert re.search("is at or beyond a singular configuration at 2 of 3 .*q1 cannot determine q2, q3", told)
 
 
 def four_bar(**changes: object) -> Robot:
@@ -143,18 +140,12 @@ def point(x: float) -> tuple[Closure, ...]:
     return (Closure(("coupler", "rocker"), ((x, 0.0, 0.0), (0.25, 0.0, 0.0))),)
 
 
-REFUSED = {
-    "bars too short": ({"closures": point(-2.0)}, "does not close near home; .* m are left open; check the points"),
-    "no freedom": (
-        {"closures": (*point(0.35), Closure(("base", "coupler"), ((0.06, 0.10392304845413264, 0), (0.0, 0.0, 0.0))))},
-        "leaves no joint free|does not close near home",
-    ),
-}
-
-
-@pytest.mark.parametrize(("changes", "message"), REFUSED.values(), ids=REFUSED)
-def test_loops_that_determine_nothing_are_refused(changes: dict[str, object], message: str) -> None:
-    assert re.search(message, refusal(loops_of, four_bar(**changes)))
+def test_loops_that_determine_nothing_are_refused() -> None:
+    short = four_bar(closures=point(-2.0))
+    assert re.search("does not close near home; .* m are left open; check the points", refusal(loops_of, short))
+    held = Closure(("base", "coupler"), ((0.06, 0.10392304845413264, 0), (0.0, 0.0, 0.0)))
+    told = refusal(loops_of, four_bar(closures=(*point(0.35), held)))
+    assert re.search("leaves no joint free|does not close near home", told)
 
 
 def test_a_second_drive_follows_the_first_one() -> None:
