@@ -63,11 +63,9 @@ def test_a_world_file_says_what_stands_where(tmp_path: Path) -> None:
 def test_a_task_file_names_a_world_or_holds_one(tmp_path: Path) -> None:
     written(tmp_path, WORLD)
     inside = "world:\n" + "".join(f"  {line}\n" for line in WORLD.splitlines())
-    tasks = [
-        task_from_options({**read_task_file(written(tmp_path, text, "task.yaml")), "robot": "iiwa7"})
-        for text in ("world: world.yaml\n", inside)
-    ]
-    assert tasks[0].limits.world == tasks[1].limits.world == read_world(tmp_path / "world.yaml")
+    for text in ("world: world.yaml\n", inside):
+        task = task_from_options({**read_task_file(written(tmp_path, text, "task.yaml")), "robot": "iiwa7"})
+        assert task.limits.world == read_world(tmp_path / "world.yaml")
 
 
 @pytest.mark.parametrize(
@@ -280,7 +278,6 @@ def test_unit_and_placement_count_and_polygons_are_fans(tmp_path: Path) -> None:
 
 def test_links_of_a_public_arm_are_as_another_reader_reads_them() -> None:
     pytest.importorskip("collada")
-    coal = pytest.importorskip("coal")
     arm = next(arm for arm in ARMS if arm.id == "panda-hand")
     for path in sorted((arm.path.parents[1] / "meshes" / "visual").glob("link[1-3].dae")):
         triangles, known = collada_triangles(path), coal.MeshLoader().load(str(path), np.ones(3))

@@ -23,7 +23,7 @@ from regressors.models.energy import EnergyModel
 from regressors.models.load import LoadIntegralModel, LoadModel, Sensor
 from regressors.models.model import PartialModel, RegressorModel
 from regressors.models.partial import of_drives
-from regressors.models.windows import Window, WindowModel
+from regressors.models.windows import Window
 from regressors.readers.library import built_in
 from regressors.robot.columns import Terms
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
@@ -166,10 +166,8 @@ WINDOWS = {"overlapping": Window("short", 0.1, 0.05), "long": Window("long")}
 @pytest.mark.parametrize(("kind", "window", "count"), [("energy", "long", 82), ("load", "overlapping", 81)])
 def test_windows_are_those_of_the_model(kind: str, window: str, count: int) -> None:
     """Simpson's rule for odd and even numbers of samples, paths of the drives, and work or impulse measured."""
-    robot = sliders()
-    model: WindowModel = EnergyModel(robot, Terms(), WINDOWS[window])
-    if kind == "load":
-        model = LoadIntegralModel(robot, SENSOR, WINDOWS[window])
+    robot, of = sliders(), WINDOWS[window]
+    model = LoadIntegralModel(robot, SENSOR, of) if kind == "load" else EnergyModel(robot, Terms(), of)
     time = np.arange(count) * 0.0125
     samples = random_sines(robot.n, 6).samples(time)
     measured = np.random.default_rng(7).normal(size=(count, 6 if kind == "load" else robot.n))

@@ -111,10 +111,8 @@ def joint(name: str, parent: str, child: str, kind: str = "revolute", inside: st
 
 
 def body(name: str, mass: float, xyz: str = "0 0 0") -> str:
-    return (
-        f'<link name="{name}"><inertial><origin xyz="{xyz}"/><mass value="{mass}"/>'
-        '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>'
-    )
+    inertia = '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/>'
+    return f'<link name="{name}"><inertial><origin xyz="{xyz}"/><mass value="{mass}"/>{inertia}</inertial></link>'
 
 
 def chain(inside: str = "", kind: str = "revolute") -> str:
@@ -354,6 +352,10 @@ def tensor(root: tuple[tuple[float, ...], ...]) -> np.ndarray:
 LIMIT = '<limit lower="-9" upper="9" velocity="1" effort="1"/>'
 
 
+def origin_of(placed: dict) -> str:
+    return f'<origin xyz="{words(placed["xyz"])}" rpy="{words(placed["rpy"])}"/>'
+
+
 def urdf_of(chain_steps: list[dict]) -> str:
     """The chain as a document, from its end to its start."""
     parts = [body("l0", 99)]
@@ -362,13 +364,9 @@ def urdf_of(chain_steps: list[dict]) -> str:
         if step["body"]:
             t, pairs = tensor(step["body"]["root"]), [(r, c) for r in range(3) for c in range(r, 3)]
             entries = " ".join(f'i{"xyz"[r]}{"xyz"[c]}="{float(t[r, c])!r}"' for r, c in pairs)
-            inertial = (
-                f'<inertial><origin xyz="{words(step["body"]["xyz"])}" rpy="{words(step["body"]["rpy"])}"/>'
-                f'<mass value="{step["body"]["mass"]!r}"/><inertia {entries}/></inertial>'
-            )
-        origin = (
-            f'<origin xyz="{words(step["xyz"])}" rpy="{words(step["rpy"])}"/><axis xyz="{words(step["axis"])}"/>{LIMIT}'
-        )
+            mass = f'<mass value="{step["body"]["mass"]!r}"/>'
+            inertial = f"<inertial>{origin_of(step['body'])}{mass}<inertia {entries}/></inertial>"
+        origin = f'{origin_of(step)}<axis xyz="{words(step["axis"])}"/>{LIMIT}'
         parts += [f'<link name="l{k}">{inertial}</link>', joint(f"j{k}", f"l{k - 1}", f"l{k}", step["kind"], origin)]
     return document("\n".join(reversed(parts)))
 

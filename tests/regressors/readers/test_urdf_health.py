@@ -43,11 +43,8 @@ def chain(inside: str = LIMIT, kind: str = "revolute") -> str:
 
 
 def body(name: str, mass: float, moments: tuple[float, ...] = (0.1, 0.1, 0.1), xyz: str = "0 0 0") -> str:
-    xx, yy, zz = moments
-    return (
-        f'<link name="{name}"><inertial><origin xyz="{xyz}"/><mass value="{mass}"/>'
-        f'<inertia ixx="{xx}" ixy="0" ixz="0" iyy="{yy}" iyz="0" izz="{zz}"/></inertial></link>'
-    )
+    inertia = '<inertia ixx="{}" ixy="0" ixz="0" iyy="{}" iyz="0" izz="{}"/>'.format(*moments)
+    return f'<link name="{name}"><inertial><origin xyz="{xyz}"/><mass value="{mass}"/>{inertia}</inertial></link>'
 
 
 def told(robot: Robot, *kinds: str) -> list[str]:

@@ -338,16 +338,10 @@ sys.stdout.flush()
 import os; os._exit(0)
 """
     calls = "{" + ", ".join(f"{name!r}: lambda: {text}" for name, text in hostile.items()) + "}"
-    outcome = _run(code.replace("{CALLS}", calls), str(folder / "arm.xacro"))
+    command = [sys.executable, "-c", code.replace("{CALLS}", calls), str(folder / "arm.xacro")]
+    outcome = json.loads(subprocess.run(command, capture_output=True, check=True).stdout)
     assert list(outcome) == list(hostile)
     assert [said for said in outcome.values() if "is not allowed while" not in said] == []
-
-
-def _run(code: str, *arguments: str) -> dict[str, str]:
-    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, check=False)
-    assert done.returncode == 0, done.stderr.decode()
-    answer: dict[str, str] = json.loads(done.stdout)
-    return answer
 
 
 NAMESPACE = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
