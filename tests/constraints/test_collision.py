@@ -229,18 +229,18 @@ def nearest(design: Design, label: str) -> float:
 @pytest.mark.slow
 def test_a_design_keeps_apart_what_would_collide_without_the_limits() -> None:
     free, design = designed(None), designed(ROOM)
-    uses = {use.label: use for use in design.limits if " to " in use.label}
+    uses = [use for use in design.limits if " to " in use.label]
     assert design.feasible
-    assert len(uses) == len([use for use in design.limits if " to " in use.label]), "one per pair of bodies"
+    assert len({use.label for use in uses}) == len(uses), "one per pair of bodies"
     collided = 0
-    for label, use in uses.items():
-        there = nearest(design, label)
+    for use in uses:
+        there = nearest(design, use.label)
         assert use.method == ENCLOSED
         assert use.bound == pytest.approx(0.02)
         assert 0.02 <= use.extreme < there + 1e-9
         if there < 0.2:
             assert there < use.extreme + ROOM.tolerance + 0.005
-        collided += nearest(free, label) < 0
+        collided += nearest(free, use.label) < 0
     assert collided >= 2
 
 
@@ -350,10 +350,10 @@ def test_figures_show_the_nearest_pairs_on_one_scale_with_the_nearest_the_lowest
         np.testing.assert_array_equal(overview.lines[above].get_ydata(), drawn)
     assert len({ax.get_ylim() for ax in (*panels, overview)}) == 1
     assert {ax.get_yscale() for ax in (*panels, overview)} == {"symlog"}
-    lowest = [ax.lines[0].get_ydata().min() for ax in panels]
     to_panel = panels[0].transData + panels[0].transAxes.inverted()
-    heights = [float(to_panel.transform((0.0, y))[1]) for y in (20.0, *lowest)]
-    assert np.array_equal(np.argsort(heights[1:]), np.argsort(lowest))
+    lowest = [20.0, *(ax.lines[0].get_ydata().min() for ax in panels)]
+    heights = to_panel.transform([(0.0, y) for y in lowest])[:, 1]
+    assert np.array_equal(np.argsort(heights[1:]), np.argsort(lowest[1:]))
     assert 0.1 < heights[0] < 0.5, "the clearance is neither hidden nor all of the panel"
 
 
@@ -415,8 +415,9 @@ def test_held_joints_take_the_capsules_of_their_links_along() -> None:
     rest = np.array([0.3, -0.5, 0.7, -1.9, 0.4, 1.8, -0.6])
     moving = [1, 3]
     held = with_locked_joints(robot, moving, rest)
-    whole, part = (placed_links(each, q) for each, q in ((robot, rest), (held, rest[moving])))
-    for before, after in zip(robot.shapes, held.shapes, strict=True):
-        for end in ("start", "end"):
-            point, same = (np.array(getattr(shape.capsule, end)) for shape in (before, after))
-            np.testing.assert_allclose(whole[before.link].act(point), part[after.link].act(same), atol=1e-12)
+    ends = []
+    for each, q in ((robot, rest), (held, rest[moving])):
+        poses = placed_links(each, q)
+        capsules = [(poses[shape.link], shape.capsule) for shape in each.shapes]
+        ends.append([T.act(np.array(end)) for T, capsule in capsules for end in (capsule.start, capsule.end)])
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-12)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import casadi as ca
@@ -9,8 +10,8 @@ import numpy as np
 import pytest
 from motions import random_sines
 from pinocchio_chains import drive_torques, joint_torques
+from refused import refusal
 
-from regressors.errors import InputError, UnknownName
 from regressors.models.base import base_parameters, random_states
 from regressors.models.differential import DifferentialModel, SpringModel, standard_of
 from regressors.models.energy import EnergyModel
@@ -173,8 +174,7 @@ REFUSED = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_cannot_be_is_refused_in_words(case: str) -> None:
     build, message = REFUSED[case]
-    with pytest.raises((InputError, UnknownName), match=message):
-        build()
+    assert re.search(message, refusal(build))
 
 
 SOME, EVERY = Terms(coulomb=(1, 3), viscous=(2,), offset=(2, 3)), Terms(offset=True)
