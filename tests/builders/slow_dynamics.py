@@ -12,7 +12,6 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from hypothesis import strategies as st
 
 from regressors.models.load import EQUATIONS, Sensor
 from regressors.readers.library import built_in
@@ -95,22 +94,6 @@ def torques(robot: Robot, thetas: np.ndarray, q: np.ndarray, dq: np.ndarray, ddq
     return np.real(tau)
 
 
-def energy(robot: Robot, thetas: np.ndarray, q: np.ndarray, dq: np.ndarray) -> complex:
-    """Kinetic plus potential energy; of complex arguments for `rate_of`."""
-    total = 0.0
-    rates = pose_rates(robot, q, dq, np.zeros(robot.n))
-    for theta, T, (dT, _) in zip(thetas, poses(robot, q), rates, strict=True):
-        J = mass_matrix_of_body(theta)
-        total += np.trace(dT @ J @ dT.T) / 2 - robot.gravity @ (T @ J[:, 3])[:3]
-    return total
-
-
-def rate_of(function: Callable[..., complex], *moving: tuple[np.ndarray, np.ndarray]) -> float:
-    """Time derivative of a function of several (value, rate) pairs: the complex step, exact to rounding."""
-    h = 1e-30
-    return float(np.imag(function(*(value + 1j * h * rate for value, rate in moving))) / h)
-
-
 def random_body(rng: np.random.Generator) -> np.ndarray:
     """Ten parameters of a body made of eight random point masses: physically possible by construction."""
     m, r = rng.uniform(0.1, 2.0, 8), rng.normal(0.0, 0.3, (8, 3))
@@ -174,10 +157,6 @@ def driven_chain(gears: list[GearFunction], rng: np.random.Generator, kinds: str
     drives = tuple(Drive(f"d{k + 1}", gear, rotor_inertia=1e-4) for k, gear in enumerate(gears))
     offset = rng.uniform(-0.3, 0.3, 3)
     return robot.replace(transmission=Transmission(coupling, drives, Limits.none(3), offset))
-
-
-KINDS = st.text(alphabet="rp", min_size=1, max_size=4)
-SEED = st.integers(0, 2**32 - 1)
 
 
 @cache

@@ -15,6 +15,7 @@ from hypothesis import given, settings, strategies as st
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.patches import Polygon
+from refused import refusal
 from slow_dynamics import random_chain
 
 from constraints.certificate import ENCLOSED
@@ -43,8 +44,7 @@ TOLERANCE = 0.004
 
 
 def vector(rng: np.random.Generator, size: float) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in rng.uniform(-size, size, 3))
-    return x, y, z
+    return tuple(rng.uniform(-size, size, 3).tolist())
 
 
 def random_world(robot: Robot, seed: int) -> World:
@@ -56,11 +56,10 @@ def random_world(robot: Robot, seed: int) -> World:
         end = start if rng.random() < 0.3 else vector(rng, 0.4)
         parts.append(Part(name, Capsule(start, end, float(rng.uniform(0.02, 0.1)))))
     normal = rng.normal(size=3)
-    x, y, z = (float(value) for value in normal / np.linalg.norm(normal))
-    size = tuple(float(value) for value in rng.uniform(0.1, 0.5, 3))
+    level, size = tuple((normal / np.linalg.norm(normal)).tolist()), tuple(rng.uniform(0.1, 0.5, 3).tolist())
     obstacles = (
-        Obstacle("plane", HalfSpace((x, y, z), -1.0)),
-        Obstacle("box", Box(vector(rng, 1.5), (size[0], size[1], size[2]), vector(rng, 3.0))),
+        Obstacle("plane", HalfSpace(level, -1.0)),
+        Obstacle("box", Box(vector(rng, 1.5), size, vector(rng, 3.0))),
         Obstacle("post", Capsule(vector(rng, 1.5), vector(rng, 1.5), 0.1)),
         Obstacle("ball", Capsule(ball := vector(rng, 1.5), ball, 0.15)),
     )
@@ -114,13 +113,8 @@ def test_slopes_are_those_of_the_values_and_rates_are_enclosed(seed: int) -> Non
     rng = np.random.default_rng(seed)
     dq, step = rng.uniform(-1, 1, q.shape), 1e-6
     for limit in limits:
-        numeric = np.stack(
-            [
-                (limit.values(still(q + step * e)) - limit.values(still(q - step * e))) / (2 * step)
-                for e in np.eye(robot.n)
-            ],
-            axis=-1,
-        )
+        ahead, behind = ([limit.values(still(q + way * e)) for e in np.eye(robot.n)] for way in (step, -step))
+        numeric = np.moveaxis(np.subtract(ahead, behind) / (2 * step), 0, -1)
         slopes = limit.slopes(still(q))
         np.testing.assert_allclose(slopes[:, :, : robot.n], numeric, atol=1e-4, rtol=1e-4)
         assert not np.any(slopes[:, :, robot.n :])
@@ -235,18 +229,18 @@ def nearest(design: Design, label: str) -> float:
 @pytest.mark.slow
 def test_a_design_keeps_apart_what_would_collide_without_the_limits() -> None:
     free, design = designed(None), designed(ROOM)
-    uses = {use.label: use for use in design.limits if " to " in use.label}
+    uses = [use for use in design.limits if " to " in use.label]
     assert design.feasible
-    assert len(uses) == len([use for use in design.limits if " to " in use.label]), "one per pair of bodies"
+    assert len({use.label for use in uses}) == len(uses), "one per pair of bodies"
     collided = 0
-    for label, use in uses.items():
-        there = nearest(design, label)
+    for use in uses:
+        there = nearest(design, use.label)
         assert use.method == ENCLOSED
         assert use.bound == pytest.approx(0.02)
         assert 0.02 <= use.extreme < there + 1e-9
         if there < 0.2:
             assert there < use.extreme + ROOM.tolerance + 0.005
-        collided += nearest(free, label) < 0
+        collided += nearest(free, use.label) < 0
     assert collided >= 2
 
 
@@ -303,9 +297,7 @@ def test_a_world_without_room_is_explained() -> None:
     ],
 )
 def test_shapes_that_cannot_be_are_refused(make: object, message: str) -> None:
-    assert callable(make)
-    with pytest.raises(InputError, match=re.escape(message)):
-        make()
+    assert message in refusal(make)
 
 
 # --- ways from home --------------------------------------------------------------------------------------------------
@@ -313,9 +305,9 @@ def test_shapes_that_cannot_be_are_refused(make: object, message: str) -> None:
 
 def test_a_home_that_collides_is_refused_once_per_pair() -> None:
     task = TASK.changed(world=ROOM, home=(0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-    with pytest.raises(InputError, match=r"^home: .*link_7 to table is -0.0953644 m, 0.115 m outside") as caught:
-        formulate(IIWA, task)
-    assert str(caught.value).count("link_4 to post") == 1
+    told = refusal(formulate, IIWA, task, begins="home: ")
+    assert "link_7 to table is -0.0953644 m, 0.115 m outside" in told
+    assert told.count("link_4 to post") == 1
 
 
 # --- frames ----------------------------------------------------------------------------------------------------------
@@ -358,10 +350,10 @@ def test_figures_show_the_nearest_pairs_on_one_scale_with_the_nearest_the_lowest
         np.testing.assert_array_equal(overview.lines[above].get_ydata(), drawn)
     assert len({ax.get_ylim() for ax in (*panels, overview)}) == 1
     assert {ax.get_yscale() for ax in (*panels, overview)} == {"symlog"}
-    lowest = [ax.lines[0].get_ydata().min() for ax in panels]
     to_panel = panels[0].transData + panels[0].transAxes.inverted()
-    heights = [float(to_panel.transform((0.0, y))[1]) for y in (20.0, *lowest)]
-    assert np.array_equal(np.argsort(heights[1:]), np.argsort(lowest))
+    lowest = [20.0, *(ax.lines[0].get_ydata().min() for ax in panels)]
+    heights = to_panel.transform([(0.0, y) for y in lowest])[:, 1]
+    assert np.array_equal(np.argsort(heights[1:]), np.argsort(lowest[1:]))
     assert 0.1 < heights[0] < 0.5, "the clearance is neither hidden nor all of the panel"
 
 
@@ -402,10 +394,8 @@ def test_what_would_dwarf_the_robot_is_named_and_the_view_stays() -> None:
     design = designed(ROOM)
     slab = Obstacle("hall", Box((0.0, 0.0, -1.5), (40.0, 40.0, 1.0)))
     tilted = Obstacle("ramp", HalfSpace((0.6, 0.48, 0.64), -3.0))
-    figures = [
-        workspace_figure(dataclasses.replace(design, task=design.task.changed(world=World(ARM, obstacles))))
-        for obstacles in ((TABLE,), (TABLE, slab, tilted))
-    ]
+    worlds = (World(ARM, obstacles) for obstacles in ((TABLE,), (TABLE, slab, tilted)))
+    figures = [workspace_figure(dataclasses.replace(design, task=design.task.changed(world=each))) for each in worlds]
     assert [ax.get_xlim() for ax in figures[0].axes] == [ax.get_xlim() for ax in figures[1].axes]
     text = " ".join(legend.get_title().get_text().replace("\n", " ") for legend in figures[1].legends)
     assert "too large or too far off to be shown as a whole: hall" in text
@@ -425,8 +415,9 @@ def test_held_joints_take_the_capsules_of_their_links_along() -> None:
     rest = np.array([0.3, -0.5, 0.7, -1.9, 0.4, 1.8, -0.6])
     moving = [1, 3]
     held = with_locked_joints(robot, moving, rest)
-    whole, part = (placed_links(each, q) for each, q in ((robot, rest), (held, rest[moving])))
-    for before, after in zip(robot.shapes, held.shapes, strict=True):
-        for end in ("start", "end"):
-            point, same = (np.array(getattr(shape.capsule, end)) for shape in (before, after))
-            np.testing.assert_allclose(whole[before.link].act(point), part[after.link].act(same), atol=1e-12)
+    ends = []
+    for each, q in ((robot, rest), (held, rest[moving])):
+        poses = placed_links(each, q)
+        capsules = [(poses[shape.link], shape.capsule) for shape in each.shapes]
+        ends.append([T.act(np.array(end)) for T, capsule in capsules for end in (capsule.start, capsule.end)])
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-12)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import re
 
 import numpy as np
 import pytest
 from friction_curves import TUSTIN, without_friction
 from hypothesis import given, settings, strategies as st
 from pinocchio_chains import drive_torques, joint_torques
+from refused import refusal
 from slow_dynamics import random_chain
 
 from constraints.drive_friction import DriveFriction, drive_friction, friction_bound
@@ -61,8 +63,9 @@ def rest(curve: FrictionCurve, viscous: float) -> Array:
 def test_friction_lies_within_its_bound(name: str) -> None:
     bound = friction_bound(CURVES[name], FASTEST)
     left = rest(CURVES[name], bound.viscous)
-    assert left.min() >= bound.lower - 1e-12
-    assert left.max() <= bound.upper + 1e-12
+    assert bound.lower - 1e-12 <= left.min() <= left.max() <= bound.upper + 1e-12
+    if name in ("coulomb-viscous", "table", "odd table"):  # where it is reached
+        assert (left.min(), left.max()) == pytest.approx((bound.lower, bound.upper), abs=1e-9)
 
 
 OIL = (Slope(-0.11, -0.3), Slope(-0.2, -0.1))
@@ -84,17 +87,9 @@ def test_friction_lies_within_its_bound_at_every_temperature(name: str) -> None:
     v = np.concatenate([-speed, speed])
     s = np.repeat([-1.0, 1.0], speed.size)
     left = [curve.torque_at(v, T, s) - bound.viscous * v for T in np.linspace(20.0, 45.0, 11)]
-    assert np.min(left) >= bound.lower - 1e-12
-    assert np.max(left) <= bound.upper + 1e-12
+    assert bound.lower - 1e-12 <= np.min(left) <= np.max(left) <= bound.upper + 1e-12
     alone = friction_bound(dataclasses.replace(curve, range=None), FASTEST)
     assert alone.upper - alone.lower < bound.upper - bound.lower
-
-
-@pytest.mark.parametrize("name", ["coulomb-viscous", "table", "odd table"])
-def test_bounds_of_friction_are_reached(name: str) -> None:
-    bound = friction_bound(CURVES[name], FASTEST)
-    left = rest(CURVES[name], bound.viscous)
-    assert (left.min(), left.max()) == pytest.approx((bound.lower, bound.upper), abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -123,8 +118,7 @@ UNBOUNDED = (
 
 @pytest.mark.parametrize(("curve", "fastest", "message"), UNBOUNDED)
 def test_friction_without_a_bound(curve: FrictionCurve, fastest: float, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        friction_bound(curve, fastest)
+    assert re.search(message, refusal(friction_bound, curve, fastest))
 
 
 # --- torque limits ---------------------------------------------------------------------------------------------------
@@ -170,10 +164,8 @@ def test_torques_within_the_limits_leave_room_for_friction(share: float) -> None
 
 def test_drives_without_a_curve_keep_the_friction_of_the_description() -> None:
     robot = built_in("irp6")
-    plain, partly = (
-        torque_limits(robot, standard_values(robot), 0.1, friction=friction)[0]
-        for friction in (None, FrictionCurves({"z2": CoulombViscous(40.0, 26.0, 1.0)}))
-    )
+    one, known = FrictionCurves({"z2": CoulombViscous(40.0, 26.0, 1.0)}), standard_values(robot)
+    plain, partly = (torque_limits(robot, known, 0.1, friction=friction)[0] for friction in (None, one))
     np.testing.assert_allclose(partly.upper - plain.upper, [0, 28.75 - 41.0, 0, 0, 0])
     np.testing.assert_allclose(partly.lower - plain.lower, [0, 39.0 - 28.75, 0, 0, 0])
     samples = states(robot, 20, 1.0)
@@ -232,24 +224,23 @@ def test_a_drive_of_any_speed_says_nothing_of_joints_that_it_does_not_move() -> 
     np.testing.assert_allclose(found, [np.inf, *np.abs(robot.transmission.coupling)[1:, 1:].sum(axis=0)])
 
 
-REFUSED: dict[str, tuple[FrictionCurves, type[InputError], str]] = {
-    "unknown drive": (FrictionCurves({"z9": TUSTIN}), UnknownName, "no drive named 'z9'; available: z1, z2, z3, z4, z"),
-    "a function": (FrictionCurves({"z2": np.tanh}), InputError, "torque limits: friction curve of z2: a friction curv"),
-    "too much beside a load": (
-        FrictionCurves({"z5": Loaded(CoulombViscous(5.0, 20.0), 0.1)}),
+LARGE = Loaded(CoulombViscous(5.0, 20.0), 0.1)
+REFUSED: dict[str, tuple[object, type[InputError], str]] = {
+    "z9": (TUSTIN, UnknownName, "no drive named 'z9'; available: z1, z2, z3, z4, z5"),
+    "z2": (np.tanh, InputError, "torque limits: friction curve of z2: a friction curve of type"),
+    "z5": (
+        LARGE,
         InputError,
         "drive z5 torque: friction of 57.08 Nm exceeds the limit of 64.5 Nm less a margin of 15 %",
     ),
 }
 
 
-@pytest.mark.parametrize("name", REFUSED)
-def test_curves_that_torque_limits_refuse(name: str) -> None:
-    curves, kind, message = REFUSED[name]
-    robot = built_in("irp6")
-    with pytest.raises(kind) as raised:
-        torque_limits(robot, standard_values(robot), 0.15, friction=curves)
-    assert str(raised.value).startswith(message)
+@pytest.mark.parametrize("drive", REFUSED)
+def test_curves_that_torque_limits_refuse(drive: str) -> None:
+    (curve, kind, message), robot = REFUSED[drive], built_in("irp6")
+    with pytest.raises(kind, match=f"^{message}"):
+        torque_limits(robot, standard_values(robot), 0.15, friction=FrictionCurves({drive: curve}))
 
 
 def test_loads_of_drives_do_not_tell_those_of_coupled_joints() -> None:

@@ -159,11 +159,9 @@ def least_distance(robot: Robot, world: World, solids: dict[str, list[tuple[Arra
     poses = link_poses(robot, q)
     T = np.linalg.inv(poses[apart.links[0]]) @ poses[apart.links[1]]
     pairs = [(mesh(*a), mesh(*b)) for a in solids[apart.links[0]] for b in solids[apart.links[1]]]
-    return min(
-        coal.distance(a, coal.Transform3s(), b, coal.Transform3s(pose[:3, :3], pose[:3, 3]),
-                      coal.DistanceRequest(), coal.DistanceResult())
-        for a, b in pairs for pose in T
-    )  # fmt: skip
+    here, there = coal.Transform3s(), [coal.Transform3s(pose[:3, :3], pose[:3, 3]) for pose in T]
+    asked = coal.DistanceRequest()
+    return min(coal.distance(a, here, b, at, asked, coal.DistanceResult()) for a, b in pairs for at in there)
 
 
 @pytest.mark.parametrize("name", ["ur3", "ur5-gripper", "ur10", "so101", "talos-left-arm-alone"])

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recordings import log_of, real_log, recorded, rounded, sines, struck, write_sidecar
+from refused import refusal
 
 from excite.logs.event import Saturation, measured_saturation, spans_of, within
 from excite.logs.excitation import exciting_rows
@@ -17,7 +18,6 @@ from excite.logs.log import Log
 from excite.logs.log_reading import read_sidecar, saturated_torques, sidecar_path
 from excite.logs.signals.method import resample
 from excite.storage.codec import content_of
-from regressors.errors import InputError
 from regressors.readers.library import built_in
 from regressors.samples import Array
 
@@ -81,8 +81,7 @@ def test_units_and_the_origin_of_time_do_not_matter():
 
 def test_no_motion_is_refused():
     for seconds in (5, 0.05):
-        with pytest.raises(InputError, match="LOG: no joint moves"):
-            exciting_rows(recording(rest(seconds, 0.2)))
+        assert "LOG: no joint moves" in refusal(exciting_rows, recording(rest(seconds, 0.2)))
 
 
 @pytest.mark.parametrize(
@@ -144,10 +143,7 @@ def test_the_jump_of_a_bent_line_is_exact():
     assert velocity_jumps(q, 20)[50, 0] == pytest.approx(0.07, rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["ur-20_02_12-40sec_12harm", "ur-20_02_12-50sec_12harm", "ur-20_02_10-30sec_12harm", "ur-20_01_17-ptp_10_points"],
-)
+@pytest.mark.parametrize("name", ["ur-20_02_12-50sec_12harm", "ur-20_02_10-30sec_12harm", "ur-20_01_17-ptp_10_points"])
 def test_recorded_motions_have_none(name):
     log = real_log(name)
     assert impacts(resample(log.rows(exciting_rows(log)[0])).log) == []
@@ -206,10 +202,8 @@ def test_other_torques_are_let_alone() -> None:
 
 
 def test_spans_of_several_torques_are_joined_where_they_meet() -> None:
-    one, two = (
-        Saturation("a", 1.0, "Nm", 3, ((0.0, 1.0), (4.0, 5.0))),
-        Saturation("b", 1.0, "Nm", 3, ((0.5, 2.0), (5.0, 6.0), (8.0, 8.0))),
-    )
+    one = Saturation("a", 1.0, "Nm", 3, ((0.0, 1.0), (4.0, 5.0)))
+    two = Saturation("b", 1.0, "Nm", 3, ((0.5, 2.0), (5.0, 6.0), (8.0, 8.0)))
     assert spans_of([one, two]) == ((0.0, 2.0), (4.0, 6.0), (8.0, 8.0))
     time = np.array([0.0, 2.0, 2.1, 3.9, 7.0, 8.0])
     assert within(time, spans_of([one, two])).tolist() == [True, True, False, False, False, True]
@@ -238,5 +232,4 @@ def test_what_is_not_understood_is_refused(tmp_path: Path) -> None:
     spans = ({"spans": wrong} for wrong in ([[0.1]], [[0.1, "end"]], 3))
     wrong = ({"torque": 2}, {"limit": "much"}, {"rows": None}, *spans)
     for saturated in ({"joint a": 1}, [3], [{}], *([{**GOOD, **change}] for change in wrong)):
-        with pytest.raises(InputError, match=r"log\.json: saturated should list objects"):
-            beside(tmp_path, saturated=saturated)
+        assert "log.json: saturated should list objects" in refusal(beside, tmp_path, saturated=saturated)

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from recordings import log_of, real_log, sines
+from refused import refusal
 
 from excite.logs.event import gaps, segments
 from excite.logs.log_checks import check_log
-from regressors.errors import InputError
 from regressors.readers.library import built_in
 
 PANDA = built_in("panda")
@@ -43,6 +43,11 @@ def times(**factors):
 def one(channel, joint, change):
     """Logs in which a channel of one joint is another."""
     return lambda log: changed(log, channel, joint, change)
+
+
+def named(joints):
+    """Logs of other joints."""
+    return lambda log: replace(log, joints=tuple(joints))
 
 
 def constant(value):
@@ -82,30 +87,19 @@ WRONG = (
         r"gaps of 1.5 s after t = 3 s \(row 601\); split the log",
     ),
     (lambda log: log.rows(slice(2)), "2 rows are too few"),
-    (
-        lambda log: replace(log, joints=built_in("iiwa7").joint_names),
-        "robot panda has none of its joints .*robots with these joints: iiwa7",
-    ),
-    (
-        lambda log: replace(log, joints=tuple("abcdefg")),
-        "none of its joints a, b, c, d, e, f, g; the robot's joints: panda_joint1",
-    ),
+    (named(built_in("iiwa7").joint_names), "robot panda has none of its joints .*robots with these joints: iiwa7"),
+    (named("abcdefg"), "none of its joints a, b, c, d, e, f, g; the robot's joints: panda_joint1"),
 )
 
 
 def test_what_cannot_be_used_is_refused_with_the_reason():
     for change, message in WRONG:
-        with pytest.raises(InputError, match=message) as error:
-            check_log(change(good()), PANDA)
-        assert str(error.value).startswith("LOG: ")
+        assert re.search(message, refusal(check_log, change(good()), PANDA, begins="LOG: "))
 
 
 NOTED = (
     (lambda log: changed(one("q", 1, constant(0.1))(log), "dq", 1, np.zeros_like), "panda_joint2: not moved"),
-    (
-        one("q", 0, lambda x: x - x.max() + PANDA.limits.upper[0] + 0.02),
-        "panda_joint1.position from .* slightly exceeds the limits",
-    ),
+    (one("q", 0, lambda x: x - x.max() + PANDA.limits.upper[0] + 0.02), "panda_joint1.position from .* slightly excee"),
     (one("effort", 0, lambda x: np.minimum(x, 1.0)), "panda_joint1.effort is held at 1 in .* so it may be saturated"),
     (one("effort", 6, lambda x: 15 * x / np.abs(x).max()), "panda_joint7.effort reaches 15 Nm, but its limit is 12"),
 )
@@ -179,8 +173,7 @@ def test_segments_are_the_rows_between_gaps():
     assert [part.count for part in segments(log, shortest=0.1)] == [400, 50, 551]
     assert segments(log, shortest=0.1)[1].left_out == ()
     assert segments(one) == (one,)
-    with pytest.raises(InputError, match="gaps leave no part of 60 s or more"):
-        segments(log, shortest=60.0)
+    assert "gaps leave no part of 60 s or more" in refusal(segments, log, shortest=60.0)
 
 
 def spoiled(channel, row, value):
@@ -204,5 +197,4 @@ NO_LOGS = (
 
 def test_what_is_no_log_is_refused_where_it_is_made():
     for change, message in NO_LOGS:
-        with pytest.raises(InputError, match=message):
-            replace(SECOND, **change)
+        assert re.search(message, refusal(replace, SECOND, **change))

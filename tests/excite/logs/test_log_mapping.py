@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import scipy.integrate
 from motions import Sines
+from refused import refusal
 from written_files import text_file
 
 from excite.logs.log import Log
@@ -94,7 +96,7 @@ def test_bad_sections(written):
             read_mapping(written(f"{HEAD}joints: [a]\nposition: {{{columns}{fields}}}\n", "map.yaml"))
 
 
-def motor_table(robot, side="side: motor"):
+def motor_table(robot):
     """What motors of a robot measure along a motion: the table, its mapping, and the truth at the joints."""
     rng = np.random.default_rng(2)
     n = robot.n
@@ -103,21 +105,16 @@ def motor_table(robot, side="side: motor"):
     C, z0 = robot.transmission.coupling, robot.transmission.offset
     z, dz = samples.q @ C.T + z0, samples.dq @ C.T
     tau_z = rng.normal(size=z.shape)
-    ratio = np.array(
-        [[float(d.ratio.ratio(x)) for d, x in zip(robot.transmission.drives, row, strict=True)] for row in z]
-    )
     # independent of the gear's inverse: the angle is the integral of its rate, by Simpson's rule from z = 0
-    phi = np.empty_like(z)
-    for k, drive in enumerate(robot.transmission.drives):
-        for i in range(z.shape[0]):
-            x = np.linspace(0.0, z[i, k], 9)
-            phi[i, k] = scipy.integrate.simpson([float(drive.ratio.ratio(s)) for s in x], x=x)
+    phi, ratio = np.empty_like(z), np.empty_like(z)
+    for (i, k), end in np.ndenumerate(z):
+        x = np.linspace(0.0, end, 9)
+        rates = [float(robot.transmission.drives[k].ratio.ratio(s)) for s in x]
+        phi[i, k], ratio[i, k] = scipy.integrate.simpson(rates, x=x), rates[-1]
     columns = [samples.time, *phi.T, *(ratio * dz).T, *(tau_z / ratio).T]
     part = [list(range(2 + k * n, 2 + (k + 1) * n)) for k in range(3)]
-    mapping = HEAD + "".join(
-        f"{name}: {{columns: {cols}, unit: {unit}, {side}}}\n"
-        for name, cols, unit in zip(("position", "velocity", "effort"), part, ("rad", "rad/s", "Nm"), strict=True)
-    )
+    units = zip(("position", "velocity", "effort"), part, ("rad", "rad/s", "Nm"), strict=True)
+    mapping = HEAD + "".join(f"{name}: {{columns: {cols}, unit: {unit}, side: motor}}\n" for name, cols, unit in units)
     return table(*columns), mapping, (samples.q, samples.dq, tau_z @ C)
 
 
@@ -169,8 +166,7 @@ TWO_FILES = (
 
 def test_signals_of_two_files_meet_on_the_rows_of_the_positions(written):
     time, other = np.arange(0, 2, 0.01), np.arange(0.05, 1.5, 0.003)
-    with pytest.raises(InputError, match=r"cannot read log .*log_tau\.csv"):
-        read(written, table(time, time), TWO_FILES)
+    assert re.search(r"cannot read log .*log_tau\.csv", refusal(read, written, table(time, time), TWO_FILES))
     written(table(other, 3 * other), "log_tau.csv")
     log = read(written, table(time, np.sin(time)), TWO_FILES)
     np.testing.assert_allclose(log.effort[:, 0], 3 * log.time, atol=1e-12)
@@ -186,8 +182,7 @@ def test_signals_of_two_files_meet_on_the_rows_of_the_positions(written):
     log = read(written, table(time, np.sin(time)), TWO_FILES)
     np.testing.assert_array_equal(log.removed[0].numbers, np.arange(81, 101))
     written(table([50.0, 51.0], [0.0, 1.0]), "log_tau.csv")
-    with pytest.raises(InputError, match="one clock"):
-        read(written, table([0.0, 1.0], [0.0, 1.0]), TWO_FILES)
+    assert "one clock" in refusal(read, written, table([0.0, 1.0], [0.0, 1.0]), TWO_FILES)
 
 
 def test_commands_of_another_file_hold_until_the_next_one(written):
@@ -199,8 +194,7 @@ def test_commands_of_another_file_hold_until_the_next_one(written):
     np.testing.assert_allclose(log.effort[:, 0], log.time + 1.0)
     assert log.left_out[0].startswith("told.csv: 3 rows, held onto the 6 of the positions; 1 of these are before")
     written(table([-9.0, -8.0], [7.0, 8.0]), "told.csv")
-    with pytest.raises(InputError, match="one clock"):
-        read(written, table([0.0, 1.0], [0.0, 1.0]), mapping)
+    assert "one clock" in refusal(read, written, table([0.0, 1.0], [0.0, 1.0]), mapping)
 
 
 # --- garbage ---------------------------------------------------------------------------------------------------------
@@ -227,8 +221,7 @@ def test_many_garbage_lines_are_refused_or_dropped_as_asked(written):
     content = lines(300)
     content[100:100] = GARBAGE
     path = written("\n".join(content) + "\n")
-    with pytest.raises(InputError, match=r"line 101 has 1 columns, expected 3 .*`drop='garbage'`.*skip: N"):
-        read_log(path)
+    assert re.search(r"line 101 has 1 columns, expected 3 .*`drop='garbage'`.*skip: N", refusal(read_log, path))
     assert read_log(path, drop=["garbage"]).count == 300
 
 
@@ -250,9 +243,7 @@ def test_rows_that_are_not_asked_for_may_hold_anything(written):
     content = lines()
     content[900:] = [*["garbage"] * 100, "10,1000,-1000"]
     path = written("\n".join(content) + "\n")
-    with pytest.raises(InputError, match="100 lines like this"):
-        read_log(path)
+    assert "100 lines like this" in refusal(read_log, path)
     log = read_log(path, only=(100, 500))
     np.testing.assert_array_equal(log.row_numbers, np.arange(100, 501))
-    with pytest.raises(InputError, match="rows: given 5:2000, but the log has 1000 rows"):
-        read_log(path, only=(5, 2000))
+    assert "rows: given 5:2000, but the log has 1000 rows" in refusal(read_log, path, only=(5, 2000))

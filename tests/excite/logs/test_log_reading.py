@@ -4,39 +4,37 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from recordings import log_of, real_log
+from refused import refusal
 
-from excite.logs.log import Log
+from excite.logs.log import Log, channels_of
 from excite.logs.log_reading import read_log, read_sidecar, write_log
 from excite.logs.mapping import read_mapping
 from regressors.errors import InputError, UnknownName
 from regressors.readers.library import built_in
 
-CHANNELS = ("time", "q", "dq", "effort", "wrench", "temperature", "command")
 GOOD = "time,a.position,b.position\n0,1,2\n0.5,3,4\n1,5,6\n"
 
 
 @pytest.fixture
 def written(tmp_path):
     def write(content, name="log.csv"):
-        path = tmp_path / name
-        path.write_bytes(content if isinstance(content, bytes) else content.encode())
-        return path
+        (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+        return tmp_path / name
 
     return write
 
 
 def same(one: Log, other: Log) -> None:
     assert one.joints == other.joints
-    for name in CHANNELS:
-        a, b = getattr(one, name), getattr(other, name)
-        assert (a is None) == (b is None), name
-        if a is not None:
-            np.testing.assert_array_equal(a, b, strict=True)
+    assert channels_of(one).keys() == channels_of(other).keys()
+    for name in ("time", *channels_of(one)):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), strict=True)
 
 
 # --- the house format ------------------------------------------------------------------------------------------------
@@ -63,16 +61,14 @@ def test_commands_are_cut_with_the_rows_and_leave_the_identity_of_logs_without_t
     told = replace(log, command=np.outer(time, [5.0, 6.0]))
     assert told.identity != log.identity
     np.testing.assert_array_equal(told.rows(slice(1, 3)).of(["b"]).command, [[6.0], [12.0]])
-    with pytest.raises(InputError, match=r"command has shape \(2, 2\), not \(3, 2\)"):
-        replace(log, command=np.zeros((2, 2)))
+    assert "command has shape (2, 2), not (3, 2)" in refusal(replace, log, command=np.zeros((2, 2)))
 
 
 def test_columns_are_found_by_name_in_any_order_and_extra_ones_are_named(written):
     path = written("b.position,segment,time,a.position,a.acceleration\n1,excite,0,2,9\n3,excite,1,4,9\n")
     log = read_log(path, joints=["a", "b"])
     assert log.joints == ("a", "b")
-    np.testing.assert_array_equal(log.q, [[2, 1], [4, 3]])
-    np.testing.assert_array_equal(log.time, [0, 1])
+    np.testing.assert_array_equal(np.column_stack([log.time, log.q]), [[0, 2, 1], [1, 4, 3]])
     assert log.left_out == ("2 columns not used: segment, a.acceleration",)
     assert read_log(path).joints == ("b", "a")
     assert read_log(path, joints=["a"]).q.shape == (2, 1)
@@ -88,8 +84,7 @@ def test_harmless_forms_of_the_same_log(written):
         ("time,a.position,b.position,note\n0,1,2,\n0.5,3,4,\n1,5,6,\n", ("1 column not used: note",)),
     ):
         log = read_log(written(content))
-        np.testing.assert_array_equal(log.time, [0, 0.5, 1])
-        np.testing.assert_array_equal(log.q, [[1, 2], [3, 4], [5, 6]])
+        np.testing.assert_array_equal(np.column_stack([log.time, log.q]), [[0, 1, 2], [0.5, 3, 4], [1, 5, 6]])
         assert log.left_out == mended
 
 
@@ -127,17 +122,14 @@ FAULTS = {
 
 def test_faults_are_named(written):
     for case, (content, message) in FAULTS.items():
-        path = written(content)
-        with pytest.raises(InputError, match=message) as error:
-            read_log(path)
-        assert "log.csv" in str(error.value), case
-        assert "\n" not in str(error.value), case
+        told = refusal(read_log, written(content))
+        assert re.search(message, told), case
+        assert "log.csv" in told, case
 
 
 def test_missing_file_and_missing_joint(tmp_path, written):
     path = written(GOOD)
-    with pytest.raises(InputError, match=r"cannot read log .*none\.csv: No such file"):
-        read_log(tmp_path / "none.csv")
+    assert re.search(r"cannot read log .*none\.csv: No such file", refusal(read_log, tmp_path / "none.csv"))
     with pytest.raises(UnknownName, match=r"no joint in .* named 'c'; available: a, b"):
         read_log(path, joints=["a", "c"])
     with pytest.raises(UnknownName, match="no kind of row to drop named 'all'; available: truncated, nan, repeated"):
@@ -164,8 +156,7 @@ def test_rows_may_be_left_out_and_are_counted(written):
         (rows("0,1,2", "1,3,4", "0,5,6"), kinds, "runs backwards"),
         (rows("0,1,2", "1,nan,4", "2,nan,6"), ["nan"], "fewer than two rows are left; left out: 2 rows with cells"),
     ):
-        with pytest.raises(InputError, match=message):
-            read_log(written(content), drop=drop)
+        assert re.search(message, refusal(read_log, written(content), drop=drop))
 
 
 # --- foreign layouts -------------------------------------------------------------------------------------------------
@@ -211,6 +202,9 @@ BASE = "joints: [a, b]\ntime: {column: 1}\nheader: false\n"
 POSITION = "position: {columns: [2, 3], unit: rad}\n"
 
 
+EFFORT, CURRENT = "effort: {columns: [4, 5], unit: Nm}\n", "current: {columns: [4, 5], unit: A, gain: 1}\n"
+
+
 def position(fields: str, columns: str = "[2, 3]") -> str:
     return f"{BASE}position: {{columns: {columns}, {fields}}}\n"
 
@@ -223,10 +217,7 @@ BAD_MAPPINGS = {
     "values for other joints": (position("unit: rad, ratio: [1, 2, 3]"), "gives 3 values for 2 columns"),
     "unknown field": (BASE + POSITION + "speed: 3\n", r"speed \(line 5\): no such field; available: joints, time"),
     "current without gain": (BASE + POSITION + "current: {columns: [4, 5], unit: A}\n", "current.gain .*is missing"),
-    "current and effort": (
-        BASE + POSITION + "effort: {columns: [4, 5], unit: Nm}\ncurrent: {columns: [4, 5], unit: A, gain: 1}\n",
-        "current .*is given as well as effort",
-    ),
+    "current and effort": (BASE + POSITION + EFFORT + CURRENT, "current .*is given as well as effort"),
     "joint twice": ("joints: [a, a]\ntime: {column: 1}\n" + POSITION, "joints .*'a' is given twice"),
     "not YAML": ("joints: [a\n", "line 2: not valid YAML"),
 }
@@ -234,9 +225,7 @@ BAD_MAPPINGS = {
 
 def test_bad_mappings_are_named(written):
     for text, message in BAD_MAPPINGS.values():
-        with pytest.raises(InputError, match=message) as error:
-            read_mapping(written(text, "map.yaml"))
-        assert "map.yaml" in str(error.value)
+        assert re.search(f"map.yaml.*{message}", refusal(read_mapping, written(text, "map.yaml")))
     for text, content, message in (
         (BASE + POSITION, "0,1\n1,2\n", "has 2 columns, the mapping asks for number 3"),
         (BASE + POSITION, "t,a,b\n0,1,2\n", "line 1 holds no number: t, a, b; check header"),
@@ -246,8 +235,7 @@ def test_bad_mappings_are_named(written):
         (BASE + POSITION + "separator: ';'\n", "0;1,5,5;2\n1;2;3\n", "line 1, column 2: '1,5,5' is not a number"),
         (BASE + POSITION, "0,1,2\n1,x,3\n", "line 2, column 2: 'x' is not a number"),
     ):
-        with pytest.raises(InputError, match=message):
-            read_log(written(content), mapping=read_mapping(written(text, "map.yaml")))
+        assert re.search(message, refusal(read_log, written(content), mapping=read_mapping(written(text, "map.yaml"))))
 
 
 def test_a_recorded_log_reads_through_the_example(written):
@@ -269,5 +257,4 @@ def test_other_files_beside_a_log_are_refused(written):
         ("[", "is not JSON"),
     ):
         path = written(content, "log.json")
-        with pytest.raises(InputError, match=message):
-            read_sidecar(path.with_suffix(".csv"))
+        assert re.search(message, refusal(read_sidecar, path.with_suffix(".csv")))

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from motions import random_sines
+from refused import refusal
 from slow_dynamics import random_body, random_chain, random_rotation
 
 from regressors.errors import InputError
@@ -22,7 +23,7 @@ from regressors.models.energy import EnergyModel
 from regressors.models.load import LoadIntegralModel, LoadModel, Sensor
 from regressors.models.model import PartialModel, RegressorModel
 from regressors.models.partial import of_drives
-from regressors.models.windows import Window, WindowModel
+from regressors.models.windows import Window
 from regressors.readers.library import built_in
 from regressors.robot.columns import Terms
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
@@ -51,18 +52,12 @@ def sliders() -> Robot:
     """Prismatic joints and bars, bars on the base, on a link and on each other, coupled drives, one of them at rest."""
     rng = np.random.default_rng(5)
     robot = random_chain("rprp", rng)
-    bars = (
-        bar(BASE, "rod", "p", [0.0, 0.7, 0.0, 0.0], rng),
-        bar("rod", "lever", "r", [-1.0, 0.0, 0.5, 0.0], rng),
-        bar(robot.links[1].name, "rocker", "r", [0.0, 0.0, 0.0, 1.7], rng),
-    )
-    drives = (
-        Drive("z1", ConstantRatio(-50.0), 1e-4),
-        Drive("z2"),
-        Drive("z3", SCREW, 2e-4),
-        Drive("z4", ConstantRatio(10.0), 1e-4, rests=True),
-        Drive("z5", SCREW, 1e-4),
-    )
+    rod = bar(BASE, "rod", "p", [0.0, 0.7, 0.0, 0.0], rng)
+    lever = bar("rod", "lever", "r", [-1.0, 0.0, 0.5, 0.0], rng)
+    bars = (rod, lever, bar(robot.links[1].name, "rocker", "r", [0.0, 0.0, 0.0, 1.7], rng))
+    still = Drive("z4", ConstantRatio(10.0), 1e-4, rests=True)
+    turning, screws = Drive("z1", ConstantRatio(-50.0), 1e-4), (Drive("z3", SCREW, 2e-4), Drive("z5", SCREW, 1e-4))
+    drives = (turning, Drive("z2"), screws[0], still, screws[1])
     coupling = np.vstack([np.eye(4), [0.0, 1.0, 1.0, -0.5]])
     transmission = Transmission(coupling, drives, Limits.none(5), np.array([0.1, -0.2, 0.3, 0.0, 0.4]))
     return robot.replace(branches=bars, transmission=transmission)
@@ -171,10 +166,8 @@ WINDOWS = {"overlapping": Window("short", 0.1, 0.05), "long": Window("long")}
 @pytest.mark.parametrize(("kind", "window", "count"), [("energy", "long", 82), ("load", "overlapping", 81)])
 def test_windows_are_those_of_the_model(kind: str, window: str, count: int) -> None:
     """Simpson's rule for odd and even numbers of samples, paths of the drives, and work or impulse measured."""
-    robot = sliders()
-    model: WindowModel = EnergyModel(robot, Terms(), WINDOWS[window])
-    if kind == "load":
-        model = LoadIntegralModel(robot, SENSOR, WINDOWS[window])
+    robot, of = sliders(), WINDOWS[window]
+    model = LoadIntegralModel(robot, SENSOR, of) if kind == "load" else EnergyModel(robot, Terms(), of)
     time = np.arange(count) * 0.0125
     samples = random_sines(robot.n, 6).samples(time)
     measured = np.random.default_rng(7).normal(size=(count, 6 if kind == "load" else robot.n))
@@ -215,8 +208,7 @@ class _Lever(GearFunction):
 def test_what_a_twin_cannot_do_is_said() -> None:
     robot = random_chain("r", np.random.default_rng(0))
     jax_model = JaxModel(DifferentialModel(robot))
-    with pytest.raises(InputError, match=r"needs 64-bit numbers: call it within `with jax.enable_x64"):
-        jax_model.rows(*np.zeros((3, 1, 1)))
+    assert r"needs 64-bit numbers: call it within `with jax.enable_x64" in refusal(jax_model.rows, *np.zeros((3, 1, 1)))
     with jax.enable_x64(True), pytest.raises(InputError, match=r"\(\.\.\., 1\), given \(4, 2\), \(4, 2\), \(4, 2\)"):
         jax_model.rows(*np.zeros((3, 4, 2)))
     lever = Transmission(np.eye(1), (Drive("z1", _Lever(), 1.0),), Limits.none(1))

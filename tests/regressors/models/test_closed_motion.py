@@ -34,11 +34,9 @@ def five_bar() -> str:
     plane = "0 -1 0"
     left = _BODY.format("b", "0.2 0 0", "0 1.3 0", hinges(("q2", plane)), "0.15 0 0.01", 0.7, "")
     right = _BODY.format("d", "0.2 0 0", "0 -1.3 0", hinges(("q4", plane)), "0.15 0 0.02", 0.6, "")
-    cranks = (
-        _BODY.format("a", "0 0 0", "0 -2.1 0", hinges(("q1", plane), reach=0.4), "0.1 0 0.01", 1.0, left),
-        _BODY.format("c", "0.25 0 0", "0 -1.0 0", hinges(("q3", plane), reach=0.4), "0.1 0 0", 1.2, right),
-    )
-    return _WORLD.format("".join(cranks), "0.3 0 0", '<motor joint="q1"/><motor joint="q3"/>')
+    one = _BODY.format("a", "0 0 0", "0 -2.1 0", hinges(("q1", plane), reach=0.4), "0.1 0 0.01", 1.0, left)
+    other = _BODY.format("c", "0.25 0 0", "0 -1.0 0", hinges(("q3", plane), reach=0.4), "0.1 0 0", 1.2, right)
+    return _WORLD.format(one + other, "0.3 0 0", '<motor joint="q1"/><motor joint="q3"/>')
 
 
 def spatial() -> str:
@@ -90,13 +88,9 @@ def test_torques_are_those_that_accelerate_mujoco(name: str) -> None:
     np.testing.assert_allclose(moved.ddq, states.ddq, atol=2e-3 * scale)  # MuJoCo's constraints are soft
     model = DifferentialModel(robot, Terms(coulomb=False, viscous=False)).restricted(motion)
     known = standard_values(robot)
-    predicted = model.instants(moved) @ np.array([known[column] for column in _standard(model)])
+    predicted = model.instants(moved) @ np.array([known[column.name] for column in model.columns])
     measured = model.right_side(moved, torques)
     np.testing.assert_allclose(predicted, measured, atol=5e-3 * np.abs(measured).max())
-
-
-def _standard(model: object) -> tuple[str, ...]:
-    return tuple(column.name for column in model.columns)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("name", LINKAGES)

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from motions import Sines
+from refused import refusal
 from slow_dynamics import general, three_axes
 
 from excite.identification.equations import equations_of, friction_drives, put_friction
@@ -151,17 +152,6 @@ def test_models_come_back_from_pickles_with_the_same_rows(model: RegressorModel)
     np.testing.assert_array_equal(again.definition()[0], model.definition()[0])
 
 
-@pytest.mark.parametrize("name", ["irp6-full", "panda"])
-def test_robots_come_back_from_pickles_as_they_were(name: str) -> None:
-    robot = built_in(name)
-    again = pickle.loads(pickle.dumps(robot))
-    assert again.sha256() == robot.sha256()
-    assert not again.joints[0].rotation.flags.writeable
-    assert not again.limits.velocity.flags.writeable
-    with pytest.raises(TypeError):
-        again.constants["l2"] = 1.0
-
-
 # --- columns ---------------------------------------------------------------------------------------------------------
 
 
@@ -198,13 +188,9 @@ def test_a_name_decides_nothing() -> None:
     class Renamed(DifferentialModel):
         def __init__(self, robot: Robot) -> None:
             super().__init__(robot)
-            self.reduction = Reduction(
-                tuple(renamed(c) for c in self.reduction.standard),
-                tuple(renamed(c) for c in self.reduction.columns),
-                self.reduction.matrix,
-                self.reduction.definition,
-            )
-            self.columns = self.reduction.columns
+            old = self.reduction
+            self.columns = tuple(map(renamed, old.columns))
+            self.reduction = Reduction(tuple(map(renamed, old.standard)), self.columns, old.matrix, old.definition)
 
     def renamed(column: Column) -> Column:
         return Column(f"p_{column.kind}_{column.owner}_{column.name[-1]}"[::-1], column.unit, column.kind, column.owner)
@@ -321,8 +307,7 @@ def test_other_forms_of_a_model_keep_its_class_and_its_options() -> None:
     locked = model.on(with_locked_joints(plain(), [1, 2]))
     soft = model.softened(0.5)
     for form in (locked, soft):
-        assert isinstance(form, TiedSprings)
-        assert (form.size, form.terms) == (3.0, Terms(offset=True))
+        assert (type(form), form.size, form.terms) == (TiedSprings, 3.0, Terms(offset=True))
     assert (locked.sign_width, soft.sign_width) == (0.1, 0.5)
     assert locked.names[-2:] == ("K2", "K3")
     assert model.instantaneous() is model
@@ -337,16 +322,13 @@ def test_equations_that_are_no_torques_are_left_as_they_are() -> None:
     assert model.restricted(of_drives(plain(), ["2"]), ["z2"]) is model
     assert model.torque_equations() is None
     assert model.coulomb_friction() is None
-    assert np.isnan(model.speeds(samples)).all()
-    assert model.speeds(samples).shape == (5, 1)
+    np.testing.assert_array_equal(model.speeds(samples), np.full((5, 1), np.nan))
     assert model.softened(0.1) is model
     assert base_parameters(model).names == ("h",)
-    with pytest.raises(InputError, match="one row per joint, given Height with 1"):
-        PartialModel(model, of_joints(plain(), [0]))
+    assert "one row per joint, given Height with 1" in refusal(PartialModel, model, of_joints(plain(), [0]))
     with pytest.raises(InputError, match="model of their torques, one row per joint, given LoadModel with 6"):
         PartialModel(LoadModel(built_in("ur10e")), of_joints(built_in("ur10e"), [0]))
-    with pytest.raises(InputError, match="Height has no friction torque at every instant"):
-        friction_drives(subject_of(model), samples)
+    assert "Height has no friction torque at every instant" in refusal(friction_drives, subject_of(model), samples)
 
 
 def test_springs_are_identified_from_a_log_as_everything_else_is() -> None:
@@ -385,8 +367,7 @@ def test_models_over_windows_say_what_they_integrate() -> None:
     np.testing.assert_allclose(energy.instants(samples), power, rtol=1e-9, atol=1e-9)
     assert load.instantaneous().sensor is SENSOR
     assert load.channel == load.instantaneous().channel == "wrench"
-    assert load.keeps_all_links
-    assert load.instantaneous().keeps_all_links
+    assert load.keeps_all_links is load.instantaneous().keeps_all_links is True
 
 
 def test_a_subclass_does_not_pass_for_what_its_parent_integrates() -> None:
@@ -395,8 +376,7 @@ def test_a_subclass_does_not_pass_for_what_its_parent_integrates() -> None:
             super().__init__(robot)
             self.columns = (*self.columns, Column("K", "Nm/rad", "stiffness"))
 
-    with pytest.raises(InputError, match="Further does not name the model"):
-        Further(plain()).instantaneous()
+    assert "Further does not name the model" in refusal(Further(plain()).instantaneous)
 
 
 def test_windows_fit_the_samples_of_a_log() -> None:
@@ -432,5 +412,4 @@ def test_a_form_in_jax_is_not_inherited() -> None:
     assert DifferentialModel.jax_form is not None
     assert SprungModel.jax_form is None
     for model in (SprungModel(plain()), SprungModel(plain()).restricted(of_joints(plain(), [0]))):
-        with pytest.raises(InputError, match="SprungModel has no JAX form"):
-            JaxModel(model)
+        assert "SprungModel has no JAX form" in refusal(JaxModel, model)

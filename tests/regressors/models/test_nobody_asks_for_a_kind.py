@@ -41,14 +41,11 @@ def kinds_asked_for(tree: ast.AST, classes: set[str]) -> list[int]:
     """Lines that ask whether something is of one of the classes, or compare its type or the type's name."""
     lines = []
     for node in ast.walk(tree):
+        parts: list[ast.AST] = list(ast.walk(node)) if isinstance(node, ast.Compare) else []
+        asked = {str(part.value) for part in parts if isinstance(part, ast.Constant)}
         if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("isinstance", "issubclass"):
-            asked = {getattr(part, "id", getattr(part, "attr", "")) for part in ast.walk(node.args[1])}
-        elif isinstance(node, ast.Compare):
-            asked = {getattr(part, "id", getattr(part, "attr", "")) for part in ast.walk(node)}
-            asked |= {str(part.value) for part in ast.walk(node) if isinstance(part, ast.Constant)}
-        else:
-            continue
-        if asked & classes:
+            parts = list(ast.walk(node.args[1]))
+        if (asked | {getattr(part, "id", getattr(part, "attr", "")) for part in parts}) & classes:
             lines.append(node.lineno)
     return lines
 

@@ -1,6 +1,7 @@
 """Reader of robot descriptions: what it reads, and what it says about files that are wrong."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -123,18 +124,19 @@ def test_first_moment_and_origin_are_the_other_way_to_write_a_link() -> None:
     assert np.allclose(thetas[0], thetas[1], rtol=1e-15)
 
 
+LINK = "name: l, mass: 2.0, com: [0.1, 0.2, {}], inertia: {{about: centre-of-mass, xx: 1, yy: 2, zz: 2.5}}"
+TURNED = "frame: {xyz: [1.0, 0.0, 0.0], rpy: [90 deg, 0.0, 0.0]}"
+
+
 def test_link_in_another_frame() -> None:
-    numbers = "name: l, mass: 2.0, com: [0.1, 0.2, 0.3], inertia: {about: centre-of-mass, xx: 1, yy: 2, zz: 2.5}"
-    frame = "frame: {xyz: [1.0, 0.0, 0.0], rpy: [90 deg, 0.0, 0.0]}"
-    link = parse_description(f"{MINIMAL}links: [{{{numbers}, {frame}}}]\n", "x").links[0]
+    link = parse_description(f"{MINIMAL}links: [{{{LINK.format(0.3)}, {TURNED}}}]\n", "x").links[0]
     R = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
     theta = from_centre_of_mass(2.0, R @ [0.1, 0.2, 0.3] + [1, 0, 0], R @ np.diag([1, 2, 2.5]) @ R.T)
     assert np.allclose(link.theta, theta, atol=1e-14)
 
 
 def test_zero_in_a_turned_frame_is_zero() -> None:
-    numbers = "name: l, mass: 2.0, com: [0.1, 0.2, 0], inertia: {about: centre-of-mass, xx: 1, yy: 2, zz: 2.5}"
-    text = f"{MINIMAL}links: [{{{numbers}, frame: {{rpy: [90 deg, 0, 0]}}}}]\nstructure: {{zero: [m1c1y]}}\n"
+    text = f"{MINIMAL}links: [{{{LINK.format(0)}, {TURNED}}}]\nstructure: {{zero: [m1c1y]}}\n"
     (link,) = parse_description(text, "x").links
     assert 0 < abs(link.theta[2]) < 1e-15
 
@@ -153,19 +155,17 @@ finite = st.floats(-10, 10, allow_nan=False).map(lambda x: x + 0.0)
 
 @settings(deadline=None)
 @given(
-    alpha=finite, a=finite, d=finite, offset=finite, lower=finite, span=st.floats(0.1, 5), velocity=st.floats(0.1, 9)
+    st.fixed_dictionaries(dict.fromkeys(("alpha", "a", "d", "offset"), finite)),
+    finite,
+    st.floats(0.1, 5),
+    st.floats(0.1, 9),
 )
-def test_numbers_survive_the_text(
-    alpha: float, a: float, d: float, offset: float, lower: float, span: float, velocity: float
-) -> None:
-    upper = lower + span
-    robot = parse_description(
-        f"name: r\njoints: [{{name: j, mdh: {{alpha: {alpha!r}, a: {a!r}, d: {d!r}, offset: {offset!r}}},"
-        f" limits: {{position: [{lower!r}, {upper!r}], velocity: {velocity!r}}}}}]\n",
-        "r.yaml",
-    )
+def test_numbers_survive_the_text(mdh: dict[str, float], lower: float, span: float, velocity: float) -> None:
+    upper, place = lower + span, ", ".join(f"{name}: {value!r}" for name, value in mdh.items())
+    limits = f"limits: {{position: [{lower!r}, {upper!r}], velocity: {velocity!r}}}"
+    robot = parse_description(f"name: r\njoints: [{{name: j, mdh: {{{place}}}, {limits}}}]\n", "r.yaml")
     (joint,), limits = robot.joints, robot.limits
-    expected = type(joint).from_mdh("j", "revolute", alpha=alpha, a=a, d=d, offset=offset)
+    expected = type(joint).from_mdh("j", "revolute", **mdh)
     assert np.array_equal(joint.rotation, expected.rotation)
     assert np.array_equal(joint.translation, expected.translation)
     assert (limits.lower[0], limits.upper[0], limits.velocity[0]) == (lower, upper, velocity)
@@ -233,12 +233,8 @@ def test_refuses_whole_files(text: str, message: str) -> None:
 def test_tells_everything_at_once_in_the_order_of_lines() -> None:
     text = FULL.replace("ratio: 50", "ratio: 0").replace("velocity: 0.5", "velocity: no").replace("name: two", "nam: 1")
     told = refusal(parse_description, text, "two.yaml").split("; ")
-    assert [part.split(":")[0] for part in told if "(line" in part] == [
-        "two.yaml",
-        "nam (line 1)",
-        "joints[1].limits.velocity (line 10)",
-        "drives[1].ratio (line 23)",
-    ]
+    places = ["two.yaml", "nam (line 1)", "joints[1].limits.velocity (line 10)", "drives[1].ratio (line 23)"]
+    assert [part.split(":")[0] for part in told if "(line" in part] == places
 
 
 def complaint(text: str) -> str:
@@ -256,14 +252,11 @@ def test_any_change_gives_a_robot_or_one_line(old: str, new: str) -> None:
 
 
 def test_refuses_files_that_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"cannot read '.*none\.yaml': No such file"):
-        read_description(tmp_path / "none.yaml")
-    with pytest.raises(InputError, match=r"cannot read .*: Is a directory"):
-        read_description(tmp_path)
+    assert re.search(r"cannot read '.*none\.yaml': No such file", refusal(read_description, tmp_path / "none.yaml"))
+    assert re.search(r"cannot read .*: Is a directory", refusal(read_description, tmp_path))
     path = tmp_path / "binary.yaml"
     path.write_bytes(b"name: \xff\n")
-    with pytest.raises(InputError, match=r"binary\.yaml': not a text file in UTF-8 \(byte 7\)"):
-        read_description(path)
+    assert "binary.yaml': not a text file in UTF-8 (byte 7)" in refusal(read_description, path)
 
 
 # Coefficients --------------------------------------------------------------------------------------------------------
@@ -318,22 +311,20 @@ def motor_limits(text: str, ratio: str = "-50") -> str:
 def test_limits_of_a_motor_are_those_of_its_coordinate_behind_the_gear() -> None:
     stated = "motor_limits: {position: [-100, 50], velocity: 3000 rpm, acceleration: 5000, jerk: 1.0e+6, torque: 2}"
     robot = parse_description(motor_limits(stated), "f.yaml")
-    limits = robot.transmission.limits
-    expected = (-1.0, 2.0, 2 * np.pi, 100.0, 2.0e4, 100.0)
-    found = (limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.jerk, limits.torque)
-    np.testing.assert_allclose(np.ravel(found), expected, rtol=1e-14)
+    found = np.ravel(list(vars(robot.transmission.limits).values()))
+    np.testing.assert_allclose(found, (-1.0, 2.0, 2 * np.pi, 100.0, 2.0e4, 100.0), rtol=1e-14)
     mixed = parse_description(motor_limits("limits: {torque: 80}, motor_limits: {velocity: 100}"), "f.yaml")
     assert (mixed.transmission.limits.torque[0], mixed.transmission.limits.velocity[0]) == (80.0, 2.0)
+
+
+SCREW = "{ball_screw: {pitch: 0.005, square: 1, cosine: 0, sine: 0.1}}"
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         (motor_limits("limits: {torque: 1}, motor_limits: {torque: 2}"), "limits and motor_limits both state torque"),
-        (
-            motor_limits("motor_limits: {torque: 2}", "{ball_screw: {pitch: 0.005, square: 1, cosine: 0, sine: 0.1}}"),
-            "motor_limits need a constant ratio",
-        ),
+        (motor_limits("motor_limits: {torque: 2}", SCREW), "motor_limits need a constant ratio"),
         (motor_limits("motor_limits: {velocity: fast rpm}"), "expected a number of rpm, given 'fast rpm'"),
         (motor_limits("motor_limits: {position: [1, -1]}"), "lower bound 1 must be below the upper bound -1"),
     ],

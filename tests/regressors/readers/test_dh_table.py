@@ -29,10 +29,10 @@ def written(folder: Path, text: str) -> str:
 
 def table(convention: str, delimiter: str = ",") -> str:
     header = "type,a,alpha [deg],d [mm],theta [deg],mass,cx,cy,cz,Ixx,Ixy,Ixz,Iyy,Iyz,Izz"
-    lines = [
-        ",".join(map(str, ("p" if sliding else "", a, alpha, 1e3 * d, theta, mass, *centre, *TENSOR)))
-        for a, alpha, d, theta, sliding, mass, centre in ROWS
-    ]
+    rows = (
+        ("p" if slides else "", a, alpha, 1e3 * d, theta, m, *c, *TENSOR) for a, alpha, d, theta, slides, m, c in ROWS
+    )
+    lines = [",".join(map(str, row)) for row in rows]
     return f"# convention: {convention}\n" + "\n".join([header, *lines]).replace(",", delimiter) + "\n"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import resource
 import struct
 import subprocess
@@ -13,8 +14,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from refused import refusal
 
-from regressors.errors import InputError, TooLargeError
+from regressors.errors import TooLargeError
 from regressors.readers import mjcf as mjcf_size
 from regressors.readers.library import load_robot
 from regressors.readers.mjcf import check_mjcf_size
@@ -38,27 +40,25 @@ def png(wide: int, high: int) -> bytes:
 IMAGE, PART = '<texture name="t" type="2d" file="t.png"/>', '<include file="part.xml"/>'
 MANY = b"<mujocoinclude>" + b"<site/>" * 200 + b"</mujocoinclude>"
 ATTACHED = '<replicate count="90"><attach model="m" prefix="a"/></replicate>'
+FLAT = '<texture name="t" {} builtin="flat" width="{}" height="{}"/>'
+FIELD = '<hfield name="h" {} size="1 1 1 1"/>'
 GRID = '<flexcomp name="f" type="grid" count="1000 1000 1" spacing="1 1 1" radius="1"/>'
 OBJECTS = "".join(f'<mesh name="m{k}" file="m{k}.obj"/>' for k in range(3))
 LARGE: dict[str, tuple[str, str, dict[str, bytes]]] = {
     "texture": (
-        model('<texture name="t" type="2d" builtin="flat" width="60000" height="60000"/>'),
+        model(FLAT.format('type="2d"', 60000, 60000)),
         r"arm\.xml would take about 21\.6 GB of memory, more than the cap of 4 GB: a texture of 60000 x 60000",
         {},
     ),
-    "cube": (model('<texture name="t" builtin="flat" width="20000" height="20000"/>'), r"about 14\.4 GB of memory", {}),
+    "cube": (model(FLAT.format("", 20000, 20000)), r"about 14\.4 GB of memory", {}),
     "image in a folder": (
         model(IMAGE, head='<compiler texturedir="images"/>'),
         r"t\.png, an image of 50000 x 50000",
         {"images/t.png": png(50000, 50000)},
     ),
-    "height field": (
-        model('<hfield name="h" nrow="30000" ncol="30000" size="1 1 1 1"/>'),
-        "field of 30000 x 30000",
-        {},
-    ),
+    "height field": (model(FIELD.format('nrow="30000" ncol="30000"')), "field of 30000 x 30000", {}),
     "height field of a file": (
-        model('<hfield name="h" file="h.bin" size="1 1 1 1"/>'),
+        model(FIELD.format('file="h.bin"')),
         r"h\.bin, a height field of 100000 x 100000",
         {"h.bin": struct.pack("<ii", 10**5, 10**5)},
     ),
@@ -98,9 +98,7 @@ def test_what_is_too_large_is_refused(text: str, files: dict[str, bytes], messag
         if content.startswith(b"sparse"):
             os.truncate(tmp_path / name, int(content.split()[1]))
     began, before = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    with pytest.raises(InputError, match=message) as raised:
-        load_robot(str(tmp_path / "arm.xml"))
-    assert "\n" not in str(raised.value)
+    assert re.search(message, refusal(load_robot, str(tmp_path / "arm.xml")))
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 2e5  # kB
     assert time.process_time() - began < 60
 
@@ -130,9 +128,7 @@ def test_what_is_no_file_is_refused(
     monkeypatch.setattr("regressors.input_files.SILENCE", 0.05)
     make(tmp_path / "part")
     (tmp_path / "arm.xml").write_text(model(f'<{asset} name="a" file="part"/>'))
-    with pytest.raises(InputError, match=message) as raised:
-        load_robot(str(tmp_path / "arm.xml"))
-    assert str(raised.value).count("\n") == 0
+    assert re.search(message, refusal(load_robot, str(tmp_path / "arm.xml")))
 
 
 MEASURE = """

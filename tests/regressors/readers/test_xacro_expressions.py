@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from public_arms import robot_file
 from refused import refusal
 from written_files import text_file
 
@@ -24,7 +25,6 @@ from regressors.readers import urdf
 from regressors.readers.library import load_robot
 from regressors.readers.urdf import expand_xacro, parse_urdf, read_xacro
 from regressors.readers.xacro_expressions import LARGEST, LONGEST, Refused, evaluate, known_names
-from tests.builders.public_arms import robots_folder
 
 xacro = pytest.importorskip("xacro", reason="xacro is not installed (pip install xacro)")
 
@@ -33,7 +33,6 @@ LINE = 3  # of the expression
 
 # An expression, and what the refusal says.
 EXPRESSIONS = {
-    "import": ("__import__('os').system('touch {canary}')", "the name '__import__' is not allowed"),
     "subclasses": ("().__class__.__base__.__subclasses__()", "the attribute '__subclasses__' is not allowed"),
     "builtins": ("__builtins__", "the name '__builtins__' is not allowed"),
     "comprehension": ("[c for c in (1).real.conjugate().__class__.__mro__]", "a comprehension is not allowed"),
@@ -171,8 +170,7 @@ def test_caps_end_what_takes_too_long(
 ) -> None:
     monkeypatch.setattr(urdf, cap, value)
     slow = mass("${" + " + ".join(["math.prod(range(1, 90000))"] * 9) + "}")
-    with pytest.raises(InputError, match=message):
-        expand_xacro(document(folder, slow))
+    assert re.search(message, refusal(expand_xacro, document(folder, slow)))
 
 
 def test_a_module_beside_the_file_is_not_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -202,8 +200,7 @@ def test_content_alone_expands_nothing(name: str, folder: Path) -> None:
     path = document(folder, mass(text), name)
     with pytest.raises(InputError, match=rf"{name}, line {LINE}: .* an expression of xacro: .* or give `xacro=True`"):
         load_robot(str(path))
-    with pytest.raises(InputError, match=rf"{name}, line {LINE}: a lambda is not allowed"):
-        load_robot(str(path), xacro=True)
+    assert re.search(rf"{name}, line {LINE}: a lambda is not allowed", refusal(load_robot, str(path), xacro=True))
     assert not canary.exists()
 
 
@@ -289,10 +286,7 @@ def test_structure_is_expanded_as_xacro_expands_it(folder: Path) -> None:
 
 
 def test_a_vendors_file_is_expanded_as_xacro_expands_it() -> None:
-    folder = robots_folder() or Path()
-    path = folder / "hector_description" / "robots" / "quadrotor_base.urdf.xacro"
-    if not path.is_file():
-        pytest.skip("example-robot-data has no xacro here")
+    path = robot_file("hector_description/robots/quadrotor_base.urdf.xacro")
     assert body_of(expand_xacro(path)) == body_of(by_xacro(path))
 
 
@@ -344,34 +338,22 @@ sys.stdout.flush()
 import os; os._exit(0)
 """
     calls = "{" + ", ".join(f"{name!r}: lambda: {text}" for name, text in hostile.items()) + "}"
-    outcome = _run(code.replace("{CALLS}", calls), str(folder / "arm.xacro"))
+    command = [sys.executable, "-c", code.replace("{CALLS}", calls), str(folder / "arm.xacro")]
+    outcome = json.loads(subprocess.run(command, capture_output=True, check=True).stdout)
     assert list(outcome) == list(hostile)
     assert [said for said in outcome.values() if "is not allowed while" not in said] == []
 
 
-def _run(code: str, *arguments: str) -> dict[str, str]:
-    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, check=False)
-    assert done.returncode == 0, done.stderr.decode()
-    answer: dict[str, str] = json.loads(done.stdout)
-    return answer
-
-
-pytest.importorskip("xacro", reason="xacro is not installed (pip install xacro)")
-
 NAMESPACE = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
-ARM_PART = f"""
-<robot {NAMESPACE}>
-  <xacro:macro name="part" params="k parent mass">
-    <link name="l${{k}}">
-      <inertial><mass value="${{mass}}"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>
+PART_OF_ARM = """
+    <link name="l${k}">
+      <inertial><mass value="${mass}"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>
     </link>
-    <joint name="j${{k}}" type="revolute">
-      <parent link="${{parent}}"/><child link="l${{k}}"/><origin xyz="0 0 0.3" rpy="${{pi / 2}} 0 0"/>
+    <joint name="j${k}" type="revolute">
+      <parent link="${parent}"/><child link="l${k}"/><origin xyz="0 0 0.3" rpy="${pi / 2} 0 0"/>
       <limit lower="-1" upper="1" effort="2" velocity="$(arg speed)"/>
-    </joint>
-  </xacro:macro>
-</robot>
-"""
+    </joint>"""
+ARM_PART = f'<robot {NAMESPACE}><xacro:macro name="part" params="k parent mass">{PART_OF_ARM}</xacro:macro></robot>'
 ARM = f"""
 <robot name="arm" {NAMESPACE}>
   <xacro:arg name="speed" default="3"/>
@@ -381,17 +363,16 @@ ARM = f"""
   <xacro:part k="2" parent="l1" mass="${{2 * 0.25}}"/>
 </robot>
 """
-EXPANDED = '<robot name="arm"><link name="base"/>' + "".join(
-    f"""
-    <link name="l{k}">
-      <inertial><mass value="{mass}"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>
-    </link>
-    <joint name="j{k}" type="revolute">
-      <parent link="{parent}"/><child link="l{k}"/><origin xyz="0 0 0.3" rpy="{np.pi / 2!r} 0 0"/>
-      <limit lower="-1" upper="1" effort="2" velocity="3"/>
-    </joint>"""
-    for k, parent, mass in ((1, "base", 2), (2, "l1", 0.5))
-) + "</robot>"  # fmt: skip
+
+
+def expanded(**values: str) -> str:
+    """The part of the arm, by hand."""
+    text = PART_OF_ARM.replace("${pi / 2}", repr(np.pi / 2)).replace("$(arg speed)", "3")
+    return re.sub(r"\$\{(\w+)\}", lambda found: values[found[1]], text)
+
+
+PARTS = expanded(k="1", parent="base", mass="2") + expanded(k="2", parent="l1", mass="0.5")
+EXPANDED = f'<robot name="arm"><link name="base"/>{PARTS}</robot>'
 
 
 def package(root: Path, text: str = ARM, name: str = "arm.urdf.xacro") -> str:
@@ -456,5 +437,4 @@ def test_missing_packages_are_told_with_their_extra(
 ) -> None:
     (tmp_path / f"{package_name}.py").write_text("raise ImportError", encoding="utf-8")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
-    with pytest.raises(InputError, match=r"one is not installed; pip install 'excite-trajectories\[xacro\]'"):
-        load_robot(package(tmp_path))
+    assert "one is not installed; pip install 'excite-trajectories[xacro]'" in refusal(load_robot, package(tmp_path))

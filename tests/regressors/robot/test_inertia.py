@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
@@ -71,13 +73,9 @@ CENTRE = (0.1, -0.05, 0.2)
 
 
 def robot(*thetas: np.ndarray | None) -> Robot:
-    n = len(thetas)
-    return Robot(
-        name="chain",
-        joints=tuple(Joint(f"j{k}", "revolute", np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0])) for k in range(n)),
-        links=tuple(Link(f"l{k}", theta) for k, theta in enumerate(thetas)),
-        limits=Limits.none(n),
-    )
+    joints = tuple(Joint(f"j{k}", "revolute", np.eye(3), np.zeros(3)) for k in range(len(thetas)))
+    links = tuple(Link(f"l{k}", theta) for k, theta in enumerate(thetas))
+    return Robot("chain", joints, links, Limits.none(len(thetas)))
 
 
 def body(mass: float, moments: tuple[float, float, float]) -> np.ndarray:
@@ -97,10 +95,9 @@ SOUND = body(3.0, (0.1, 0.2, 0.25))
     ],
 )
 def test_a_body_that_cannot_be_is_named_with_its_reason(theta: np.ndarray | None, reason: str) -> None:
-    reasons = implausible_inertias(robot(SOUND, theta))
-    assert list(reasons) == ["l1"]
-    with pytest.raises(AssertionError, match=reason):
-        raise AssertionError(reasons["l1"])
+    ((link, told),) = implausible_inertias(robot(SOUND, theta)).items()
+    assert link == "l1"
+    assert re.search(reason, told)
 
 
 def test_three_equal_bodies_are_placeholders_and_two_are_not() -> None:
@@ -119,10 +116,8 @@ def test_published_robots_are_plausible() -> None:
 
 @given(arrays(float, (6, 3), elements=st.floats(-2.0, 2.0)), arrays(float, 6, elements=st.floats(0.1, 5.0)))
 def test_point_masses_are_a_body_whatever_their_place(points: np.ndarray, masses: np.ndarray) -> None:
-    tensor = sum(m * (p @ p * np.eye(3) - np.outer(p, p)) for m, p in zip(masses, points, strict=True))
-    theta = np.concatenate([[masses.sum()], masses @ points, tensor[np.triu_indices(3)]])
-    centred = points - masses @ points / masses.sum()
-    about = sum(m * (p @ p * np.eye(3) - np.outer(p, p)) for m, p in zip(masses, centred, strict=True))
-    np.testing.assert_allclose(principal_moments(theta), np.linalg.eigvalsh(about), atol=1e-9)
-    if np.linalg.eigvalsh(about)[2] > 1e-6:
+    theta = theta_of(masses, points)
+    about = np.linalg.eigvalsh(tensor_of(masses, points - masses @ points / masses.sum()))
+    np.testing.assert_allclose(principal_moments(theta), about, atol=1e-9)
+    if about[2] > 1e-6:
         assert implausible_inertias(robot(theta)) == {}

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import re
 import sqlite3
 import struct
 import sys
@@ -19,6 +21,7 @@ import pytest
 import scipy.io
 from array_files import Matlab73, motion, read_all, write_hdf5, write_lerobot, write_parquet
 from hypothesis import given, settings as examples, strategies as st
+from refused import refusal
 from ros_bags import (
     arm_messages,
     header,
@@ -72,10 +75,7 @@ def whole_files() -> dict[str, bytes]:
     write_hdf5(folder / "hdf5", motion())
     (folder / "json").write_text(json.dumps({name: values.tolist() for name, values in motion().items()}))
     write_parquet(folder / "parquet", motion(), compression="zstd")
-    return {
-        path.name.removesuffix(".npz").removesuffix(".npy").removesuffix(".mat"): path.read_bytes()
-        for path in folder.iterdir()
-    }
+    return {re.sub(r"\.(npz|npy|mat)$", "", path.name): path.read_bytes() for path in folder.iterdir()}
 
 
 def read_or_refuse(raw: bytes, folder: Path) -> None:
@@ -148,10 +148,10 @@ def test_half_written_mcap_gives_the_messages_that_are_whole(tmp_path: Path, com
 
 
 def test_half_written_bags_of_ros_1_and_databases(tmp_path: Path) -> None:
-    whole = write_ros1_bag(tmp_path / "log", ros1_states(), "").read_bytes()
-    unindexed = whole[: whole.index(b"op=\x04") + 10]
-    (tmp_path / "cut").write_bytes(unindexed)
-    contents, recording = read_all(tmp_path / "cut")
+    path = write_ros1_bag(tmp_path / "log", ros1_states(), "")
+    whole = path.read_bytes()
+    path.write_bytes(whole[: whole.index(b"op=\x04") + 10])  # without its index
+    contents, recording = read_all(path)
     assert sum(stream.rows for stream in recording.streams.values()) == len(ros1_states())
     assert any("ends early" in note for note in contents.notes)
 
@@ -168,10 +168,8 @@ def test_a_folder_without_its_metadata(tmp_path: Path) -> None:
 def encrypted_npz() -> bytes:
     raw = bytearray(whole_files()["npz"])
     for magic, place in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
-        at = raw.find(magic)
-        while at >= 0:
-            raw[at + place] |= 1
-            at = raw.find(magic, at + 1)
+        for found in re.finditer(re.escape(magic), bytes(raw)):
+            raw[found.start() + place] |= 1
     return bytes(raw)
 
 
@@ -200,12 +198,11 @@ def lying_chunk() -> bytes:
 
 
 def huge_npz() -> bytes:
-    path = Path(mkdtemp()) / "log.npz"
-    head = b"\x93NUMPY\x01\x00" + struct.pack("<H", 118)
+    head, packed = b"\x93NUMPY\x01\x00" + struct.pack("<H", 118), io.BytesIO()
     text = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }"
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("q.npy", head + text.ljust(117) + b"\n")
-    return path.read_bytes()
+    return packed.getvalue()
 
 
 def huge_mat() -> bytes:
@@ -217,18 +214,16 @@ def huge_mat() -> bytes:
 
 def bag_of(topic: str) -> bytes:
     """A bag of a text, or of an image."""
-    types = typestore()
-    image = types.types["sensor_msgs/msg/Image"]
-    message = {
-        "/hello": types.types["std_msgs/msg/String"]("hello"),
-        "/camera": image(header(types, 0), 300, 300, "mono8", 0, 300, np.zeros(90000, np.uint8)),
-    }[topic]
+    types, message = typestore(), typestore().types["std_msgs/msg/String"]("hello")
+    if topic == "/camera":
+        image = types.types["sensor_msgs/msg/Image"]
+        message = image(header(types, 0), 300, 300, "mono8", 0, 300, np.zeros(90000, np.uint8))
     return (write_bag(Path(mkdtemp()) / "bag", [(topic, message, 1)]) / "bag.mcap").read_bytes()
 
 
 def bad_checksum() -> bytes:
-    raw = bytearray(whole_files()["mcap"])
-    raw[raw.index(struct.pack("<d", arm_messages(30)[1].position[0] if arm_messages(30)[1].position else 0.0))] ^= 1
+    raw, number = bytearray(whole_files()["mcap"]), next(m.position[0] for m in arm_messages(30) if m.position)
+    raw[raw.index(struct.pack("<d", number))] ^= 1
     return bytes(raw)
 
 
@@ -266,16 +261,13 @@ BAD: tuple[tuple[str, Callable[[], bytes], str], ...] = (
 def test_one_line(tmp_path: Path, build: Callable[[], bytes], message: str) -> None:
     path = tmp_path / "bad"
     path.write_bytes(build())
-    with pytest.raises(InputError, match=message) as refused:
-        read_all(path)
-    assert "\n" not in str(refused.value)
+    assert re.search(message, refusal(read_all, path))
 
 
 def test_a_variable_that_unpacks_to_more_than_may_be_held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.005")
     (tmp_path / "bad.mat").write_bytes(huge_mat())
-    with pytest.raises(InputError, match=r"reading .* would take"):
-        read_all(tmp_path / "bad.mat")
+    assert re.search(r"reading .* would take", refusal(read_all, tmp_path / "bad.mat"))
 
 
 METADATA = (
@@ -294,8 +286,7 @@ def test_metadata(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "bag", states())
     for text, message in METADATA:
         (bag / "metadata.yaml").write_text(text)
-        with pytest.raises(InputError, match=message):
-            read_all(bag)
+        assert re.search(message, refusal(read_all, bag))
 
 
 ROS = "needs rosbags: pip install 'excite-trajectories[ros]'"
@@ -313,9 +304,7 @@ MISSING = (
 def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch, form, module, message) -> None:
     (tmp_path / "log").write_bytes(whole_files()[form])
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(InputError) as refused:
-        read_all(tmp_path / "log")
-    assert str(refused.value).endswith(message)
+    assert refusal(read_all, tmp_path / "log").endswith(message)
 
 
 def test_streams_and_columns_that_are_not_there_are_answered_with_those_that_are(tmp_path: Path) -> None:
@@ -340,8 +329,6 @@ def test_a_data_set_without_tables(tmp_path: Path) -> None:
     folder = write_lerobot(tmp_path / "set")
     for file in folder.glob("data/**/*.parquet"):
         file.unlink()
-    with pytest.raises(InputError, match=r"expected 1 to 10000 files data/\*\*/\*\.parquet of a LeRobot data set"):
-        read_all(folder)
+    assert "expected 1 to 10000 files data/**/*.parquet of a LeRobot data set" in refusal(read_all, folder)
     (folder / "meta" / "info.json").write_text("{")
-    with pytest.raises(InputError, match=r"info\.json is not the JSON of a LeRobot data set"):
-        read_all(folder)
+    assert "info.json is not the JSON of a LeRobot data set" in refusal(read_all, folder)

@@ -13,6 +13,7 @@ import pytest
 from foreign_logs import motion
 from hypothesis import HealthCheck, given, settings, strategies as st
 from recordings import so101_folder
+from refused import refusal
 from written_files import text_file
 
 import excite
@@ -72,10 +73,9 @@ def test_names_say_quantity_unit_and_joint() -> None:
     assert [is_clock(name) for name in ("__time", "timestamp", "t", "t1")] == [True, True, True, False]
 
 
+WORDS = ["", "nan", "inf", "1", "-2.5e3", "q1", "dq1 [deg/s]", "time", "__time", '"', "1,5", "#", "a.position"]
 CELL = st.one_of(
-    st.sampled_from(
-        ["", "nan", "inf", "1", "-2.5e3", "q1", "dq1 [deg/s]", "time", "__time", '"', "1,5", "#", "a.position"]
-    ),
+    st.sampled_from(WORDS),
     st.text(st.characters(codec="utf-8", exclude_characters="\0\n\r"), max_size=6),
     st.floats().map(str),
 )
@@ -110,8 +110,7 @@ def test_cells_that_are_empty_cost_no_row_of_other_columns(tmp_path: Path) -> No
     columns = excite.read_recording(path).streams["table"].columns
     np.testing.assert_array_equal(columns["a"][1::2], np.arange(1, 20, 2))
     np.testing.assert_array_equal(columns["b"][::2], -np.arange(0, 20, 2))
-    assert np.isnan(columns["a"][::2]).all()
-    assert np.isnan(columns["b"][1::2]).all()
+    assert np.isnan([columns["a"][::2], columns["b"][1::2]]).all()
 
 
 def test_decimal_commas_are_points_and_columns_of_words_are_left_out(tmp_path: Path) -> None:
@@ -122,11 +121,6 @@ def test_decimal_commas_are_points_and_columns_of_words_are_left_out(tmp_path: P
     np.testing.assert_allclose(columns["t"], np.arange(20) / 10)
     np.testing.assert_allclose(columns["a, first"], np.arange(20) / 7, atol=1e-4)
     np.testing.assert_array_equal(columns["b"][::2], -np.arange(0, 20, 2))
-
-
-def test_columns_without_names_are_asked_about_by_their_numbers(tmp_path: Path) -> None:
-    path = text_file(tmp_path / "numbers", "5,2,3\n2,5,7\n4,4,4\n")
-    assert "None was recognised among 1, 2, 3" in " ".join(excite.guess_mapping(path).questions)
 
 
 def test_a_line_that_was_not_written_to_its_end_is_left_out(tmp_path: Path) -> None:
@@ -142,16 +136,12 @@ def test_a_line_that_was_not_written_to_its_end_is_left_out(tmp_path: Path) -> N
 def write_servos(folder: Path, time: Sequence[float], **lists: Sequence[Sequence[float]]) -> Path:
     """A folder as sage writes it: lists of one number for each joint, quoted."""
     folder.mkdir(exist_ok=True)
-    for name, kind, titles in (
-        ("control", "CONTROL", ["positions"]),
-        ("state_motor", "STATE_MOTOR", ["positions", "velocities", "torques"]),
-    ):
-        columns = [lists[title if name == "state_motor" else "command"] for title in titles]
-        rows = [
-            ",".join([kind, repr(t), *(f'"{json.dumps(list(cell))}"' for cell in row)])
-            for t, *row in zip(time, *columns, strict=True)
-        ]
-        (folder / f"{name}.csv").write_text("\n".join([",".join(["type", "timestamp", *titles]), *rows]) + "\n")
+    told = {"positions": lists.pop("command")}
+    for name, columns in (("control", told), ("state_motor", lists)):
+        table = zip(time, *columns.values(), strict=True)
+        rows = ([repr(t), *(f'"{json.dumps(list(cell))}"' for cell in row)] for t, *row in table)
+        lines = [",".join(["type", "timestamp", *columns]), *(",".join([name.upper(), *row]) for row in rows)]
+        (folder / f"{name}.csv").write_text("\n".join(lines) + "\n")
     return folder
 
 
@@ -180,9 +170,8 @@ def test_servo_folders_read_back_to_the_same_numbers(tmp_path: Path, data: st.Da
 
 def servos(folder: Path, joints: int = 3) -> Path:
     m = motion(joints)
-    return write_servos(
-        folder, (1e6 * m.time).tolist(), command=m.q + 0.1, positions=m.q, velocities=m.dq, torques=m.tau
-    )
+    lists = {"command": m.q + 0.1, "positions": m.q, "velocities": m.dq, "torques": m.tau}
+    return write_servos(folder, (1e6 * m.time).tolist(), **lists)
 
 
 def test_joints_of_servo_folders_are_those_of_the_robot_from_the_base_on(tmp_path: Path) -> None:
@@ -203,15 +192,10 @@ SPOILT_SERVOS = {  # file, its last lines, what is said, the kind to drop
     "torn": (
         "state_motor",
         'STATE_MOTOR,6e6,"[1, 2, 3]","[0,',
-        r"state_motor\.csv, line 602: a row cut off",
+        r"state_motor\.csv, line 602: a row cut o",
         "truncated",
     ),
-    "torn type": (
-        "control",
-        "CONTR",
-        r"control\.csv, line 602: a row cut off at the end; 1 row like this",
-        "truncated",
-    ),
+    "torn type": ("control", "CONTR", r"control\.csv, line 602: a row cut off at the end; 1 row like th", "truncated"),
     "NaN": ("control", 'CONTROL,6e6,"[NaN, 1, 2]"', r"control\.csv, line 602: a row with numbers that are NaN", "nan"),
     "null": ("control", 'CONTROL,6e6,"[null, 1, 2]"', "line 602: a row with numbers that are NaN", "nan"),
     "other length": ("control", 'CONTROL,6e6,"[1, 2]"', "line 602: a row without a list of 3 numbers in", "garbage"),
@@ -225,8 +209,7 @@ def test_faulty_rows_of_servo_folders_are_named_and_may_be_dropped(tmp_path: Pat
     file, lines, message, kind = SPOILT_SERVOS[name]
     path = servos(tmp_path / "s") / f"{file}.csv"
     path.write_text(path.read_text() + lines)
-    with pytest.raises(InputError, match=message):
-        excite.read_log(path.parent)
+    assert re.search(message, refusal(excite.read_log, path.parent))
     log = excite.read_log(path.parent, drop=[kind])
     np.testing.assert_array_equal(log.q, motion(3).q)
     np.testing.assert_array_equal(log.command, motion(3).q + 0.1)
@@ -244,8 +227,7 @@ def test_servo_folders_without_rows_or_with_unlike_lists_are_refused(tmp_path: P
         ("type,timestamp,positions\n", r"control\.csv: expected rows of the type CONTROL, with lists"),
     ):
         path.write_text(content)
-        with pytest.raises(InputError, match=message):
-            excite.read_log(path.parent)
+        assert re.search(message, refusal(excite.read_log, path.parent))
 
 
 def test_recorded_servos_are_read_without_a_mapping(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
@@ -12,9 +13,9 @@ import numpy as np
 import pytest
 from friction_curves import TUSTIN
 from hypothesis import given, strategies as st
+from refused import refusal
 
 from excite.tasks.friction_file import friction_of, read_friction, write_friction
-from regressors.errors import InputError
 from regressors.models.base import random_states
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
@@ -119,16 +120,6 @@ def test_smooth_sign_passes_through_the_mean_of_both_directions(curve: FrictionC
 # --- of a robot ------------------------------------------------------------------------------------------------------
 
 
-def test_joints_bear_the_transposed_coupling() -> None:
-    """Motor 3 of the IRp-6 drives q2 + q3: its friction acts on both joints."""
-    robot = built_in("irp6")
-    curves = FrictionCurves({"z3": CoulombViscous(30.0, 26.0)})
-    dq = np.array([[0.0, 0.1, 0.3, 0.0, 0.0], [0.0, 0.2, -0.5, 0.0, 1.0]])
-    f = np.array([30 + 26 * 0.4, -30 - 26 * 0.3])
-    expected = np.column_stack([0 * f, f, f, 0 * f, 0 * f])
-    np.testing.assert_allclose(curves.joint_torque(robot, np.zeros_like(dq), dq), expected, atol=1e-12)
-
-
 @pytest.mark.parametrize("joints", [[0, 1, 2], [0, 1, 2, 3, 4], [2], [1, 3]], ids=str)
 def test_coulomb_and_viscous_are_columns_of_the_differential_model(joints: list[int]) -> None:
     robot = with_locked_joints(built_in("irp6"), joints)
@@ -185,8 +176,7 @@ def test_joints_stand_for_drives_where_none_are_described() -> None:
     ],
 )
 def test_impossible_curves_are_refused(make: Callable[[], object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        make()
+    assert re.search(message, refusal(make))
 
 
 # --- files -----------------------------------------------------------------------------------------------------------
@@ -258,7 +248,7 @@ BAD_ENTRIES = [
     ("load: {forward: 0.1}", "line 7.*backward"),
     (
         "load: much",
-        r"z1\.load \(line 7\): must be a number, given the text .much.; drives\.z1\.load \(line 7\): should be a map",
+        r"load \(line 7\): must be a number, given the text .much.; drives.*load \(line 7\): should be a map",
     ),
     ("uncertainty: {parameters: [coulomb]}", r"z1\.uncertainty\.covariance \(line 7\): is missing"),
     ("uncertainty: {parameters: [], covariance: []}", r"z1\.uncertainty\.parameters \(line 7\): .*at least 1 item"),
@@ -281,6 +271,4 @@ BAD_ENTRIES = [
     ],
 )
 def test_bad_files_are_refused_with_the_line(text: str, message: str) -> None:
-    with pytest.raises(InputError, match=message) as raised:
-        friction_of(text, "f.yaml")
-    assert str(raised.value).startswith("f.yaml")
+    assert re.search(message, refusal(friction_of, text, "f.yaml", begins="f.yaml"))

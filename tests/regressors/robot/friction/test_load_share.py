@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -11,6 +12,7 @@ import pytest
 from friction_curves import TUSTIN
 from hypothesis import given, strategies as st
 from played import EXACT, TASK, described, found, irp6, mixed, periodic, played, three_joints
+from refused import refusal
 
 from excite.identification.prediction import prediction, relative_error
 from excite.logs.log import Log
@@ -128,8 +130,7 @@ def test_masses_are_right_where_friction_grows_with_load(task: Task, directions:
 
 @pytest.mark.parametrize("share", [-0.1, 1.0, np.nan])
 def test_shares_that_cannot_be(share: float) -> None:
-    with pytest.raises(InputError, match="load forward must be at least 0 and below 1"):
-        Loaded(TUSTIN, share)
+    assert "load forward must be at least 0 and below 1" in refusal(Loaded, TUSTIN, share)
 
 
 @pytest.mark.parametrize(
@@ -140,8 +141,7 @@ def test_shares_that_cannot_be(share: float) -> None:
     ],
 )
 def test_the_load_goes_outermost(make: Callable[[Loaded], FrictionCurve], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        make(Loaded(TUSTIN, 0.2))
+    assert re.search(message, refusal(make, Loaded(TUSTIN, 0.2)))
 
 
 def test_a_drive_for_each_joint_is_needed() -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 
 import casadi as ca
 import numpy as np
@@ -11,8 +13,9 @@ import pytest
 from friction_curves import TUSTIN
 from hypothesis import given, strategies as st
 from played import irp6
+from refused import refusal
 
-from regressors.errors import InputError, UnknownName
+from regressors.errors import UnknownName
 from regressors.readers.library import built_in
 from regressors.robot.friction.curve import CoulombViscous, FrictionCurve, FunctionFriction, Scaled, TableFriction
 from regressors.robot.friction.curves import FrictionCurves, Side
@@ -26,10 +29,9 @@ COLD: dict[str, FrictionCurve] = {
     "table": TableFriction([-1.0, -0.2, 0.1, 0.5], [-30.0, -9.0, 12.0, 15.0]),
     "function": FunctionFriction(lambda v: 3.0 * np.sign(v) + v, 2.0),
 }
+SIDES = {"alike": (ALIKE,), "sided": (AHEAD, BEHIND)}
 WARM = {
-    f"{name} {kind}": Warm(curve, 31.2, *slopes, range=(20.0, 45.0))
-    for name, curve in COLD.items()
-    for kind, slopes in (("alike", (ALIKE,)), ("sided", (AHEAD, BEHIND)))
+    f"{name} {kind}": Warm(COLD[name], 31.2, *SIDES[kind], range=(20.0, 45.0)) for name, kind in product(COLD, SIDES)
 }
 SPEED, TEMPERATURE = st.floats(-2.0, 2.0).filter(lambda v: abs(v) > 1e-6), st.floats(15.0, 60.0)
 
@@ -97,10 +99,7 @@ def test_each_sample_has_its_own_temperature(warm: Warm) -> None:
         (lambda: Warm(TUSTIN, 30.0, ALIKE, range=(45.0, 20.0)), "its lowest and its highest, given 45, 20"),
         (lambda: Slope(np.inf), "temperature slope coulomb must be a finite number, given inf"),
         (lambda: WARM["tustin alike"].torque_at([0.1, 0.2], [30.0, np.inf]), "temperature must be finite .* given inf"),
-        (
-            lambda: WARM["tustin alike"].torque_at([0.1, 0.2], [30.0, 140.0]),
-            r"given -6\.64 at 140 deg C; it was measure",
-        ),
+        (lambda: WARM["tustin alike"].torque_at([0.1, 0.2], [30.0, 140.0]), r"given -6\.64 at 140 deg C; it was meas"),
         (lambda: Warm(TUSTIN, 30.0, Slope(), Slope(0.0, 0.5)).at(-20.0), "viscous must be .* given -5 at -20 deg C"),
         (lambda: Warm(TableFriction([0.1, 0.5], [8.0, 12.0]), 30.0, Slope(-0.1)).at(200.0), "given -9 at 200 deg C"),
         (lambda: Warm(Scaled(TUSTIN, 2.0), 30.0, ALIKE), r"put it outermost, Scaled\(Warm\(\.\.\.\), \.\.\.\)"),
@@ -109,8 +108,7 @@ def test_each_sample_has_its_own_temperature(warm: Warm) -> None:
     ],
 )
 def test_impossible_temperatures_are_refused(make: Callable[[], object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        make()
+    assert re.search(message, refusal(make))
 
 
 def test_what_is_less_than_nothing_at_the_reference_may_stay_so() -> None:
@@ -119,8 +117,7 @@ def test_what_is_less_than_nothing_at_the_reference_may_stay_so() -> None:
     assert falling == CoulombViscous(7.0, -1.3)
     table = Warm(TableFriction([-0.5, -0.1, 0.1, 0.5], [-8.0, -5.0, -1.0, 2.0]), 30.0, Slope(-0.1), Slope(0.1))
     assert table.at(40.0).torque([0.1, 0.5]).tolist() == [-2.0, 1.0]
-    with pytest.raises(InputError, match=r"torque at speed 0\.5 must be zero or more, given -1 at 60 deg C"):
-        table.at(60.0)
+    assert "torque at speed 0.5 must be zero or more, given -1 at 60 deg C" in refusal(table.at, 60.0)
 
 
 # --- of a robot ------------------------------------------------------------------------------------------------------
@@ -169,8 +166,7 @@ def test_curves_at_one_temperature_or_one_each() -> None:
     assert each.curve("z3") is TUSTIN
     with pytest.raises(UnknownName, match="no friction curve named 'z9'; available: z1, z2, z3"):
         curves.at({"z9": 40.0})
-    with pytest.raises(InputError, match=r"z1: friction: coulomb must be zero or more, given .* at 190 deg C"):
-        curves.at(190.0)
+    assert re.search(r"z1: friction: coulomb must be zero or more, given .* at 190 deg C", refusal(curves.at, 190.0))
 
 
 def test_what_is_said_of_temperatures() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -51,15 +52,10 @@ def test_a_parameter_without_a_side_is_that_of_both() -> None:
     assert changed(Loaded(warm, 0.1), {"load": 0.1, "load.forward": 0.1}).shares == pytest.approx((0.3, 0.2))
 
 
-@pytest.mark.parametrize(
-    ("curve", "parameter"),
-    [
-        (TableFriction([0.1], [1.0]), "coulomb"),
-        (Scaled(TUSTIN, 2.0), "forward.coulomb"),
-        (CoulombViscous(1.0), "forward.coulomb"),
-        (TUSTIN, "load"),
-    ],
-)
+NONE = ((TableFriction([0.1], [1.0]), "coulomb"), (Scaled(TUSTIN, 2.0), "forward.coulomb"), (TUSTIN, "load"))
+
+
+@pytest.mark.parametrize(("curve", "parameter"), [*NONE, (CoulombViscous(1.0), "forward.coulomb")])
 def test_parameters_that_a_curve_does_not_have(curve: FrictionCurve, parameter: str) -> None:
     with pytest.raises(UnknownName, match=f"parameter of the friction curve named '{parameter}'"):
         changed(curve, {parameter: 0.1})
@@ -129,10 +125,8 @@ def measured(form: Form, curve: FrictionCurve, seed: int = 0) -> list[Point]:
     """Points of a curve at several temperatures, under several loads, with noise."""
     rng = np.random.default_rng(seed)
     speeds = (-0.6, -0.2, -0.08, -0.04, 0.05, 0.1, 0.3, 0.7)
-    rows = [(v, T, load) for v in speeds for T in (25.0, 36.0) for load in (0.0, 9.0)]
-    found = []
-    for v, T, load in rows:
-        shares = curve.shares if isinstance(curve, Loaded) else (0.0, 0.0)
+    shares, found = curve.shares if isinstance(curve, Loaded) else (0.0, 0.0), []
+    for v, T, load in product(speeds, (25.0, 36.0), (0.0, 9.0)):
         torque = float(curve.torque(v) if form.temperature is None else curve.torque_at(v, T))
         torque += (shares[0] if v > 0 else -shares[1]) * load + 0.05 * rng.normal()
         found.append(Point(v, torque, 0.05, 0.0, 0.3, 0, T, load))

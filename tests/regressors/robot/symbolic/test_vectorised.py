@@ -64,10 +64,9 @@ def random_expression(x: list[ca.SX], operations: dict[str, Callable], rng: np.r
         grown.append(kinds[rng.integers(len(kinds))](a, b))
         grown[-1] = ca.tanh(grown[-1] / 4) * 4  # keep numbers in the range where differences mean something
     matrix = ca.SX(3, 4)
-    for i in range(3):
-        for j in range(4):
-            if rng.random() < 0.7:
-                matrix[i, j] = grown[rng.integers(len(SIZES), len(grown))]
+    for place in np.ndindex(3, 4):
+        if rng.random() < 0.7:
+            matrix[place] = grown[rng.integers(len(SIZES), len(grown))]
     return matrix
 
 
@@ -136,10 +135,7 @@ def test_different_numbers_of_lanes_in_turn() -> None:
 
 
 def test_inputs_are_left_alone_and_results_are_the_callers() -> None:
-    rng = np.random.default_rng(4)
-    x = symbols()
-    function = VectorisedFunction(x, random_expression(x, KINKED, rng))
-    inputs = random_inputs(rng, 5)
+    _, _, inputs, function, rng = random_case(4, 5)
     before = [v.copy() for v in inputs]
     first = function(*inputs)
     kept = first.copy()
@@ -228,13 +224,17 @@ NUMPYS |= {"sign": lambda a, b: np.sign(a), "fabs": lambda a, b: np.fabs(a), "sm
 NUMPYS |= {"larger": np.maximum}
 
 
+def pairs(*values: float) -> list[np.ndarray]:
+    """All pairs of some values, one to a lane."""
+    return [np.array(part)[None, :] for part in zip(*((a, b) for a in values for b in values), strict=True)]
+
+
 @pytest.mark.parametrize("name", NUMPYS)
 def test_not_a_number_and_infinity_are_numpys(name: str) -> None:
     x = [ca.SX.sym("x"), ca.SX.sym("y")]
     expression = ca.SX({**KINKED, **POWER, **VALUES_ONLY}[name](*x))
     function = ca.Function("plain", x, [expression])
-    values = [np.nan, np.inf, -np.inf, 0.0, -2.0, 1e308]
-    inputs = [np.array(part)[None, :] for part in zip(*((a, b) for a in values for b in values), strict=True)]
+    inputs = pairs(np.nan, np.inf, -np.inf, 0.0, -2.0, 1e308)
     with np.errstate(all="ignore"):
         expected = NUMPYS[name](*inputs)
     np.testing.assert_array_equal(machine_code.MachineCode(function)(inputs), expected)
@@ -248,6 +248,5 @@ def test_not_a_number_and_infinity_are_numpys(name: str) -> None:
 def test_comparisons_of_machine_code_are_casadis(choice: Callable[[ca.SX, ca.SX], ca.SX]) -> None:
     x = [ca.SX.sym("x"), ca.SX.sym("y")]
     function = ca.Function("plain", x, [choice(*x)])
-    values = [np.inf, -np.inf, 0.0, -0.0, -2.0, 1e308]
-    inputs = [np.array(part)[None, :] for part in zip(*((a, b) for a in values for b in values), strict=True)]
+    inputs = pairs(np.inf, -np.inf, 0.0, -0.0, -2.0, 1e308)
     np.testing.assert_array_equal(machine_code.MachineCode(function)(inputs), np.array(function(*inputs)))
