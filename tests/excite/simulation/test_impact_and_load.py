@@ -69,6 +69,19 @@ def test_the_torques_of_the_drives_do_not_show_the_impact_at_once() -> None:
     assert any("acts on q2 from 1 s on" in note for note in run(BLOW).notes)
 
 
+def test_friction_is_what_the_torques_do_beyond_the_motion() -> None:
+    """With viscous friction alone, of one drive: ``C' f dz``."""
+    motion = random_fourier(3, 0, 1.0, 0.05, harmonics=2)
+    during = ImpactPulse("q2", 0.5, 400.0, 0.01)
+    curves = FrictionCurves({f"z{k}": CoulombViscous(0.0, 3.0 if k == 2 else 0.0) for k in range(1, 6)})
+    found = simulate_motion(
+        built_in("irp6"), Task("irp6"), motion, SimulationSettings(rate=500.0, impact=(during,)), friction=curves
+    )
+    row = found.robot.transmission.coupling[1]
+    expected = 3.0 * np.outer(found.run.samples.dq @ row, row)
+    np.testing.assert_allclose(found.run.friction, expected, atol=1e-9 * np.abs(found.run.effort).max())
+
+
 def test_impacts_add_up_and_wait_for_the_motion() -> None:
     robot = built_in("panda")
     name = robot.joint_names[0]

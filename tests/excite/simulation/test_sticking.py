@@ -16,12 +16,18 @@ from refused import refusal
 from scipy.integrate import solve_ivp
 
 from excite.identification.equations import dahl_direction
-from excite.simulation.control import ControlledRobot, Sticking, leads
+from excite.simulation.control import (
+    ControlledRobot,
+    Sticking,
+    controller_of,
+    leads,
+)
 from excite.simulation.integration import SimulatedRun, Steps, simulated_run
 from excite.simulation.plant import Plant, plant_of
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate_motion
 from excite.simulation.simulation import Simulation
+from excite.tasks.reference import SampledMotion
 from excite.tasks.task import Task
 from regressors.models.differential import DifferentialModel
 from regressors.readers.library import built_in
@@ -116,6 +122,23 @@ def test_a_moving_drive_comes_to_rest_and_stays() -> None:
     stopped = int(np.argmax((run.samples.time > 0.7) & (run.samples.dq[:, 0] <= 0)))
     assert 0 < stopped <= last < stopped + 50
     assert abs(run.samples.q[-1, 0] - run.samples.q[stopped, 0]) < 1e-5 * np.log(4)
+
+
+def test_a_slow_motion_under_soft_control_sticks_and_slips() -> None:
+    """Friction falls with speed faster than the controller damps, and stays at rest longer than it slips."""
+    curve = Stribeck(Side(8.0, 25.0, 16.0, 0.005, 2.0))
+    plant, speed, end = column(curve), 0.002, 4.0
+    controller = controller_of("pd", plant, 5.0, np.zeros(1))
+    path, rates = np.array([[0.0], [speed * end]]), (np.full((2, 1), x) for x in (speed, 0.0, 0.0))
+    reference = SampledMotion(Samples(np.array([0.0, end]), path, *rates))
+    sticking = Sticking(1e-5, tuple(leads(plant, np.zeros(1)) * np.sqrt(1e-5)))
+    run = simulated_run(ControlledRobot(plant, controller), reference, 1000.0, Steps(2, 1e-3, sticking=sticking))
+    dq, later = run.samples.dq[:, 0], run.samples.time > 1.0
+    slips = int(np.count_nonzero((dq[:-1] < 3 * speed) & (dq[1:] >= 3 * speed)))
+    assert slips >= 3
+    assert np.mean(np.abs(dq[later]) < 0.2 * speed) > 0.5
+    assert run.effort[later].max() == pytest.approx(16.0, rel=0.01)
+    assert run.effort[later].min() < 8.0
 
 
 # --- the integration -------------------------------------------------------------------------------------------------

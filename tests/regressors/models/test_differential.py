@@ -140,16 +140,19 @@ def test_friction_columns_act_on_drive_coordinates() -> None:
 
 
 def test_coulomb_friction_vanishes_exactly_where_a_drive_stands() -> None:
-    """Also where joints move and their drive does not."""
+    """Also where joints move and their drive does not; with a width its torque is that of a smooth step."""
     rng = np.random.default_rng(12)
     robot = driven_chain([ConstantRatio(120.0)] * 3, rng)
-    exact = DifferentialModel(robot)
+    exact, soft = DifferentialModel(robot), DifferentialModel(robot, sign_width=0.1)
     coulomb = group(exact, "F1c", "F2c", "F3c")
     q, ddq = rng.normal(size=(2, 3))
     standing = (([0, 0, 0], [0, 0, 0]), ([0, 0.5, 0.5], [0, 1, 0]), ([-2, 1, 0], [-1, 0, -1]))
     for dq, signs in (*standing, ([1e-300, 0, 0], [1, 1, 0])):
         Y = regressor(exact, q, np.array(dq), ddq)
         np.testing.assert_array_equal(Y[:, coulomb], robot.transmission.coupling.T * signs)
+    dq = np.array([0.02, 0.05, -0.2])
+    expected = robot.transmission.coupling.T * np.tanh(robot.transmission.coupling @ dq / 0.1)
+    np.testing.assert_allclose(regressor(soft, q, dq, ddq)[:, coulomb], expected, rtol=1e-14, atol=1e-16)
 
 
 @pytest.mark.parametrize(
@@ -177,11 +180,18 @@ def test_units_and_groups_of_the_drives_columns() -> None:
     robot = random_chain("rp", np.random.default_rng(2))
     drives = tuple(Drive(f"d{k}", rotor_inertia=1e-4) for k in (1, 2))
     robot = robot.replace(transmission=Transmission(np.eye(2), drives, Limits.none(2)))
-    columns = DifferentialModel(robot, Terms(offset=True)).columns[20:]
+    found = {c.name: (c.unit, c.group) for c in DifferentialModel(robot, Terms(offset=True)).columns[20:]}
     assert DifferentialModel(robot).row_labels == (("j1", "Nm"), ("j2", "N"))
-    assert [c.group for c in columns] == ["rotor"] * 2 + ["friction"] * 6
-    assert " ".join(c.name for c in columns) == "Ia1 Ia2 F1c F2c F1v F2v F1o F2o"
-    assert [c.unit for c in columns] == ["kg m^2", "kg m^2", "Nm", "N", "Nm s/rad", "N s/m", "Nm", "N"]
+    assert found == {
+        "Ia1": ("kg m^2", "rotor"),
+        "Ia2": ("kg m^2", "rotor"),
+        "F1c": ("Nm", "friction"),
+        "F2c": ("N", "friction"),
+        "F1v": ("Nm s/rad", "friction"),
+        "F2v": ("N s/m", "friction"),
+        "F1o": ("Nm", "friction"),
+        "F2o": ("N", "friction"),
+    }
 
 
 # --- structure -------------------------------------------------------------------------------------------------------

@@ -152,21 +152,33 @@ def test_other_forms_keep_what_they_carry() -> None:
     assert [c.name for c in moved.columns if c.kind == "load share"] == ["F1l"]
 
 
+def test_energy_is_the_integral_of_the_power() -> None:
+    """Rates of the energy model are the power of the same friction, column by column."""
+    robot = built_in("ur10e")
+    terms = Terms(offset=(2,), root=(1, 3), asymmetry=True, stribeck=(2,))
+    energy, torque = EnergyModel(robot, terms), DifferentialModel(robot, terms)
+    samples = random_states(robot, 20)
+    power = np.einsum("ti,tip->tp", samples.dq, torque.instants(samples).reshape(20, robot.n, -1))
+    np.testing.assert_allclose(energy.instants(samples), power, atol=1e-9 * np.abs(power).max())
+
+
 UNKNOWN = built_in("iiwa7")
 KNOWN = standard_values(built_in("ur10e"))
-
-
-def carrying(carried: dict[str, float]) -> DifferentialModel:
-    return DifferentialModel(built_in("ur10e"), Terms(load_share=True), carried=carried)
-
-
 REFUSED = {
     "a drive that is none": (lambda: Terms(load_share=(0,)), "numbers of drives from 1 on"),
     "a stribeck speed of zero": (lambda: Terms(stribeck_speed=0.0), "greater than zero"),
     "a drive that is not there": (lambda: DifferentialModel(built_in("ur10e"), Terms(root=(7,))), "no drive named '7'"),
     "unknown masses": (lambda: DifferentialModel(UNKNOWN, Terms(load_share=True)), "argument carried in Python"),
-    "a carried parameter that is none": (lambda: carrying({**KNOWN, "m9": 1.0}), "no standard parameter named 'm9'"),
-    "a body left out": (lambda: carrying({k: v for k, v in KNOWN.items() if k != "I3yy"}), "I3yy"),
+    "a carried parameter that is none": (
+        lambda: DifferentialModel(built_in("ur10e"), Terms(load_share=True), carried={**KNOWN, "m9": 1.0}),
+        "no standard parameter named 'm9'",
+    ),
+    "a body left out": (
+        lambda: DifferentialModel(
+            built_in("ur10e"), Terms(load_share=True), carried={k: v for k, v in KNOWN.items() if k != "I3yy"}
+        ),
+        "I3yy",
+    ),
     "a load in the energy model": (lambda: EnergyModel(built_in("ur10e"), Terms(load_share=True)), "`load_share`"),
 }
 

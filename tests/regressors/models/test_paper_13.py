@@ -139,12 +139,30 @@ def test_d1_to_d7_are_changes_of_the_tables_energies(window: Window, seed: int) 
     assert_equal(W[:, :7], differences(energies(samples.q, samples.dq), window))
 
 
+def polynomial_motion(window: Window, seed: int, count: int) -> tuple[Array, Array, Array]:
+    """Energy regressor of random polynomials of time, the drives' coefficients, and the instants."""
+    coefficients, time = np.random.default_rng(seed).normal(size=(count, 3)), 0.01 * np.arange(201)
+    W = EnergyModel(three_axes(), window=window).assemble(Polynomials(coefficients).samples(time))
+    return W, coefficients @ np.array([[1, 0, 0], [0, 1, 1], [0, 0, 1]]), time
+
+
 @pytest.mark.parametrize("window", WINDOWS.values(), ids=WINDOWS.keys())
 @pytest.mark.parametrize("seed", range(2))
 def test_d8_to_d10_are_paths_of_the_drives(window: Window, seed: int) -> None:
     """For random cubics of time, which turn inside windows; the path is known in closed form."""
-    coefficients, time = np.random.default_rng(seed).normal(size=(4, 3)), 0.01 * np.arange(201)
-    W = EnergyModel(three_axes(), window=window).assemble(Polynomials(coefficients).samples(time))
-    drives = coefficients @ np.array([[1, 0, 0], [0, 1, 1], [0, 0, 1]])
+    W, drives, time = polynomial_motion(window, seed, 4)
     paths = np.array([[path_of_polynomial(z, 0.0, t) for z in drives.T] for t in time])
     assert_equal(W[:, 7:10], differences(paths, window))
+
+
+@pytest.mark.parametrize("window", WINDOWS.values(), ids=WINDOWS.keys())
+@pytest.mark.parametrize("seed", range(2))
+def test_d11_to_d13_are_integrals_of_squared_velocities(window: Window, seed: int) -> None:
+    """For random parabolas of time, where Simpson's rule is exact."""
+    W, drives, time = polynomial_motion(window, seed, 3)
+    integrals = []
+    for z in drives.T:
+        velocity = np.polynomial.polynomial.polyder(z)
+        square = np.polynomial.polynomial.polyint(np.polynomial.polynomial.polymul(velocity, velocity))
+        integrals.append(np.polynomial.polynomial.polyval(time, square))
+    assert_equal(W[:, 10:], differences(np.column_stack(integrals), window))

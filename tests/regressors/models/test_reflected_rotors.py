@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
@@ -69,6 +70,17 @@ def test_reflected_columns_are_the_motors_own_over_the_squared_ratio(kind: type)
     np.testing.assert_allclose(reflected.definition()[0], np.diag(factors))
 
 
+def test_parameters_explain_the_same_torques_on_both_sides() -> None:
+    robot, states = full(), random_states(full(), 40, seed=5)
+    torques = []
+    for terms in (Terms(), MOTOR):
+        model = DifferentialModel(robot.replace(branches=()), terms)
+        base = base_parameters(model)
+        beta = parameter_values(model, base, standard_values(robot))
+        torques.append(model.instants(states)[:, base.index] @ beta)
+    np.testing.assert_allclose(torques[0], torques[1], rtol=1e-9, atol=1e-9 * np.abs(torques[1]).max())
+
+
 def test_base_parameters_are_written_and_valued_on_both_sides() -> None:
     model = DifferentialModel(full())
     base = base_parameters(model)
@@ -90,6 +102,13 @@ def test_a_rotor_behind_a_slider_is_a_mass_and_one_without_a_gear_keeps_its_name
     robot = random_chain("rpr", np.random.default_rng(3)).replace(transmission=transmission)
     rotors = {c.name: c.unit for c in DifferentialModel(robot).columns if c.kind == "rotor"}
     assert rotors == {"Iar1": "kg m^2", "Iar2": "kg", "Ia3": "kg m^2"}
+
+
+def test_meaning_of_a_parameter_does_not_hang_on_limits() -> None:
+    robot = full()
+    narrow = robot.replace(transmission=replace(robot.transmission, limits=Limits.none(5)))
+    for one, other in zip(DifferentialModel(robot).definition(), DifferentialModel(narrow).definition(), strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_parameters_that_the_description_names_are_left_as_they_are() -> None:
@@ -152,6 +171,15 @@ def test_other_columns_are_those_of_the_differential_model() -> None:
     added = sprung.columns[len(bare.columns) :]
     assert [(c.name, c.unit, c.kind) for c in added] == [(f"k{j}", "Nm/rad", "stiffness") for j in (1, 2, 3)]
     assert base_parameters(sprung).names == (*base_parameters(bare).names, "k1", "k2", "k3")
+
+
+def test_an_offset_takes_up_an_unknown_rest() -> None:
+    """Rows with a rest position are those without it less a constant, which lies in the columns of the offsets."""
+    robot, samples = three_axes(), random_states(three_axes(), 30, seed=3)
+    known, unknown = SpringModel(robot, rest=REST), SpringModel(robot, Terms(offset=True))
+    torque = known.instants(samples)[:, -3:] @ STIFFNESS
+    W = unknown.instants(samples)
+    np.testing.assert_allclose(W @ np.linalg.lstsq(W, torque)[0], torque, atol=1e-9)
 
 
 def test_joints_that_are_locked_lose_their_springs() -> None:

@@ -14,9 +14,12 @@ from written_files import text_file
 
 import excite
 from regressors.errors import LONGEST_LINE, LONGEST_NAME, UnknownName
+from regressors.models.differential import DifferentialModel
 from regressors.readers.library import built_in, load_robot
+from regressors.robot.columns import Terms
 from regressors.robot.inertia import from_centre_of_mass, pseudo_inertia, transport
 from regressors.robot.robot import Robot
+from regressors.samples import Samples
 
 PANDA = "panda_description/urdf/panda.urdf"
 NAMES = ("iiwa7", "irp6", "irp6-full", "panda", "so101", "ur10e")
@@ -200,6 +203,23 @@ def test_so101_has_the_numbers_of_its_urdf() -> None:
     np.testing.assert_array_equal([robot.limits.lower, robot.limits.upper], [read.limits.lower, read.limits.upper])
     np.testing.assert_allclose(robot.limits.velocity, 45 * 2 * np.pi / 60)
     np.testing.assert_allclose(robot.limits.torque, 0.3 * 9.81, rtol=2e-3)
+
+
+def test_so101_torques_are_those_of_its_urdf() -> None:
+    text = robot_file("so_arm_description/urdf/so101.urdf").read_text(encoding="utf-8")
+    for printed, meant in (("1.5708", repr(np.pi / 2)), ("3.14159", repr(np.pi)), ("-5.24284e-08", "0"), ("1e-9", "0")):
+        text = text.replace(printed, meant)
+    robot, model = built_in("so101"), pin.buildModelFromXML(text)
+    assert tuple(model.names)[1:] == robot.joint_names
+    rng, theta = np.random.default_rng(4), np.concatenate([link.theta for link in robot.links])
+    q = np.vstack([np.zeros(6), rng.uniform(robot.limits.lower, robot.limits.upper, (50, 6))])
+    dq, ddq = rng.uniform(-4.7, 4.7, q.shape), rng.uniform(-50, 50, q.shape)
+    bodies = DifferentialModel(robot, Terms.inertial_only())
+    ours = bodies.assemble(Samples(np.arange(51.0), q, dq, ddq, 0 * ddq)) @ theta
+    data = model.createData()
+    np.testing.assert_allclose(
+        ours.reshape(51, 6), [pin.rnea(model, data, *state).copy() for state in zip(q, dq, ddq, strict=True)], atol=1e-9
+    )
 
 
 # library -------------------------------------------------------------------------------------------------------------

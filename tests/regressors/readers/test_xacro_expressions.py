@@ -33,6 +33,7 @@ LINE = 3  # of the expression
 
 # An expression, and what the refusal says.
 EXPRESSIONS = {
+    "import": ("__import__('os').system('touch {canary}')", "the name '__import__' is not allowed"),
     "subclasses": ("().__class__.__base__.__subclasses__()", "the attribute '__subclasses__' is not allowed"),
     "builtins": ("__builtins__", "the name '__builtins__' is not allowed"),
     "comprehension": ("[c for c in (1).real.conjugate().__class__.__mro__]", "a comprehension is not allowed"),

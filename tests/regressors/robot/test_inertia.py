@@ -116,8 +116,10 @@ def test_published_robots_are_plausible() -> None:
 
 @given(arrays(float, (6, 3), elements=st.floats(-2.0, 2.0)), arrays(float, 6, elements=st.floats(0.1, 5.0)))
 def test_point_masses_are_a_body_whatever_their_place(points: np.ndarray, masses: np.ndarray) -> None:
-    theta = theta_of(masses, points)
-    about = np.linalg.eigvalsh(tensor_of(masses, points - masses @ points / masses.sum()))
-    np.testing.assert_allclose(principal_moments(theta), about, atol=1e-9)
-    if about[2] > 1e-6:
+    tensor = sum(m * (p @ p * np.eye(3) - np.outer(p, p)) for m, p in zip(masses, points, strict=True))
+    theta = np.concatenate([[masses.sum()], masses @ points, tensor[np.triu_indices(3)]])
+    centred = points - masses @ points / masses.sum()
+    about = sum(m * (p @ p * np.eye(3) - np.outer(p, p)) for m, p in zip(masses, centred, strict=True))
+    np.testing.assert_allclose(principal_moments(theta), np.linalg.eigvalsh(about), atol=1e-9)
+    if np.linalg.eigvalsh(about)[2] > 1e-6:
         assert implausible_inertias(robot(theta)) == {}

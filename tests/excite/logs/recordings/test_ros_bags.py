@@ -230,6 +230,27 @@ def test_only_what_is_wanted_is_held(tmp_path: Path) -> None:
     assert {name: list(stream.columns) for name, stream in recording.streams.items()} == {"/other": ["/other/b/effort"]}
 
 
+def test_joint_states_agree_with_the_deserialisers_of_both_libraries(tmp_path: Path) -> None:
+    pytest.importorskip("mcap_ros2", reason="mcap-ros2-support is not installed")
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+    from rosbags.highlevel import AnyReader
+
+    path = write_by_mcap(tmp_path / "log.mcap", [(TOPIC, message) for message in arm_messages()])
+    _, recording = read_all(path)
+    arm = recording.streams[TOPIC].columns
+    with path.open("rb") as stream:
+        decoded = make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+        theirs = [message for _, _, _, message in decoded if len(message.name) == 3]
+    effort = [m.effort[list(m.name).index("b")] if len(m.effort) else np.nan for m in theirs]
+    np.testing.assert_array_equal(arm[f"{TOPIC}/b/effort"], effort)
+    with AnyReader([path]) as reader:
+        messages: list[Any] = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages()]
+    states = [m for m in messages if len(m.name) == 3]
+    velocity = [m.velocity[m.name.index("c")] if len(m.velocity) else np.nan for m in states]
+    np.testing.assert_array_equal(arm[f"{TOPIC}/c/velocity"], velocity)
+
+
 def test_a_bag_is_a_log_and_a_column_that_no_topic_has_is_answered(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "bag", by_rosbags(arm_messages(100)))
     log = read_log(bag)

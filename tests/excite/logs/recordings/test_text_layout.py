@@ -123,6 +123,11 @@ def test_decimal_commas_are_points_and_columns_of_words_are_left_out(tmp_path: P
     np.testing.assert_array_equal(columns["b"][::2], -np.arange(0, 20, 2))
 
 
+def test_columns_without_names_are_asked_about_by_their_numbers(tmp_path: Path) -> None:
+    path = text_file(tmp_path / "numbers", "5,2,3\n2,5,7\n4,4,4\n")
+    assert "None was recognised among 1, 2, 3" in " ".join(excite.guess_mapping(path).questions)
+
+
 def test_a_line_that_was_not_written_to_its_end_is_left_out(tmp_path: Path) -> None:
     path = text_file(tmp_path / "cut", "t,q1,dq1\n" + "".join(f"{k / 10},{k},{k}\n" for k in range(20)) + "2.0,2")
     recording = excite.read_recording(path)

@@ -120,6 +120,16 @@ def test_smooth_sign_passes_through_the_mean_of_both_directions(curve: FrictionC
 # --- of a robot ------------------------------------------------------------------------------------------------------
 
 
+def test_joints_bear_the_transposed_coupling() -> None:
+    """Motor 3 of the IRp-6 drives q2 + q3: its friction acts on both joints."""
+    robot = built_in("irp6")
+    curves = FrictionCurves({"z3": CoulombViscous(30.0, 26.0)})
+    dq = np.array([[0.0, 0.1, 0.3, 0.0, 0.0], [0.0, 0.2, -0.5, 0.0, 1.0]])
+    f = np.array([30 + 26 * 0.4, -30 - 26 * 0.3])
+    expected = np.column_stack([0 * f, f, f, 0 * f, 0 * f])
+    np.testing.assert_allclose(curves.joint_torque(robot, np.zeros_like(dq), dq), expected, atol=1e-12)
+
+
 @pytest.mark.parametrize("joints", [[0, 1, 2], [0, 1, 2, 3, 4], [2], [1, 3]], ids=str)
 def test_coulomb_and_viscous_are_columns_of_the_differential_model(joints: list[int]) -> None:
     robot = with_locked_joints(built_in("irp6"), joints)
