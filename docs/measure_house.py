@@ -16,15 +16,15 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 86_085,
-    "lines of code": 52_955,
+    "lines": 86_072,
+    "lines of code": 52_941,
     "files": 394,
     "classes": 704,
     "public names": 95,
     "blocks of `TYPE_CHECKING`": 17,
-    "imports inside functions": 60,
+    "imports inside functions": 59,
     "look-ups of built-in parts by name": 19,
-    "lines of code of tests": 39_804,
+    "lines of code of tests": 37_704,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 141,
