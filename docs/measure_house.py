@@ -24,7 +24,7 @@ BOUNDS = {
     "blocks of `TYPE_CHECKING`": 17,
     "imports inside functions": 59,
     "look-ups of built-in parts by name": 19,
-    "lines of code of tests": 37_704,
+    "lines of code of tests": 37_705,
     "rooms": 22,
     "floors of rooms": 11,
     "arrows between rooms": 141,
