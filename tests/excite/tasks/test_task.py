@@ -116,6 +116,7 @@ def test_values_of_another_type_are_refused(options: dict[str, object], message:
 def test_task_files_are_strict(tmp_path: Path) -> None:
     for text, message in (
         ("period: true", "period (line 1): "),
+        ("period: 1_0", "period (line 1): '1_0' is not a number: write it without underscores"),
         ("noise: [0.5, yes please]", "noise (line 1): should be a number, or a list of numbers, given [0.5, 'yes"),
         ("friction: 1.5", "friction (line 1): "),
         ("limits: {velocity: true}", "limits.velocity"),
