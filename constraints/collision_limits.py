@@ -211,7 +211,7 @@ def _within_ranges(robot: Robot, world: World, motion: PartialMotion) -> list[No
     )
     limit.notes = tuple(
         f"{pair}: kept apart by {name}, which stays between {lower:.4g} and {upper:.4g} {unit}; their capsules touch "
-        "in most poses"
+        "in many poses"
         for (_, lower, upper, pair), name, unit in zip(rows, names, units, strict=True)
     )
     return [limit]

@@ -330,8 +330,8 @@ def main() -> None:
     name = a.name or ("real" if a.real else "simulated")
     off = (
         f"Centres of the true bodies are off by {1e3 * a.centres:g} mm (standard deviation of a coordinate); friction "
+        f"is {100 * a.stribeck:g} % higher at standstill (Stribeck), noise correlated over {1e3 * a.memory:g} ms."
     )
-    off += f"is {100 * a.stribeck:g} % higher at standstill (Stribeck), noise correlated over {1e3 * a.memory:g} ms."
     settings = "With the choice of settings." if a.choose else "Without the choice of settings (`choose=False`)."
     cases = {"cases": [asdict(o) for o in outcomes]}
     record.save(name, before, cases, text_of(outcomes), (*LIMITATIONS, off, settings), HERE)
