@@ -197,8 +197,7 @@ def enclosing_capsule(points: Array) -> Capsule:
 
 
 def _smaller(ends: Array, points: Array, iterations: int) -> Array:
-    options = {"maxiter": iterations, "xatol": 1e-5, "fatol": 1e-9}
-    return np.asarray(scipy.optimize.minimize(_volume, ends, (points,), "Nelder-Mead", options=options).x)
+    return np.asarray(scipy.optimize.fmin(_volume, ends, (points,), 1e-5, 1e-9, iterations, disp=False))
 
 
 def enclosing_cylinder(radius: float, length: float) -> Capsule:

@@ -34,10 +34,7 @@ NEARLY = 0.003  # m: a pair that is hardly farther apart than its clearance leav
 
 
 def touching_pairs(robot: Robot, parts: Iterable[Part], clearance: float) -> dict[tuple[str, str], float]:
-    """Links two joints apart whose capsules are nearer than the clearance, or nearly so, and in how much of all poses.
-
-    Those that touch in few poses are left out.
-    """
+    """Links two joints apart whose capsules touch, or nearly so, and in how much of all poses, if not in few."""
     capsules: dict[str, list[Capsule]] = {}
     for part in parts:
         capsules.setdefault(part.link, []).append(part.capsule)

@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PRODUCT = ("excite", "regressors", "constraints")
 BOUNDS = {
-    "lines": 86_072,
+    "lines": 86_070,
     "lines of code": 52_941,
     "files": 394,
     "classes": 704,

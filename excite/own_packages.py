@@ -16,9 +16,9 @@ def _explanation(package: str) -> str:
     place = spec and (spec.origin or next(iter(spec.submodule_search_locations or ()), None))
     return (
         f"Python finds {place or 'nothing'} in place of the package `{package}` of `{DISTRIBUTION}` in {_HERE}: "
-        "another file has this name, or another distribution, which may have replaced or removed ours. Rename or "
-        f"uninstall the other, and run `python -m pip install --force-reinstall --no-deps {DISTRIBUTION}` (or with "
-        "the file or folder that you installed); or install it into a virtual environment of its own."
+        "another file or distribution has this name, and may have replaced ours. Rename the file or uninstall the "
+        "distribution; where files of ours are gone, run `python -m pip install --force-reinstall --no-deps "
+        f"{DISTRIBUTION}` (or name the file or folder that you installed), best in an environment of its own."
     )
 
 

@@ -82,7 +82,8 @@ class FaultSearch(Instants):
         """
         none, fault = self.free.fit(NO_FAULT), partial(zero_fault, self.target.robot.joint_names, j)
         zero = self._at_best(fault, _ZEROS, 0.14, maxiter=7)
-        own = self.free._at_best(fault, np.array([zero.zero]), 0.14, maxiter=7)
+        shows = self.gain_of_zeros > _SHOWN  # else its own angle need not be searched for
+        own = self.free._at_best(fault, np.array([zero.zero]), 0.14, maxiter=7) if shows else self.free.fit(zero)
         if none.size - own.size > _SHOWN:
             return replace(self.fit(own), shown=none.size - own.size)
         large = abs(zero.zero) > _LARGE_ZERO and _moved_centre(self.target.robot, j, zero.zero) > _CENTRE
@@ -101,6 +102,7 @@ class FaultSearch(Instants):
             self.fit(own) if shown > max(_SHOWN, most - _SHOWN) else gain_or_masses(gain) for gain, own, shown in found
         ]
 
+    @cached_property
     def gain_of_zeros(self) -> float:
         """What zeros of all joints explain that free bodies do not, linear in their changes."""
         free, W = self.free, self.free.columns  # zeros explain what a description has wrong, too

@@ -53,7 +53,7 @@ def spoilt_log(
         cause = "its friction would be so many times that described, and no other is"
         return Doubt(f"{SPOILT} {fault.what}", cause, fault.cure, about="torques")
     noisy = np.any(none.errors > np.maximum(_NOISY * search.noise, _SMALL))
-    if not (doubtful or noisy or search.gain_of_zeros() > _OF_WHITE):
+    if not (doubtful or noisy or search.gain_of_zeros > _OF_WHITE):
         return None
     fits = [*search.fits(), *FaultSearch.of(target, parts, friction, _IN_MOTION).late_joints(none)]
     fits += [search.with_load()] if target.robot.is_chain else []
@@ -81,8 +81,8 @@ def named(none: Fault, fits: list[Fault], noise: Array) -> Doubt | None:
     others = min(MARGIN, gain / 2) if fine else MARGIN
     close = [fit for fit in ranked[1:] if fit.size - best.size <= margins.get(fit.kind, others)]
     alike = [best, *(fit for fit in close if fit.joints == best.joints or {fit.kind, best.kind} in _SAME_SIGNS)]
-    same = "zero" if fine else "torque gain"  # of parallel joints, and where a ratio shows alone
-    pairs = [fit for fit in close if fit.kind == best.kind == same]
+    # of parallel joints, and where a ratio shows alone
+    pairs = [fit for fit in close if fit.kind == best.kind == ("zero" if fine else "torque gain")]
     alike += [fit for fit in pairs if np.all(fit.errors < _ONE_JOINT * np.maximum(best.errors, LEAST_ERROR))]
     falls = float(np.max(none.errors / np.maximum(best.errors, LEAST_ERROR)))
     needed = needed if fine else max(GAIN, _GAIN_EACH * len(best.joints))

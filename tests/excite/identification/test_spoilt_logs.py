@@ -215,7 +215,7 @@ def test_zeros_explain_a_zero_that_is_off_and_no_masses_that_are() -> None:
     for one, explained in ((log, False), (off, True)):
         result = estimate_parameters(built_in("ur10e"), Task("ur10e"), (one,), EXACT)
         search = FaultSearch.of(result.target, result.prepared, result.friction)
-        assert (search.gain_of_zeros() > 0.08) is explained
+        assert (search.gain_of_zeros > 0.08) is explained
 
 
 GAINS = {
